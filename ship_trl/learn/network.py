@@ -1,0 +1,67 @@
+"""The paper's network: four conv layers, three fully connected, dueling (figure 3)."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Generator, Tensor, nn
+
+CONV_NAMES = ("conv1", "conv2", "conv3", "conv4")
+
+
+class DuelingNetwork(nn.Module):
+    """Q-values of all actions from pixels: uint8 [B, C, 84, 84] to float32 [B, A].
+
+    Section 3.5: conv 32@8x8/4, 64@4x4/2, 64@3x3/1, 200@7x7/1, each with ReLU, giving 200 features.
+    "Fully connected layers with a dueling structure" is all it says of the rest; ours are
+    200 -> 200 shared, then value (1) and advantage (A).
+
+    Args:
+        channels: 1 (grey) or 3 (colour).
+        num_actions: A.
+        generator: source of the initial weights (PyTorch's default distribution for these layers).
+    """
+
+    def __init__(self, channels: int, num_actions: int, generator: Generator) -> None:
+        super().__init__()
+        self.conv1 = nn.Conv2d(channels, 32, 8, stride=4)
+        self.conv2 = nn.Conv2d(32, 64, 4, stride=2)
+        self.conv3 = nn.Conv2d(64, 64, 3)
+        self.conv4 = nn.Conv2d(64, 200, 7)
+        self.shared = nn.Linear(200, 200)
+        self.value = nn.Linear(200, 1)
+        self.advantage = nn.Linear(200, num_actions)
+        self.reset(generator)
+
+    @torch.no_grad()
+    def reset(self, generator: Generator) -> None:
+        """Draw all weights anew, uniform within 1/sqrt(fan in)."""
+        for layer in self.children():
+            assert isinstance(layer, nn.Conv2d | nn.Linear) and layer.bias is not None
+            bound = 1.0 / math.sqrt(layer.weight[0].numel())
+            layer.weight.uniform_(-bound, bound, generator=generator)
+            layer.bias.uniform_(-bound, bound, generator=generator)
+
+    def forward(self, pixels: Tensor) -> Tensor:
+        shape = pixels.shape[:-3]
+        x = pixels.reshape(-1, *pixels.shape[-3:])
+        x = F.relu(self._first(x))
+        x = F.relu(self.conv2(x))
+        x = F.relu(self.conv3(x))
+        # A 7x7 convolution of a 7x7 map is a linear layer: the same function, faster.
+        x = F.relu(F.linear(x.flatten(1), self.conv4.weight.flatten(1), self.conv4.bias))
+        x = F.relu(self.shared(x))
+        advantage = self.advantage(x)
+        q = self.value(x) + advantage - advantage.mean(-1, keepdim=True)
+        return q.reshape(*shape, -1)
+
+    def _first(self, pixels: Tensor) -> Tensor:
+        """conv1 as space-to-depth and a 2x2 convolution: the same function, faster on a CPU."""
+        batch, channels, height, width = pixels.shape
+        blocks = pixels.reshape(batch, channels, height // 4, 4, width // 4, 4)
+        blocks = blocks.permute(0, 1, 3, 5, 2, 4).reshape(batch, channels * 16, height // 4, width // 4)
+        weight = self.conv1.weight.reshape(-1, channels, 2, 4, 2, 4)
+        weight = weight.permute(0, 1, 3, 5, 2, 4).reshape(-1, channels * 16, 2, 2)
+        return F.conv2d(blocks.to(weight.dtype) * (1.0 / 255.0), weight, self.conv1.bias)

@@ -1,0 +1,99 @@
+"""The training loop: a generator, so that logging, pictures and progress stay outside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torchrl.envs import EnvBase
+
+from ship_trl.config import Learn
+from ship_trl.learn.agent import Agent
+from ship_trl.learn.evaluate import Episode, evaluate, outcome
+from ship_trl.learn.replay import StateReplay
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A training episode that ended. `loss` is the mean since the one before, NaN without updates."""
+
+    episode: int
+    steps: int
+    epsilon: float
+    total: float
+    length: int
+    outcome: str
+    dcpa: float
+    loss: float
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A greedy evaluation after `episode` training episodes; 0 is before training."""
+
+    episode: int
+    steps: int
+    sailed: Episode
+
+
+def epsilon_at(episode: int, learn: Learn) -> float:
+    """Exploration rate after `episode` episodes: linear over the first share of them, then still."""
+    share = min(1.0, episode / (learn.epsilon_fraction * learn.episodes))
+    return learn.epsilon_start + share * (learn.epsilon_end - learn.epsilon_start)
+
+
+def train(
+    env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
+) -> Iterator[Finished | Evaluated]:
+    """Train for `learn.episodes` episodes and yield what happens.
+
+    Args:
+        env: batched environment with `state`, `action`, and `goal`, `collision`, `dcpa` to report.
+        eval_env: the same world with a batch of one.
+        agent: what acts and learns.
+        replay: where its experience goes.
+        learn: the schedule.
+
+    Yields:
+        `Evaluated` before the first and after the last episode and every `evaluate_every`, and
+        `Finished` for each episode, in order.
+    """
+    device = env.device
+    count = env.batch_size[0]
+    totals = torch.zeros(count, dtype=torch.float64, device=device)
+    lengths = torch.zeros(count, dtype=torch.int64, device=device)
+    losses: list[torch.Tensor] = []
+    episode = steps = updates = 0
+    yield Evaluated(0, 0, evaluate(eval_env, agent))
+    current = env.reset()
+    while episode < learn.episodes:
+        epsilon = epsilon_at(episode, learn)
+        current.set("action", agent.act(current["state"], epsilon))
+        stepped, current = env.step_and_maybe_reset(current)
+        replay.extend(stepped)
+        steps += count
+        after = stepped["next"]
+        totals += after["reward"].squeeze(-1)
+        lengths += 1
+        while steps >= learn.warmup_steps and updates < (steps - learn.warmup_steps) // learn.update_every:
+            losses.append(agent.update(replay.sample(learn.batch_size)))
+            updates += 1
+        for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
+            if episode == learn.episodes:
+                break
+            episode += 1
+            yield Finished(
+                episode=episode,
+                steps=steps,
+                epsilon=epsilon,
+                total=float(totals[row]),
+                length=int(lengths[row]),
+                outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
+                dcpa=float(after["dcpa"][row]),
+                loss=float(torch.stack(losses).mean()) if losses else float("nan"),
+            )
+            losses.clear()
+            totals[row], lengths[row] = 0.0, 0
+            if episode % learn.evaluate_every == 0 or episode == learn.episodes:
+                yield Evaluated(episode, steps, evaluate(eval_env, agent))

@@ -1,0 +1,34 @@
+"""Where the shipped YAML lies, and how a file that matters is written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def conf_dir() -> Path:
+    """The folder of the YAML files: the checkout's, else the one inside the installed package.
+
+    The checkout's wins, because an editable install can leave a stale copy in the package.
+    """
+    package = Path(__file__).resolve().parent
+    for folder in (package.parent / "conf", package / "conf"):
+        if (folder / "config.yaml").is_file():
+            return folder
+    raise FileNotFoundError(f"no conf/config.yaml beside or inside {package}")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a neighbouring name to write to, then rename it over `path`.
+
+    A reader sees the old file or the whole new one; after an error only the old one is left.
+    """
+    draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""The simulator: geometry, dynamics, reward, drawing. It knows nothing of learning."""

@@ -1,0 +1,110 @@
+"""Cases: one YAML file each, read and checked without torch."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from ship_trl.config import ConfigError, World, explain
+from ship_trl.paths import conf_dir
+
+MAX_TARGET_SHIPS = 8
+
+
+@dataclass
+class TargetShip:
+    """A ship that holds course and speed: metres, degrees counter-clockwise from east, m/s."""
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+
+
+@dataclass
+class Case:
+    """One encounter (figure 4). `ideal_path` names the shortest safe path; equal names, equal paths."""
+
+    start: list[float]
+    heading: float
+    goal: list[float]
+    ideal_path: str
+    target_ships: list[TargetShip]
+    name: str = field(default="")
+
+    @property
+    def fingerprint(self) -> str:
+        """Twelve hex digits over what the case is, whatever it is called."""
+        values = asdict(self)
+        del values["name"]
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def case_folders() -> list[Path]:
+    """Where cases are looked up by name: the working directory's conf/case, then the shipped ones."""
+    return [Path("conf/case"), conf_dir() / "case"]
+
+
+def case_names() -> list[str]:
+    """Names of all cases that can be found, sorted."""
+    return sorted({path.stem for folder in case_folders() for path in folder.glob("*.yaml")})
+
+
+def load_case(name: str, world: World, key: str = "case") -> Case:
+    """Read a case by name, or by the path of a YAML file, and check it against the world.
+
+    Raises:
+        ConfigError: no such case, or a file with a missing or unknown field, a wrong type, a
+            number that is not finite, a ship starting inside the safe distance, too many ships.
+    """
+    if name.endswith((".yaml", ".yml")):
+        path = Path(name)
+    else:
+        found = [folder / f"{name}.yaml" for folder in case_folders()]
+        path = next((p for p in found if p.is_file()), found[-1])
+    if not path.is_file():
+        raise ConfigError(f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file")
+    try:
+        values = OmegaConf.load(path)
+        case: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Case), values))
+    except (YAMLError, UnicodeDecodeError, OSError) as error:
+        raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{path}: {explain(error)}") from None
+    case.name = path.stem
+    check_case(case, world, str(path))
+    return case
+
+
+def check_case(case: Case, world: World, where: str) -> None:
+    """Raise a `ConfigError` naming file and field where a case cannot be sailed."""
+
+    def need(condition: bool, what: str) -> None:
+        if not condition:
+            raise ConfigError(f"{where}: {what}")
+
+    for name in ("start", "goal"):
+        point = getattr(case, name)
+        need(len(point) == 2 and all(map(math.isfinite, point)), f"{name}: must be two finite numbers, got {point}")
+    need(math.isfinite(case.heading), f"heading: must be a finite number, got {case.heading}")
+    need(math.dist(case.start, case.goal) > world.goal_distance, "goal: must lie beyond the expected distance")
+    ships = case.target_ships
+    need(len(ships) <= MAX_TARGET_SHIPS, f"target_ships: at most {MAX_TARGET_SHIPS} are supported, got {len(ships)}")
+    for index, ship in enumerate(ships):
+        for name, value in asdict(ship).items():
+            need(math.isfinite(value), f"target_ships[{index}].{name}: must be a finite number, got {value}")
+        need(ship.speed >= 0, f"target_ships[{index}].speed: must be at least 0, got {ship.speed}")
+        apart = math.dist(case.start, (ship.x, ship.y))
+        need(
+            apart >= world.safe_distance,
+            f"target_ships[{index}]: must start at least the safe distance of "
+            f"{world.safe_distance:g} m from own ship, got {apart:.1f} m",
+        )

@@ -1,0 +1,162 @@
+"""The network's view: 84x84, own-ship-centred, heading up, drawn for a whole batch at once.
+
+Everything that stays where it is in this view (disc, circles, own ship) is drawn once and copied;
+only the line to the goal and the target ships are drawn for each state, on the few pixels that
+they can touch. The coverage of a pixel is its distance to the shape's edge, clamped to one pixel
+(anti-aliasing), so a ship's place is legible to a fraction of a pixel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torchrl.data import Bounded
+
+from ship_trl.config import World
+from ship_trl.sim import scene
+from ship_trl.sim.cases import Case
+from ship_trl.sim.dynamics import HEADING, target_positions
+
+
+def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
+    """Share of each pixel inside a convex polygon, from its signed distance to the edges.
+
+    Shapes: x, y broadcastable pixel centres in the polygon's frame, corners [E, 2] in
+    counter-clockwise order, all in pixels.
+    """
+    distance = torch.full_like(x, -math.inf)
+    for (ax, ay), (bx, by) in zip(corners.tolist(), corners.roll(-1, 0).tolist(), strict=True):
+        length = math.hypot(bx - ax, by - ay)
+        normal_x, normal_y = (by - ay) / length, (ax - bx) / length
+        edge = normal_x * x + normal_y * y - (normal_x * ax + normal_y * ay)
+        distance = torch.maximum(distance, edge)
+    return (0.5 - distance).clamp_(0.0, 1.0)
+
+
+class Rasteriser:
+    """Draws states of one case as the network sees them.
+
+    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84], C = 1 (grey) or
+    3 (colour). The same operations run on CPU and GPU. The picture depends on nothing but the
+    state and the case (section 4 of the paper gives the drawing in figure 1).
+    """
+
+    def __init__(
+        self, case: Case, world: World, *, colour: bool = False, device: str | torch.device = "cpu"
+    ) -> None:
+        self.size, self.channels, self.dt = scene.SIZE, 3 if colour else 1, world.dt
+        self.device = torch.device(device)
+        tensor = lambda values: torch.tensor(values, dtype=torch.float32, device=self.device)  # noqa: E731
+        self._goal = tensor(case.goal)
+        ships = case.target_ships
+        self._start = tensor([[s.x, s.y] for s in ships]).reshape(-1, 2)
+        course = [math.radians(s.heading) for s in ships]
+        self._course = tensor(course)
+        self._velocity = tensor(
+            [[s.speed * math.cos(c), s.speed * math.sin(c)] for s, c in zip(ships, course, strict=True)]
+        ).reshape(-1, 2)
+        self._ship = tensor(scene.ship_outline(scene.TARGET_LENGTH)) * scene.PIXELS_PER_METRE
+        self._line_ink = self._ink(scene.LINE)
+        self._ship_ink = self._ink(scene.TARGET)
+        self._patch = torch.arange(scene.patch_size(), device=self.device, dtype=torch.float32)
+        self._along = torch.arange(self.size // 2, device=self.device, dtype=torch.float32)
+        self._across = torch.arange(4, device=self.device, dtype=torch.float32)
+        self._background = self._draw_background(world)
+
+    def _ink(self, colour: tuple[int, int, int]) -> Tensor:
+        ink = torch.tensor(colour, dtype=torch.float32, device=self.device)
+        if self.channels == 1:
+            ink = (ink * torch.tensor(scene.LUMINANCE, device=self.device)).sum(0, keepdim=True)
+        return ink
+
+    def spec(self, shape: torch.Size) -> Bounded:
+        """TorchRL spec of the pixels for a batch of `shape`."""
+        size = (*shape, self.channels, self.size, self.size)
+        return Bounded(0, 255, shape=size, dtype=torch.uint8, device=self.device)
+
+    def _draw_background(self, world: World) -> Tensor:
+        """The still part of the picture, float [C, size * size]."""
+        axis = torch.arange(self.size, device=self.device) + 0.5 - self.size / 2
+        x, y = axis[None, :], -axis[:, None]
+        radius = torch.hypot(x, y)
+        image = self._ink(scene.OUTSIDE)[:, None, None].expand(-1, self.size, self.size)
+        ship = torch.tensor(scene.ship_outline(scene.OWN_LENGTH), device=self.device) * scene.PIXELS_PER_METRE
+        for coverage, colour in (
+            ((0.5 + scene.WINDOW * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.DISC),
+            ((0.5 + world.goal_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.GOAL_CIRCLE),
+            ((0.5 + world.safe_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.SAFE_CIRCLE),
+            # The outline points along +x; in this view own ship's bow points up.
+            (polygon_coverage(y + 0 * x, -x + 0 * y, ship), scene.OWN),
+        ):
+            image = image + coverage * (self._ink(colour)[:, None, None] - image)
+        return image.reshape(self.channels, -1)
+
+    def __call__(self, state: Tensor) -> Tensor:
+        flat = state.reshape(-1, state.shape[-1])
+        image = self._background.expand(flat.shape[0], -1, -1).clone()
+        turn = math.pi / 2 - flat[:, HEADING]
+        # Screen axes in pixels from the corner: east of the bow is right, ahead is up.
+        rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
+        rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
+        self._draw_line(image, self._goal - flat[:, :2], rotate_x, rotate_y)
+        if self._start.shape[0]:
+            away = target_positions(flat, self._start, self._velocity, self.dt) - flat[:, None, :2]
+            self._draw_ships(image, away, rotate_x[:, None], rotate_y[:, None], turn)
+        pixels = image.add_(0.5).to(torch.uint8)
+        return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
+
+    def _draw_line(self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
+        """White line from own ship to the goal; its length is the goal's distance (section 3.1)."""
+        dx = away[:, 0] * rotate_x - away[:, 1] * rotate_y
+        dy = -(away[:, 0] * rotate_y + away[:, 1] * rotate_x)
+        length = torch.hypot(dx, dy)
+        ux, uy = dx / length, dy / length
+        # Walk pixel by pixel along the longer axis, four pixels wide across it.
+        steep = dy.abs() > dx.abs()
+        major, minor = torch.where(steep, uy, ux), torch.where(steep, ux, uy)
+        ahead = major >= 0
+        half = self.size // 2
+        column = torch.where(ahead[:, None], half + self._along, half - 1 - self._along)
+        along = column + (0.5 - half)
+        first = (along * (minor / major)[:, None] + (half - 1.5)).round_().clamp_(0, self.size - 4)
+        row = first[:, :, None] + self._across
+        across = row + (0.5 - half)
+        along = along[:, :, None]
+        reach = along * major[:, None, None] + across * minor[:, None, None]
+        beside = along * minor[:, None, None] - across * major[:, None, None]
+        past = (reach - length[:, None, None]).clamp_(min=0.0)
+        distance = torch.sqrt(beside * beside + past * past)
+        coverage = (0.5 + scene.LINE_WIDTH / 2 - distance).clamp_(0.0, 1.0)
+        column = column[:, :, None]
+        index = torch.where(steep[:, None, None], column * self.size + row, row * self.size + column)
+        self._blend(image, index, coverage, self._line_ink)
+
+    def _draw_ships(
+        self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
+    ) -> None:
+        """Green polygons; figure 2 puts them at theta_1 + 90 deg, heading theta_1 + theta_3 + 90 deg."""
+        half = self.size / 2
+        cx = away[..., 0] * rotate_x - away[..., 1] * rotate_y + half
+        cy = half - (away[..., 0] * rotate_y + away[..., 1] * rotate_x)
+        heading = self._course + turn[:, None]
+        # A patch that leaves the picture is moved back inside: coverage holds at any pixel.
+        last = self.size - len(self._patch)
+        left = (cx - len(self._patch) / 2).round_().clamp_(0, last)
+        top = (cy - len(self._patch) / 2).round_().clamp_(0, last)
+        column = left[..., None] + self._patch
+        row = top[..., None] + self._patch
+        x = (column + 0.5 - cx[..., None])[..., None, :]
+        y = (cy[..., None] - row - 0.5)[..., :, None]
+        cos, sin = torch.cos(heading)[..., None, None], torch.sin(heading)[..., None, None]
+        coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._ship)
+        index = row[..., :, None] * self.size + column[..., None, :]
+        for k in range(away.shape[1]):
+            self._blend(image, index[:, k], coverage[:, k], self._ship_ink)
+
+    def _blend(self, image: Tensor, index: Tensor, coverage: Tensor, ink: Tensor) -> None:
+        """Lay ink over `image` [B, C, P] at pixel numbers `index`, both [B, ...] as coverage."""
+        where = index.flatten(1).long()[:, None].expand(-1, self.channels, -1)
+        under = image.gather(2, where)
+        image.scatter_(2, where, under + coverage.flatten(1)[:, None] * (ink[:, None] - under))

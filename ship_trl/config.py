@@ -1,18 +1,15 @@
-"""Types and checks of the configuration; the values are the YAML files in conf/. No torch here.
-
-Every complaint is a `ConfigError` whose one line names the key and what is allowed.
+"""The types of the configuration; the values are the YAML files in conf/, the checks in checks.py.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException, ValidationError
 
 CONV_LAYERS = 4
@@ -124,27 +121,15 @@ class Config:
     @property
     def label(self) -> str:
         """Name of the pair: as shipped, else `source-target`, else the target case alone."""
+        target = Path(str(self.target)).stem
         if self.pair:
             return self.pair
-        return str(self.target) if self.source is None else f"{self.source}-{self.target}"
+        return target if self.source is None else f"{Path(self.source).stem}-{target}"
 
 
-def to_config(values: DictConfig) -> Config:
-    """Check composed values against the types and return them as a `Config`.
-
-    Merging into the typed schema once more is what catches a typo behind `+`, which Hydra alone
-    lets pass.
-
-    Raises:
-        ConfigError: an unknown or missing key, a wrong type, or a value out of range.
-    """
-    try:
-        merged = OmegaConf.merge(OmegaConf.structured(Config), values)
-        config: Any = OmegaConf.to_object(merged)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from None
-    check(config)
-    return config
+def plain(values: Any) -> Any:
+    """A config object as plain dicts, lists and words, for JSON, YAML and wandb."""
+    return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)
 
 
 def explain(error: OmegaConfBaseException) -> str:
@@ -156,96 +141,6 @@ def explain(error: OmegaConfBaseException) -> str:
         return f"{key}: unknown key; allowed here: {', '.join(f.name for f in fields)}"
     if isinstance(error, ValidationError):
         return f"{key}: {lines[0]}"
-    return f"{key}: {lines[0].replace('Structured config of type `Config` has missing mandatory value', 'missing')}"
-
-
-def require(condition: bool, key: str, allowed: str, got: object) -> None:
-    """Raise a `ConfigError` naming `key`, what is `allowed` and what was given."""
-    if not condition:
-        raise ConfigError(f"{key}: must be {allowed}, got {got}")
-
-
-def at_least(least: float, keys: dict[str, float]) -> None:
-    """Check that every named number is finite and not below `least`."""
-    for key, value in keys.items():
-        require(math.isfinite(value) and value >= least, key, f"at least {least}", value)
-
-
-def positive(keys: dict[str, float]) -> None:
-    """Check that every named number is finite and above 0."""
-    for key, value in keys.items():
-        require(math.isfinite(value) and value > 0, key, "above 0", value)
-
-
-def within(keys: dict[str, float]) -> None:
-    """Check that every named number lies in [0, 1]."""
-    for key, value in keys.items():
-        require(0.0 <= value <= 1.0, key, "from 0 to 1", value)
-
-
-def named(prefix: str, values: object, fields: str) -> dict[str, float]:
-    """The fields of a dataclass under their full keys."""
-    return {f"{prefix}.{name}": getattr(values, name) for name in fields.split()}
-
-
-def check(config: Config) -> None:
-    """Check ranges and what the keys say together (cases are checked where they are loaded)."""
-    learn, world = config.learn, config.world
-    counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
-    at_least(1, named("learn", learn, counts))
-    at_least(0, named("learn", learn, "warmup_steps") | {"seed": config.seed})
-    positive(named("learn", learn, "lr reward_scale"))
-    within(named("learn", learn, "gamma tau epsilon_start epsilon_end epsilon_fraction"))
-    positive(named("learn", learn, "tau epsilon_fraction"))
-    require(
-        learn.batch_size <= learn.replay_size,
-        "learn.batch_size",
-        f"at most learn.replay_size={learn.replay_size}",
-        learn.batch_size,
-    )
-    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
-    finite(f"world.reward.{f.name}" for f in dataclasses.fields(Reward))(world.reward)
-    require(
-        bool(world.actions) and all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions),
-        "world.actions",
-        "a list of [v in m/s, omega in rad/s]",
-        world.actions,
-    )
-    require(
-        config.device == "cpu" or config.device.split(":")[0] == "cuda",
-        "device",
-        "cpu or cuda",
-        config.device,
-    )
-    check_arm(config)
-
-
-def finite(keys: Iterable[str]) -> Any:
-    """A check that the fields behind the full `keys` are finite numbers."""
-    names = list(keys)
-
-    def run(values: object) -> None:
-        for key in names:
-            value = getattr(values, key.rsplit(".", 1)[1])
-            require(math.isfinite(value), key, "a finite number", value)
-
-    return run
-
-
-def check_arm(config: Config) -> None:
-    """Check method, layers, source and target against one another."""
-    layers = config.layers
-    if config.target is None:
-        raise ConfigError(
-            "pair: none given; give +pair=NAME (see --help for the names), "
-            "or source=CASE target=CASE, or method=scratch target=CASE"
-        )
-    if config.method is Method.scratch:
-        require(layers is None, "layers", "left out with method=scratch", layers)
-        require(config.source_file is None, "source_file", "left out with method=scratch", config.source_file)
-        return
-    require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
-    numbers = "1, 2, 3, 4" if config.method is Method.feature_extraction else "1, 2, 3, 4 or all"
-    known = type(layers) is int and 1 <= layers <= CONV_LAYERS
-    whole = layers == "all" and config.method is Method.finetune
-    require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)
+    if "missing mandatory value" in lines[0]:
+        return f"{key}: missing; a value is needed"
+    return f"{key}: {lines[0]}"

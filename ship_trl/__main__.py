@@ -1,0 +1,36 @@
+"""`python -m ship_trl`: one run, or with `-m` a grid of runs."""
+
+from __future__ import annotations
+
+import sys
+
+from ship_trl.cli import HELP_FLAGS, hydra_errors, print_help
+from ship_trl.paths import conf_dir
+
+
+def main() -> None:
+    """Answer --help at once; else compose, check, and only then import torch."""
+    if HELP_FLAGS & set(sys.argv[1:]):
+        print_help()
+        return
+    import hydra
+    from omegaconf import DictConfig
+
+    from ship_trl.cli import job_errors
+    from ship_trl.checks import to_config
+    from ship_trl.plan import make_run
+
+    @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
+    def entry(values: DictConfig) -> None:
+        with job_errors():
+            run = make_run(to_config(values))
+            from ship_trl.experiment import run_experiment
+
+            run_experiment(run)
+
+    with hydra_errors():
+        entry()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""`python -m ship_trl.cases`: the cases, how alike they are, and a picture of them all."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from omegaconf import OmegaConf
+from rich.console import Console
+from rich.table import Table
+
+from ship_trl.cli import complain
+from ship_trl.config import ConfigError, World
+from ship_trl.paths import conf_dir, replacing
+from ship_trl.sim.cases import Case, case_names, load_case, load_world
+from ship_trl.transfer.casebase import CaseBase, rank
+from ship_trl.transfer.similarity import distance, rules, similarity
+
+console = Console(highlight=False)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print the tables and write the contact sheet."""
+    parser = argparse.ArgumentParser(prog="python -m ship_trl.cases", description=__doc__)
+    parser.add_argument("--target", help="rank all other cases as sources for this one and recommend an arm")
+    parser.add_argument("--by", choices=("similarity", "distance"), default="similarity", help="rank by equation 8 or 7")
+    parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help="folder of trained networks")
+    parser.add_argument("--picture", type=Path, default=Path("outputs/cases.png"), help="where the contact sheet goes")
+    parser.add_argument("--no-picture", action="store_true", help="print only")
+    options = parser.parse_args(arguments)
+    try:
+        world = load_world()
+        cases = {name: load_case(name, world) for name in case_names()}
+        if options.target is not None:
+            target = load_case(options.target, world, "--target")
+            bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
+            show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
+            return
+        show_cases(cases)
+        show_pairs(cases, world)
+        if not options.no_picture:
+            write_picture(options.picture, cases, world)
+    except (ConfigError, OSError) as error:
+        complain(str(error))
+        sys.exit(1)
+
+
+def show_cases(cases: dict[str, Case]) -> None:
+    """What each case is."""
+    table = Table(title="Cases", title_justify="left")
+    for name in ("case", "ideal path", "target ships: x, y (m), heading (deg), speed (m/s)", "fingerprint"):
+        table.add_column(name)
+    for name, case in cases.items():
+        ships = "; ".join(f"{s.x:g}, {s.y:g}, {s.heading:g}, {s.speed:g}" for s in case.target_ships)
+        table.add_row(name, case.ideal_path, ships or "none", case.fingerprint)
+    console.print(table)
+
+
+def shipped_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
+    """Source and target of the pairs in conf/pair, in the order of the paper's table 2."""
+    found = {}
+    for path in (conf_dir() / "pair").glob("*.yaml"):
+        values = OmegaConf.load(path)
+        found[values.source, values.target] = path.stem
+    return {pair: found[pair] for pair in sorted(found) if set(pair) <= set(cases)}
+
+
+def show_pairs(cases: dict[str, Case], world: World) -> None:
+    """Table 2 with the rules behind each number, then every other pair."""
+    named = shipped_pairs(cases)
+    table = Table(title="Table 2: similarity by equation 8, distance by equation 7", title_justify="left")
+    for name in ("pair", "source", "target", "similarity", "distance", "common", "different"):
+        table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
+    for (source, target), pair in named.items():
+        base, case = cases[source], cases[target]
+        found = rules(base, case)
+        common = " + ".join(f"{r.common:g} {r.what}" for r in found if r.common) or "0"
+        different = " + ".join(f"{r.different:g} {r.what}" for r in found if r.different) or "0"
+        value, apart = similarity(base, case), distance(base, case, world)
+        table.add_row(pair, source, target, f"{value:.2f}", f"{apart:.2f}", common, different)
+    console.print(table)
+    table = Table(title="Similarity of every source (row) to every target (column)", title_justify="left")
+    table.add_column("")
+    for target in cases:
+        table.add_column(target, justify="right")
+    for source, base in cases.items():
+        table.add_row(source, *(f"{similarity(base, case):.2f}" for case in cases.values()))
+    console.print(table)
+
+
+def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored: CaseBase) -> None:
+    """Sources for a target, best first, what is stored of each, and the arm recommended."""
+    table = Table(title=f"Sources for case {target.name}, by {by}", title_justify="left")
+    for name in ("source", "similarity", "distance", "recommended arm", "stored networks"):
+        table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
+    kept = stored.entries()
+    ranking = rank(target, bases, world, by)
+    for match in ranking:
+        arm = f"method={match.method.value} layers={match.layers}"
+        count = sum(entry.fingerprint == match.case.fingerprint for entry in kept)
+        table.add_row(match.case.name, f"{match.similarity:.2f}", f"{match.distance:.2f}", arm, str(count))
+    console.print(table)
+    if ranking:
+        first = ranking[0]
+        console.print(
+            f"python -m ship_trl source={first.case.name} target={target.name} "
+            f"method={first.method.value} layers={first.layers}",
+            markup=False,
+        )
+
+
+def write_picture(path: Path, cases: dict[str, Case], world: World) -> None:
+    """The contact sheet: every case as people and as the network see it."""
+    from ship_trl.view.contact_sheet import write_contact_sheet
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as draft:
+        write_contact_sheet(draft, list(cases.values()), world)
+    console.print(str(path), markup=False)
+
+
+if __name__ == "__main__":
+    main()

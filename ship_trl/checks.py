@@ -1,0 +1,119 @@
+"""Checks of a composed configuration, before torch is imported.
+
+Every complaint is a `ConfigError` whose one line names the key and what is allowed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from ship_trl.config import CONV_LAYERS, Config, ConfigError, Method, Reward, explain
+
+
+def to_config(values: DictConfig) -> Config:
+    """Check composed values against the types and return them as a `Config`.
+
+    Merging into the typed schema once more is what catches a typo behind `+`, which Hydra alone
+    lets pass.
+
+    Raises:
+        ConfigError: an unknown or missing key, a wrong type, or a value out of range.
+    """
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(Config), values)
+        config: Any = OmegaConf.to_object(merged)
+    except OmegaConfBaseException as error:
+        raise ConfigError(explain(error)) from None
+    check(config)
+    return config
+
+
+def require(condition: bool, key: str, allowed: str, got: object) -> None:
+    """Raise a `ConfigError` naming `key`, what is `allowed` and what was given."""
+    if not condition:
+        raise ConfigError(f"{key}: must be {allowed}, got {got}")
+
+
+def at_least(least: float, keys: dict[str, float]) -> None:
+    """Check that every named number is finite and not below `least`."""
+    for key, value in keys.items():
+        require(math.isfinite(value) and value >= least, key, f"at least {least}", value)
+
+
+def positive(keys: dict[str, float]) -> None:
+    """Check that every named number is finite and above 0."""
+    for key, value in keys.items():
+        require(math.isfinite(value) and value > 0, key, "above 0", value)
+
+
+def within(keys: dict[str, float]) -> None:
+    """Check that every named number lies in [0, 1]."""
+    for key, value in keys.items():
+        require(0.0 <= value <= 1.0, key, "from 0 to 1", value)
+
+
+def finite(keys: dict[str, float]) -> None:
+    """Check that every named number is finite."""
+    for key, value in keys.items():
+        require(math.isfinite(value), key, "a finite number", value)
+
+
+def named(prefix: str, values: object, fields: str) -> dict[str, float]:
+    """The fields of a dataclass under their full keys."""
+    return {f"{prefix}.{name}": getattr(values, name) for name in fields.split()}
+
+
+def check(config: Config) -> None:
+    """Check ranges and what the keys say together (cases are checked where they are loaded)."""
+    learn, world = config.learn, config.world
+    counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
+    at_least(1, named("learn", learn, counts))
+    at_least(0, named("learn", learn, "warmup_steps") | {"seed": config.seed})
+    positive(named("learn", learn, "lr reward_scale"))
+    within(named("learn", learn, "gamma tau epsilon_start epsilon_end epsilon_fraction"))
+    positive(named("learn", learn, "tau epsilon_fraction"))
+    require(
+        learn.batch_size <= learn.replay_size,
+        "learn.batch_size",
+        f"at most learn.replay_size={learn.replay_size}",
+        learn.batch_size,
+    )
+    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
+    finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
+    require(
+        bool(world.actions) and all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions),
+        "world.actions",
+        "a list of [v in m/s, omega in rad/s]",
+        world.actions,
+    )
+    require(
+        config.device == "cpu" or config.device.split(":")[0] == "cuda",
+        "device",
+        "cpu or cuda",
+        config.device,
+    )
+    check_arm(config)
+
+
+def check_arm(config: Config) -> None:
+    """Check method, layers, source and target against one another."""
+    layers = config.layers
+    if config.target is None:
+        raise ConfigError(
+            "pair: none given; give +pair=NAME (see --help for the names), "
+            "or source=CASE target=CASE, or method=scratch target=CASE"
+        )
+    if config.method is Method.scratch:
+        require(layers is None, "layers", "left out with method=scratch", layers)
+        require(config.source_file is None, "source_file", "left out with method=scratch", config.source_file)
+        return
+    require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
+    numbers = "1, 2, 3, 4" if config.method is Method.feature_extraction else "1, 2, 3, 4 or all"
+    known = type(layers) is int and 1 <= layers <= CONV_LAYERS
+    whole = layers == "all" and config.method is Method.finetune
+    require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)

@@ -1,0 +1,161 @@
+"""The command line's own words: help without imports, and errors in one line."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ship_trl.paths import conf_dir
+
+HELP_FLAGS = {"--help", "-h"}
+
+HELP = """\
+ship_trl: transfer reinforcement learning in ship collision avoidance.
+
+  python -m ship_trl +pair=high method=finetune layers=3
+  python -m ship_trl source=3 target=2 method=feature_extraction layers=2
+  python -m ship_trl target=4 method=scratch seed=1
+  python -m ship_trl -m +pair=high,low +arm=scratch,FE3,FT3,FTW seed=0,1,2
+
+What to run
+  +pair=NAME            {pairs}; or any two cases:
+  source=CASE           {cases}, or a YAML file
+  target=CASE           the same
+  method=METHOD         scratch, feature_extraction, finetune (default)
+  layers=N              1 to 4 conv layers, or all (finetune only)
+  +arm=NAME             method and layers at once: {arms}
+  source_file=FILE      take the source network from a safetensors file
+  seed=N                0 by default
+
+How
+  profile=NAME          {profiles} (default quick)
+  learn.KEY=VALUE       any value of conf/learn/paper.yaml, as learn.episodes=1000
+  device=cpu|cuda       colour=true|false
+  logger=csv|wandb      wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
+  output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
+  overwrite=true        replace a finished run of other settings there
+
+  -m, --multirun        a grid: several values behind a comma
+  --cfg job             print the configuration and stop
+  --hydra-help          what Hydra adds
+
+  python -m ship_trl.cases --help    the cases, their similarity, a picture of them all
+"""
+
+
+def names(group: str) -> str:
+    """Names of a config group, for people."""
+    return ", ".join(sorted(path.stem for path in (conf_dir() / group).glob("*.yaml")))
+
+
+def print_help() -> None:
+    """Print the help; imports nothing but the standard library."""
+    values = {key: names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles")}
+    print(HELP.format(**values), end="")
+
+
+def complain(line: str) -> None:
+    """Say in one line what is wrong."""
+    print(f"ship_trl: {line}", file=sys.stderr)
+
+
+@contextmanager
+def job_errors() -> Iterator[None]:
+    """Around one job: its own `ConfigError` in one line.
+
+    A single run ends with it. In a sweep it goes on as an exception, because SystemExit would
+    abort the other jobs too.
+    """
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
+    from ship_trl.config import ConfigError
+
+    try:
+        yield
+    except ConfigError as error:
+        complain(str(error))
+        if HydraConfig.get().mode is RunMode.RUN:
+            sys.exit(1)
+        raise
+
+
+@contextmanager
+def hydra_errors() -> Iterator[None]:
+    """Turn what is the user's to mend into one line on stderr and exit code 1.
+
+    Hydra prints its own errors over several lines unless HYDRA_FULL_ERROR is set; then it raises
+    them. Someone who set it wants the traceback and gets it.
+    """
+    if os.environ.get("HYDRA_FULL_ERROR", "") not in ("", "0"):
+        yield
+        return
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    from ship_trl.config import ConfigError, explain
+
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        yield
+    except ConfigError as error:
+        complain(f"this sweep had a job that was refused: {error}")
+    except (HydraException, ValueError) as error:
+        if not isinstance(error, HydraException) and "hydra" not in origin(error):
+            raise
+        complain(explain_hydra(error))
+    except OmegaConfBaseException as error:
+        complain(explain(error))
+    except OSError as error:
+        if error.filename is None:
+            raise
+        complain(f"output: {error.filename}: {error.strerror}")
+    except KeyboardInterrupt:
+        complain("interrupted; the unfinished run starts anew next time")
+        sys.exit(130)
+    else:
+        return
+    sys.exit(1)
+
+
+def origin(error: BaseException) -> str:
+    """Module in which an error was raised."""
+    trace = error.__traceback__
+    while trace and trace.tb_next:
+        trace = trace.tb_next
+    return str(trace.tb_frame.f_globals.get("__name__", "")) if trace else ""
+
+
+def explain_hydra(error: Exception) -> str:
+    """One line for an error of Hydra's: the key, and what is allowed there."""
+    text = str(error)
+    if found := re.match(r"Could not find '([\w-]+)/(.*?)'", text):
+        group, name = found.groups()
+        return f"{group}: no {name}; allowed: {names(group)}"
+    if found := re.match(r"In '.*?': Could not find '([\w-]+)/(.*?)'", text):
+        group, name = found.groups()
+        return f"{group}: no {name}; allowed: {names(group)}"
+    if found := re.match(r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text):
+        key = found.group(1).rstrip(".")
+        if (conf_dir() / key).is_dir():
+            return f"{key}: write +{key}=NAME; allowed: {names(key)}"
+        return f"{key}: {allowed_keys(key)}"
+    return " ".join(text.split())
+
+
+def allowed_keys(key: str) -> str:
+    """What may stand where an unknown `key` was given."""
+    import dataclasses
+    import typing
+
+    from ship_trl.config import Config
+
+    place: type = Config
+    for part in key.split(".")[:-1]:
+        hints = typing.get_type_hints(place)
+        if dataclasses.is_dataclass(hints.get(part)):
+            place = hints[part]
+    return f"unknown key; allowed here: {', '.join(f.name for f in dataclasses.fields(place))}"

@@ -1,0 +1,75 @@
+"""What a run shows in the terminal: progress with time left, then a short table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from ship_trl.learn.train import Evaluated, Finished
+
+console = Console()
+
+
+def say(text: str) -> None:
+    """One line."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def progress(
+    title: str, episodes: int, events: Iterable[Finished | Evaluated]
+) -> Iterator[Finished | Evaluated]:
+    """Pass events on, and show episodes done, time left, and the last returns meanwhile."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
+    )
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(title, total=episodes, now="", greedy="")
+        for event in events:
+            if isinstance(event, Finished):
+                bar.update(task, completed=event.episode, now=f"{event.total:.1f}")
+            else:
+                bar.update(task, greedy=f"{event.sailed.total:.1f}")
+            yield event
+
+
+def show_result(result: dict[str, Any], folder: Path) -> None:
+    """The table at the end of a run."""
+    where = f"case {result['target']}"
+    if result["source"] is not None:
+        where = f"case {result['source']} -> {where}"
+    table = Table(title=f"{where}, {result['arm']}, seed {result['seed']}", title_justify="left")
+    for name in ("greedy policy", "return", "of best known", "ends with", "steps", "smallest DCPA", "after episode"):
+        table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
+    known = result["best_known_return"]
+    for name, key in (
+        ("scratch, untrained", "scratch"),
+        ("before training", "before"),
+        ("best", "best"),
+        ("final", "final"),
+    ):
+        row = result[key]
+        # A share of the best says something only where both are gains.
+        share = f"{row['return'] / known:.0%}" if known > 0 and row["return"] > 0 else "-"
+        dcpa = "-" if row["dcpa"] is None else f"{row['dcpa']:.0f} m"
+        table.add_row(
+            name, f"{row['return']:.1f}", share, row["outcome"], str(row["length"]), dcpa, str(row["episode"])
+        )
+    table.add_row("best known (planner)", f"{known:.1f}", "100%", "", "", "", "")
+    console.print(table)
+    say(
+        f"{result['episodes']} episodes, {result['steps']} steps, {result['seconds']:.0f} s; "
+        f"goal in {result['training_goal_rate']:.0%} of the training episodes, "
+        f"collision in {result['training_collision_rate']:.0%}"
+    )
+    say(f"{folder}: result.json, curve.csv, curve.png, episode.gif, policy.safetensors")

@@ -1,0 +1,166 @@
+"""One run: source network -> transfer -> training on the target case -> result."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import time
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Generator
+
+from ship_trl import console
+from ship_trl.config import ConfigError, Method
+from ship_trl.learn.agent import Agent
+from ship_trl.learn.evaluate import Episode, evaluate
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.train import Evaluated, Finished, train
+from ship_trl.paths import replacing
+from ship_trl.plan import RESULT, Run
+from ship_trl.process import settle
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.planner import best_plan
+from ship_trl.tracking import Tracker
+from ship_trl.transfer.casebase import POLICY, CaseBase, Entry
+from ship_trl.transfer.layers import Transfer, apply, load_weights, save_weights
+from ship_trl.view.curve import draw_curve
+from ship_trl.view.film import write_gif
+
+
+def run_experiment(run: Run) -> dict[str, Any]:
+    """Train a run, its source first where the case base has none, and return its result.
+
+    A finished run of the same recipe is shown again, not trained again.
+    """
+    settle()
+    device = torch.device(run.config.device)
+    if device.type == "cuda" and not torch.cuda.is_available():
+        raise ConfigError("device: no CUDA device is available here; allowed: cpu")
+    result = run.result()
+    if result is None:
+        source = find_source(run)
+        result = train_run(run, device, source)
+    else:
+        console.say(f"{run.folder} holds this run already; overwrite=true and another seed= train anew")
+    retain(run, result)
+    console.show_result(result, run.folder)
+    return result
+
+
+def find_source(run: Run) -> Entry | None:
+    """The source network of a transfer, from the case base or trained and retained first."""
+    source = run.source
+    if source is None:
+        return None
+    base = CaseBase(Path(source.config.case_base))
+    entry = base.find(source.target, source.config.arm, source.config.seed, source.recipe)
+    if entry is None:
+        result = source.result() or train_run(source, torch.device(source.config.device), None)
+        entry = retain(source, result)
+    else:
+        console.say(f"source: {entry.policy} (greedy return {entry.scores['best']['return']:.1f})")
+    return entry
+
+
+def retain(run: Run, result: dict[str, Any]) -> Entry:
+    """Keep a finished run's network in the case base, for later targets (section 4.2)."""
+    scores = {key: result[key] for key in ("best", "final", "best_known_return")}
+    arm = run.config.arm
+    if run.config.method is not Method.scratch:
+        arm += f"-from-{Path(str(run.config.source)).stem}"
+    base = CaseBase(Path(run.config.case_base))
+    return base.retain(run.target, arm, run.config.seed, run.recipe, scores, run.folder)
+
+
+def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str, Any]:
+    """Train one network and write everything about it into the run's folder, `result.json` last."""
+    config, learn, started = run.config, run.config.learn, time.perf_counter()
+    streams = {
+        name: Generator(device=device if name == "exploration" else "cpu").manual_seed(run.stream(name))
+        for name in ("weights", "exploration", "replay")
+    }
+    env = ShipEnv(run.target, config.world, learn.num_envs, colour=config.colour, device=device)
+    eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
+    draw, actions = env.rasteriser, len(config.world.actions)
+    network = DuelingNetwork(draw.channels, actions, streams["weights"])
+    transfer = find_transfer(run, network, source)
+    network.to(device)
+    scratch = evaluate(eval_env, Agent(network, draw, actions, learn, streams["exploration"]))
+    if transfer:
+        apply(network, transfer)
+    agent = Agent(network, draw, actions, learn, streams["exploration"])
+    replay = StateReplay(learn.replay_size, draw, learn.reward_scale, streams["replay"], device)
+    known = best_plan(run.target, config.world).total
+
+    finished: list[Finished] = []
+    evaluated: list[Evaluated] = []
+    best: Evaluated | None = None
+    with Tracker(run) as tracker:
+        for event in console.progress(run.title, learn.episodes, train(env, eval_env, agent, replay, learn)):
+            tracker.log(event)
+            if isinstance(event, Finished):
+                finished.append(event)
+                continue
+            evaluated.append(event)
+            if best is None or event.sailed.total > best.sailed.total:
+                best = event
+                save_weights(run.folder / POLICY, network, {"recipe": run.recipe, "episode": event.episode})
+        assert best is not None
+        last = evaluated[-1]
+        save_weights(run.folder / "policy_last.safetensors", network, {"recipe": run.recipe, "episode": last.episode})
+        result: dict[str, Any] = {
+            "pair": config.label,
+            "source": None if config.method is Method.scratch else config.source,
+            "target": config.target,
+            "method": config.method.value,
+            "layers": config.layers,
+            "arm": config.arm,
+            "seed": config.seed,
+            "profile": config.profile,
+            "recipe": run.recipe,
+            "source_network": None if transfer is None else str(source.policy if source else config.source_file),
+            "best_known_return": known,
+            "scratch": score(scratch, 0),
+            "before": score(evaluated[0].sailed, 0),
+            "best": score(best.sailed, best.episode),
+            "final": score(last.sailed, last.episode),
+            "episodes": learn.episodes,
+            "steps": last.steps,
+            "training_goal_rate": sum(f.outcome == "goal" for f in finished) / len(finished),
+            "training_collision_rate": sum(f.outcome == "collision" for f in finished) / len(finished),
+            "device": str(device),
+            "torch": torch.__version__,
+            "processor": platform.machine(),
+        }
+        draw_curve(run.folder / "curve.png", finished, evaluated, known, run.title)
+        write_gif(run.folder / "episode.gif", run.target, config.world, best.sailed, draw, run.title)
+        result["seconds"] = round(time.perf_counter() - started, 1)
+        tracker.finish(result)
+    with replacing(run.folder / RESULT) as draft:
+        draft.write_text(json.dumps(result, indent=1))
+    return result
+
+
+def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Transfer | None:
+    """Read the source's weights as the run's method asks, or None for scratch."""
+    config = run.config
+    if config.method is Method.scratch:
+        return None
+    path = source.policy if source else Path(str(config.source_file))
+    weights = load_weights(path, network, "source_file" if source is None else "case_base")
+    return Transfer(weights, config.layers, config.method is Method.feature_extraction)
+
+
+def score(episode: Episode, at: int) -> dict[str, Any]:
+    """A greedy episode as numbers for JSON; without target ships the DCPA is null."""
+    return {
+        "return": episode.total,
+        "outcome": episode.outcome,
+        "length": episode.length,
+        "dcpa": episode.dcpa if math.isfinite(episode.dcpa) else None,
+        "episode": at,
+    }

@@ -1,0 +1,123 @@
+"""One run, settled before torch is imported: its cases, its source, its folder, its recipe."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ship_trl.config import Config, ConfigError, Method, plain
+from ship_trl.sim.cases import Case, load_case
+
+RESULT = "result.json"
+
+
+@dataclass(frozen=True)
+class Run:
+    """An arm on a target case with a seed; `source` is the run that trains the source network.
+
+    `recipe` is a digest of everything that decides what is learned: the same recipe gives the same
+    network on the same machine.
+    """
+
+    config: Config
+    target: Case
+    source: Run | None
+    folder: Path
+    recipe: str
+
+    @property
+    def title(self) -> str:
+        """One line for people."""
+        config = self.config
+        start = "" if config.method is Method.scratch else f"case {config.source} -> "
+        return f"{start}case {config.target}, {config.arm}, seed {config.seed}"
+
+    def stream(self, purpose: str) -> int:
+        """Seed of one purpose's random numbers.
+
+        Source and target take part in it: a transfer whose fresh layers were drawn like those its
+        source began with would find layers that had already been trained together.
+        """
+        source = self.config.source if self.config.method is not Method.scratch else ""
+        words = (self.config.seed, source, self.target.fingerprint, purpose)
+        return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
+
+    def result(self) -> dict[str, Any] | None:
+        """What a finished run of this recipe found, or None."""
+        found = read_result(self.folder)
+        return found if found and found.get("recipe") == self.recipe else None
+
+
+def read_result(folder: Path) -> dict[str, Any] | None:
+    """`result.json` of a folder, or None where there is none that can be read."""
+    try:
+        found = json.loads((folder / RESULT).read_text())
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def make_run(config: Config) -> Run:
+    """Load the cases of a checked configuration and settle folder, source and recipe.
+
+    Raises:
+        ConfigError: a case that is not there or not right, a folder that cannot be written, or one
+            that holds a finished run of other settings.
+    """
+    world = config.world
+    target = load_case(str(config.target), world, "target")
+    source = None
+    if config.method is not Method.scratch:
+        load_case(str(config.source), world, "source")
+        if config.source_file is None:
+            alone = dataclasses.replace(
+                config, pair=None, source=None, target=config.source, method=Method.scratch, layers=None
+            )
+            source = make_run(alone)
+        elif not Path(config.source_file).is_file():
+            raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
+    run = Run(config, target, source, folder_of(config), recipe_of(config, target, source))
+    check_folder(run)
+    return run
+
+
+def folder_of(config: Config) -> Path:
+    """`<output>/<pair>/<arm>/seed=<k>`; without a pair, the names of the cases stand for it."""
+    return Path(config.output) / config.label / config.arm / f"seed={config.seed}"
+
+
+def recipe_of(config: Config, target: Case, source: Run | None) -> str:
+    """Twelve hex digits over all that decides the outcome; names and folders do not."""
+    origin = source.recipe if source else None
+    if config.method is not Method.scratch and config.source_file is not None:
+        origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
+    values = {
+        "target": target.fingerprint,
+        "source": origin,
+        "method": config.method.value,
+        "layers": config.layers,
+        "seed": config.seed,
+        "colour": config.colour,
+        "world": plain(config.world),
+        "learn": plain(config.learn),
+    }
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def check_folder(run: Run) -> None:
+    """Refuse a folder that cannot be written, or whose finished run would be lost."""
+    for parent in (run.folder, *run.folder.parents):
+        if parent.exists():
+            if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
+                raise ConfigError(f"output: {parent} is not a folder that can be written")
+            break
+    if (run.folder / RESULT).exists() and run.result() is None and not run.config.overwrite:
+        raise ConfigError(
+            f"output: {run.folder} holds a finished run of other settings; "
+            "allowed: another output=FOLDER, or overwrite=true to replace it"
+        )

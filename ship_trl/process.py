@@ -1,0 +1,26 @@
+"""How this process uses the machine: one core, and memory that is kept for the next update."""
+
+from __future__ import annotations
+
+import ctypes
+
+import torch
+
+# Numbers of glibc's malloc.h.
+M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
+
+
+def settle() -> None:
+    """One torch thread, and no pages given back between updates.
+
+    Two torch threads on two busy cores are many times slower than one; grids run one process a
+    core. glibc by itself maps and unmaps each large activation anew, and the page faults of that
+    cost about a tenth of an update.
+    """
+    torch.set_num_threads(1)
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return
+    for option, value in ((M_MMAP_THRESHOLD, 1 << 30), (M_TRIM_THRESHOLD, 1 << 30), (M_TOP_PAD, 1 << 26)):
+        mallopt(option, value)

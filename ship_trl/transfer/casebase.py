@@ -1,0 +1,129 @@
+"""The case base: trained networks kept by case, found again by similarity. No torch.
+
+An entry is a folder `<case>/<arm>/seed=<k>-<recipe>/` with `entry.json` (case, its fingerprint,
+recipe, scores), `config.yaml` and `policy.safetensors`. It is filled under another name and
+renamed, so two processes never see half an entry.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ship_trl.config import Method, World
+from ship_trl.sim.cases import Case
+from ship_trl.transfer.similarity import distance, similarity
+
+POLICY, ENTRY, CONFIG = "policy.safetensors", "entry.json", "config.yaml"
+# Half-way between the paper's high pair (0.83) and its low one (0.45), table 2.
+HIGH_SIMILARITY = 0.64
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A stored network: where it lies, of which case and arm, by which recipe, how good."""
+
+    path: Path
+    case: str
+    fingerprint: str
+    arm: str
+    seed: int
+    recipe: str
+    scores: dict[str, Any]
+
+    @property
+    def policy(self) -> Path:
+        """The network of its best greedy evaluation."""
+        return self.path / POLICY
+
+
+@dataclass(frozen=True)
+class Match:
+    """A case ranked against a target, with the arm that the paper's conclusions recommend."""
+
+    case: Case
+    similarity: float
+    distance: float
+    method: Method
+    layers: int
+
+
+class CaseBase:
+    """Entries below `folder`; made when the first is stored."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def entries(self) -> list[Entry]:
+        """All whole entries, sorted by path; a folder that is not one is passed over."""
+        found = []
+        for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
+            try:
+                found.append(Entry(path=file.parent, **json.loads(file.read_text())))
+            except (OSError, ValueError, TypeError):
+                continue
+        return found
+
+    def place(self, case: Case, arm: str, seed: int, recipe: str) -> Path:
+        """Folder of an entry, there or not."""
+        return self.folder / case.name / arm / f"seed={seed}-{recipe}"
+
+    def find(self, case: Case, arm: str, seed: int, recipe: str) -> Entry | None:
+        """The entry trained on just this case by just this recipe, or None."""
+        place = self.place(case, arm, seed, recipe)
+        found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
+        return found[0] if found and found[0].policy.is_file() else None
+
+    def retain(
+        self, case: Case, arm: str, seed: int, recipe: str, scores: dict[str, Any], run: Path
+    ) -> Entry:
+        """Keep a finished run's network; an entry already there stays (it is the same network)."""
+        place = self.place(case, arm, seed, recipe)
+        entry = Entry(place, case.name, case.fingerprint, arm, seed, recipe, scores)
+        if self.find(case, arm, seed, recipe):
+            return entry
+        draft = place.with_name(f".{place.name}.{os.getpid()}")
+        shutil.rmtree(draft, ignore_errors=True)
+        draft.mkdir(parents=True)
+        try:
+            for name in (POLICY, CONFIG):
+                shutil.copyfile(run / name, draft / name)
+            about = {key: value for key, value in asdict(entry).items() if key != "path"}
+            (draft / ENTRY).write_text(json.dumps(about, indent=1, sort_keys=True))
+            shutil.rmtree(place, ignore_errors=True)
+            draft.rename(place)
+        except OSError:
+            # Another process stored the same entry between our look and our rename.
+            if not (place / ENTRY).is_file():
+                raise
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+        return entry
+
+
+def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") -> list[Match]:
+    """Cases to transfer from, best first: by `similarity` (equation 8) or `distance` (equation 7).
+
+    Ties keep the order given, so the ranking is the same on every machine.
+    """
+    matches = [
+        Match(base, similarity(base, target), distance(base, target, world), *recommend(base, target))
+        for base in bases
+    ]
+    return sorted(matches, key=lambda m: m.distance if by == "distance" else -m.similarity)
+
+
+def recommend(base: Case, target: Case) -> tuple[Method, int]:
+    """The arm that the paper's results favour at this similarity (conclusions 2 and 3).
+
+    High: three frozen layers, which beat four. Else: finetuning of the first layer alone, because
+    the return falls with every further layer. These are the paper's findings, not ours; a study
+    measures whether they hold.
+    """
+    if similarity(base, target) >= HIGH_SIMILARITY:
+        return Method.feature_extraction, 3
+    return Method.finetune, 1

@@ -1,0 +1,98 @@
+"""How alike two cases are: equation 8 with the rules of section 4.1, and equation 7. No torch."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from ship_trl.config import World
+from ship_trl.sim.cases import Case, TargetShip
+
+ALPHA = 1.0
+BETA = 0.5
+SAME_PATH = 1.0
+SAME_SHIP = 0.5
+KNOWN_DIRECTION = 0.2
+NEW_DIRECTION = 0.4
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One comparison of section 4.1: what was compared, and what it added."""
+
+    what: str
+    common: float
+    different: float
+
+
+def rules(base: Case, target: Case) -> list[Rule]:
+    """Compare two cases attribute by attribute (section 4.1).
+
+    The paper's rules speak of ships that the target has and the base has not. A ship that only the
+    base has counts by the same weights, as equation 8 asks ("different or missing"): our choice.
+    """
+    same = base.ideal_path == target.ideal_path
+    found = [Rule("ideal path", SAME_PATH, 0.0) if same else Rule("ideal path", 0.0, SAME_PATH)]
+    ships, others = Counter(map(_ship, target.target_ships)), Counter(map(_ship, base.target_ships))
+    found += [Rule("common target ship", SAME_SHIP, 0.0)] * (ships & others).total()
+    for what, extra, there in (
+        ("extra target ship", ships - others, base.target_ships),
+        ("missing target ship", others - ships, target.target_ships),
+    ):
+        known = {ship.heading % 360.0 for ship in there}
+        for x, y, heading, speed in extra.elements():
+            del x, y, speed
+            weight = KNOWN_DIRECTION if heading in known else NEW_DIRECTION
+            found.append(Rule(what, 0.0, weight))
+    return found
+
+
+def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
+    return ship.x, ship.y, ship.heading % 360.0, ship.speed
+
+
+def similarity(base: Case, target: Case) -> float:
+    """Equation 8, from 0 (nothing in common) to 1 (the same)."""
+    found = rules(base, target)
+    common = ALPHA * sum(rule.common for rule in found)
+    different = BETA * sum(rule.different for rule in found)
+    return common / (common + different)
+
+
+def characteristics(case: Case, world: World) -> dict[str, float]:
+    """What equation 7 compares, each scaled to about 0 to 1 (our choice; the paper names none).
+
+    Number of target ships, goal's distance, and of the target ship that comes nearest to own ship
+    keeping course at the speed of straight travel: how near (DCPA), when (TCPA) and its course
+    relative to own ship's.
+    """
+    speed = max((v for v, turn in world.actions if turn == 0.0), default=world.actions[0][0])
+    heading = math.radians(case.heading)
+    velocity = speed * math.cos(heading), speed * math.sin(heading)
+    nearest, when, course = math.inf, 0.0, heading
+    for ship in case.target_ships:
+        angle = math.radians(ship.heading)
+        rx, ry = ship.x - case.start[0], ship.y - case.start[1]
+        vx, vy = ship.speed * math.cos(angle) - velocity[0], ship.speed * math.sin(angle) - velocity[1]
+        speed2 = vx * vx + vy * vy
+        time = max(0.0, -(rx * vx + ry * vy) / speed2) if speed2 else 0.0
+        apart = math.hypot(rx + vx * time, ry + vy * time)
+        if apart < nearest:
+            nearest, when, course = apart, time, angle
+    danger = world.safe_distance / max(nearest, world.safe_distance)
+    return {
+        "target ships": len(case.target_ships) / 4.0,
+        "goal distance": math.dist(case.start, case.goal) / 600.0,
+        "danger": danger,
+        "tcpa": min(when / world.max_steps / world.dt, 1.0),
+        "relative course east": 0.5 * danger * math.cos(course - heading),
+        "relative course north": 0.5 * danger * math.sin(course - heading),
+    }
+
+
+def distance(base: Case, target: Case, world: World, weights: dict[str, float] | None = None) -> float:
+    """Equation 7, with the squares that the word Euclidean asks for; 0 is the same case."""
+    a, b = characteristics(base, world), characteristics(target, world)
+    weight = weights or dict.fromkeys(a, 1.0)
+    return math.sqrt(sum(weight[name] * (a[name] - b[name]) ** 2 for name in a))

@@ -1,0 +1,157 @@
+"""Every group of conf/ composes, and every wrong value is refused with its key and what is allowed."""
+
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+
+from ship_trl.checks import to_config
+from ship_trl.config import Config, ConfigError, Method, plain
+from ship_trl.paths import conf_dir
+from ship_trl.plan import make_run
+
+HIGH = ["+pair=high", "method=finetune", "layers=3"]
+
+
+def composed(*overrides: str) -> Config:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        return to_config(compose("config", list(overrides)))
+
+
+def options(group: str) -> list[str]:
+    return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+
+
+def test_the_main_line_says_what_it_says() -> None:
+    config = composed(*HIGH)
+    assert (config.source, config.target, config.method, config.layers) == ("1", "2", Method.finetune, 3)
+    assert (config.label, config.arm, config.profile, config.output) == ("high", "FT3", "quick", "outputs")
+
+
+@pytest.mark.parametrize("pair", options("pair"))
+def test_every_pair_composes(pair: str) -> None:
+    config = composed(f"+pair={pair}", "layers=all")
+    assert config.label == pair and config.arm == "FTW"
+    assert make_run(config).source is not None
+
+
+@pytest.mark.parametrize("arm", options("arm"))
+def test_every_arm_composes(arm: str) -> None:
+    config = composed("+pair=low", f"+arm={arm}")
+    assert config.arm == arm
+
+
+@pytest.mark.parametrize("case", options("case"))
+def test_every_case_composes(case: str) -> None:
+    config = composed(f"target={case}", "method=scratch")
+    assert config.label == case and make_run(config).target.name == case
+
+
+@pytest.mark.parametrize("profile", options("profile"))
+def test_every_profile_composes(profile: str) -> None:
+    assert composed(*HIGH, f"profile={profile}").profile == profile
+
+
+@pytest.mark.parametrize("group", ["world", "learn"])
+def test_every_other_group_composes(group: str) -> None:
+    for name in options(group):
+        composed(*HIGH, f"{group}={name}")
+
+
+def test_every_group_is_covered() -> None:
+    groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
+    assert groups == {"pair", "arm", "case", "profile", "world", "learn"}
+
+
+def test_any_two_cases_are_a_pair() -> None:
+    config = composed("source=3", "target=2", "layers=1")
+    assert config.label == "3-2" and config.pair is None
+
+
+def test_config_survives_yaml() -> None:
+    config = composed(*HIGH)
+    from omegaconf import OmegaConf
+
+    assert to_config(OmegaConf.create(OmegaConf.to_yaml(OmegaConf.create(plain(config))))) == config
+
+
+WRONG = {
+    "": "pair: none given",
+    "layers=3": "pair: none given",
+    "+pair=high": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=0": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=banana": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=2.5": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=true": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4 with",
+    "+pair=high method=feature_extraction": "layers: must be 1, 2, 3, 4 with",
+    "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
+    "+pair=high method=scratch source_file=x": "source_file: must be left out with method=scratch",
+    "target=2 layers=2": "source: must be a case",
+    "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
+    "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb]",
+    "+pair=high layers=3 wandb.mode=banana": "wandb.mode: Invalid value 'banana', expected one of",
+    "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, smooth_l1]",
+    "+pair=high layers=3 device=tpu": "device: must be cpu or cuda, got tpu",
+    "+pair=high layers=3 seed=-1": "seed: must be at least 0",
+    "+pair=high layers=3 seed=one": "seed: Value 'one' of type 'str' could not be converted to Integer",
+    "+pair=high layers=3 learn.episodes=-5": "learn.episodes: must be at least 1, got -5",
+    "+pair=high layers=3 learn.episodes=0": "learn.episodes: must be at least 1",
+    "+pair=high layers=3 learn.num_envs=0": "learn.num_envs: must be at least 1",
+    "+pair=high layers=3 learn.batch_size=0": "learn.batch_size: must be at least 1",
+    "+pair=high layers=3 learn.replay_size=8": "learn.batch_size: must be at most learn.replay_size=8",
+    "+pair=high layers=3 learn.update_every=0": "learn.update_every: must be at least 1",
+    "+pair=high layers=3 learn.evaluate_every=0": "learn.evaluate_every: must be at least 1",
+    "+pair=high layers=3 learn.warmup_steps=-1": "learn.warmup_steps: must be at least 0",
+    "+pair=high layers=3 learn.lr=0": "learn.lr: must be above 0",
+    "+pair=high layers=3 learn.lr=nan": "learn.lr: must be above 0, got nan",
+    "+pair=high layers=3 learn.reward_scale=-1": "learn.reward_scale: must be above 0",
+    "+pair=high layers=3 learn.gamma=1.1": "learn.gamma: must be from 0 to 1",
+    "+pair=high layers=3 learn.tau=0": "learn.tau: must be above 0",
+    "+pair=high layers=3 learn.tau=2": "learn.tau: must be from 0 to 1",
+    "+pair=high layers=3 learn.epsilon_start=2": "learn.epsilon_start: must be from 0 to 1",
+    "+pair=high layers=3 learn.epsilon_end=-1": "learn.epsilon_end: must be from 0 to 1",
+    "+pair=high layers=3 learn.epsilon_fraction=0": "learn.epsilon_fraction: must be above 0",
+    "+pair=high layers=3 world.dt=0": "world.dt: must be above 0",
+    "+pair=high layers=3 world.max_steps=0": "world.max_steps: must be above 0",
+    "+pair=high layers=3 world.safe_distance=inf": "world.safe_distance: must be above 0, got inf",
+    "+pair=high layers=3 world.reward.goal=nan": "world.reward.goal: must be a finite number",
+    "+pair=high layers=3 world.actions=[[1.0]]": "world.actions: must be a list of [v in m/s, omega in rad/s]",
+    "+pair=high layers=3 world.actions=[]": "world.actions: must be a list of",
+    "+pair=high layers=3 +typo=3": "typo: unknown key; allowed here: pair, source, target",
+    "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes,",
+    "+pair=high layers=3 +world.reward.typo=3": "world.reward.typo: unknown key; allowed here: goal,",
+    "+pair=high layers=3 ~learn.lr": "learn.lr: missing",
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_wrong_values_are_refused(line: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        composed(*line.split())
+    message = str(caught.value)
+    assert message.startswith(WRONG[line])
+    assert "\n" not in message
+
+
+UNRUNNABLE = {
+    "target=9 method=scratch": "target: no case 9; allowed: 1, 2, 3, 4, 5, 6, new, or a path",
+    "source=9 target=1 layers=1": "source: no case 9; allowed: 1,",
+    "+pair=high layers=3 source_file=nowhere": "source_file: no file nowhere",
+}
+
+
+@pytest.mark.parametrize("line", UNRUNNABLE)
+def test_what_is_not_there_is_refused(line: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        make_run(composed(*line.split()))
+    assert str(caught.value).startswith(UNRUNNABLE[line])
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    place = tmp_path / "taken"
+    place.write_text("mine")
+    with pytest.raises(ConfigError, match="output: .*taken is not a folder that can be written"):
+        make_run(composed(*HIGH, f"output={place}"))
+    assert place.read_text() == "mine"

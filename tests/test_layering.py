@@ -1,0 +1,77 @@
+"""The folder tree is the architecture: imports point down only, and no file grows past its subject."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "ship_trl"
+# What each part may import of the package, besides itself.
+BELOW = {"config", "paths"}
+SIM = BELOW | {"sim"}
+ALLOWED = {
+    "paths": set(),
+    "config": set(),
+    "checks": {"config"},
+    "sim": BELOW,
+    "learn": BELOW,
+    "transfer": SIM | {"learn"},
+    "plan": SIM,
+    "view": SIM | {"learn"},
+    "process": set(),
+    "console": BELOW | {"learn"},
+    "cli": BELOW,
+    "gym_env": SIM | {"view"},
+    "tracking": SIM | {"learn", "plan", "transfer"},
+    "cases": SIM | {"cli", "transfer", "view"},
+    "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
+    "__main__": BELOW | {"checks", "cli", "experiment", "plan"},
+    "__init__": set(),
+}
+WITHOUT_TORCH = ("config", "checks", "paths", "plan", "cli", "__main__", "sim/cases", "transfer/similarity", "transfer/casebase")
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+
+def part(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports(path: Path) -> list[str]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return names
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_point_down(path: Path) -> None:
+    mine = part(path)
+    for name in imports(path):
+        if name.startswith("ship_trl."):
+            other = name.split(".")[1]
+            assert other == mine or other in ALLOWED[mine], f"{mine} must not import {name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_files_have_one_subject(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= 220
+    assert path.stem not in {"utils", "common", "helpers", "misc"}
+
+
+@pytest.mark.parametrize("name", WITHOUT_TORCH)
+def test_checks_come_before_torch(name: str) -> None:
+    tree = ast.parse((PACKAGE / f"{name}.py").read_text())
+    top = [n for n in tree.body if isinstance(n, ast.Import | ast.ImportFrom)]
+    for node in top:
+        names = [a.name for a in node.names] if isinstance(node, ast.Import) else [str(node.module)]
+        for module in names:
+            assert not module.startswith(("torch", "tensordict"))
+
+
+def test_learner_does_not_know_the_simulator() -> None:
+    for path in (PACKAGE / "learn").glob("*.py"):
+        assert not any("sim" in name.split(".") for name in imports(path))

@@ -30,9 +30,9 @@ def row(event: Finished | Evaluated) -> dict[str, Any]:
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)
         values["return"] = values.pop("total")
-        return values
+        return known(values)
     sailed = event.sailed
-    return {
+    values = {
         "episode": event.episode,
         "steps": event.steps,
         "greedy_return": sailed.total,
@@ -40,6 +40,12 @@ def row(event: Finished | Evaluated) -> dict[str, Any]:
         "greedy_outcome": sailed.outcome,
         "greedy_dcpa": sailed.dcpa,
     }
+    return known(values)
+
+
+def known(values: dict[str, Any]) -> dict[str, Any]:
+    """Without what there is not: a loss before the first update, a DCPA without target ships."""
+    return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 
 def open_folder(run: Run) -> None:
@@ -112,7 +118,7 @@ class WandbTracker:
             name = key.removeprefix("greedy_")
             if name == "outcome":
                 values |= {f"{kind}/goal": int(value == "goal"), f"{kind}/collision": int(value == "collision")}
-            elif key != "episode" and math.isfinite(value):
+            elif key != "episode":
                 values[f"{kind}/{name}"] = value
         self._wandb.log(values)
 

@@ -16,7 +16,7 @@ from ship_trl.learn.replay import StateReplay
 
 @dataclass(frozen=True)
 class Finished:
-    """A training episode that ended. `loss` is the mean since the one before, NaN without updates."""
+    """A training episode that ended. `loss` is the mean since the one before, None without updates."""
 
     episode: int
     steps: int
@@ -25,7 +25,7 @@ class Finished:
     length: int
     outcome: str
     dcpa: float
-    loss: float
+    loss: float | None
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def train(
                 length=int(lengths[row]),
                 outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
                 dcpa=float(after["dcpa"][row]),
-                loss=float(torch.stack(losses).mean()) if losses else float("nan"),
+                loss=float(torch.stack(losses).mean()) if losses else None,
             )
             losses.clear()
             totals[row], lengths[row] = 0.0, 0

@@ -1,0 +1,106 @@
+"""The double-DQN update, exploration, freezing, and the soft target."""
+
+import copy
+
+import torch
+from tensordict import TensorDict
+from torch import Generator, Tensor
+
+from ship_trl.config import Learn, Loss
+from ship_trl.learn.agent import Agent
+from ship_trl.learn.network import DuelingNetwork
+from tests.learn.worlds import draw, schedule
+
+
+def agent(seed: int = 0, frozen: tuple[str, ...] = (), **changes: object) -> Agent:
+    network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
+    for name, parameter in network.named_parameters():
+        parameter.requires_grad_(name.split(".")[0] not in frozen)
+    return Agent(network, draw, 7, schedule(**changes), Generator().manual_seed(seed))
+
+
+def batch(size: int = 6) -> TensorDict:
+    generator = Generator().manual_seed(5)
+    state = torch.rand(size, 2, generator=generator) * 8 - 4
+    after = torch.rand(size, 2, generator=generator) * 8 - 4
+    terminated = torch.tensor([[True], [False]] * (size // 2))
+    return TensorDict(
+        {
+            "pixels": draw(state),
+            "action": torch.randint(7, (size,), generator=generator),
+            "next": {
+                "pixels": draw(after),
+                "reward": torch.rand(size, 1, generator=generator),
+                "done": torch.ones(size, 1, dtype=torch.bool),
+                "terminated": terminated,
+            },
+        },
+        batch_size=[size],
+    )
+
+
+def by_hand(online: DuelingNetwork, target: DuelingNetwork, data: TensorDict, learn: Learn) -> Tensor:
+    """Equation 2 with the double-DQN target, in plain torch; a truncated step bootstraps."""
+    with torch.no_grad():
+        choice = online(data["next", "pixels"]).argmax(-1, keepdim=True)
+        future = target(data["next", "pixels"]).gather(-1, choice)
+        wanted = data["next", "reward"] + learn.gamma * future * ~data["next", "terminated"]
+    got = online(data["pixels"]).gather(-1, data["action"][:, None])
+    if learn.loss is Loss["l2"]:
+        return (got - wanted).square().mean()
+    return torch.nn.functional.smooth_l1_loss(got, wanted)
+
+
+def test_loss_is_double_dqn_with_bootstrapped_truncation() -> None:
+    for loss in ("l2", "smooth_l1"):
+        learner = agent(loss=Loss[loss])
+        target = copy.deepcopy(learner.network)
+        for _ in range(3):  # after the first update online and target differ
+            wanted = by_hand(learner.network, target, batch(), schedule(loss=Loss[loss]))
+            got = learner.update(batch())
+            torch.testing.assert_close(got, wanted.detach(), rtol=1e-5, atol=1e-7)
+            with torch.no_grad():
+                for slow, fast in zip(target.parameters(), learner.network.parameters(), strict=True):
+                    slow.lerp_(fast, 0.05)
+
+
+def test_updates_reach_the_network_that_acts() -> None:
+    learner = agent()
+    before = [p.clone() for p in learner.network.parameters()]
+    learner.update(batch())
+    assert all(not torch.equal(a, b) for a, b in zip(before, learner.network.parameters(), strict=True))
+
+
+def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
+    learner = agent(frozen=("conv1", "conv2"))
+    before = {name: p.clone() for name, p in learner.network.named_parameters()}
+    for _ in range(5):
+        learner.update(batch())
+    for name, parameter in learner.network.named_parameters():
+        assert torch.equal(parameter, before[name]) == name.startswith(("conv1", "conv2"))
+    trained = {id(p) for group in learner.optimiser.param_groups for p in group["params"]}
+    assert id(learner.network.conv1.weight) not in trained and id(learner.network.conv3.weight) in trained
+    slow = learner.loss_module.target_value_network_params.flatten_keys(".")
+    for name in ("conv1.weight", "conv2.bias"):
+        (key,) = [key for key in slow.keys() if key.endswith(name)]
+        assert torch.equal(slow[key], before[name])
+
+
+def test_exploration_draws_from_its_own_generator() -> None:
+    state = torch.rand(200, 2) * 8 - 4
+    actions = [agent(seed).act(state, 1.0) for seed in (1, 1, 2)]
+    assert torch.equal(actions[0], actions[1]) and not torch.equal(actions[0], actions[2])
+    assert set(actions[0].tolist()) == set(range(7))
+    torch.manual_seed(0)
+    first = agent(1).act(state, 0.5)
+    torch.manual_seed(1)
+    assert torch.equal(first, agent(1).act(state, 0.5))
+
+
+def test_epsilon_is_the_share_of_random_actions() -> None:
+    learner = agent()
+    state = torch.zeros(4000, 2)
+    greedy = learner.greedy(state[:1])
+    assert torch.equal(learner.act(state, 0.0), greedy.expand(4000))
+    other = (learner.act(state, 0.5) != greedy).float().mean()
+    assert abs(float(other) - 0.5 * 6 / 7) < 0.04

@@ -1,0 +1,76 @@
+"""The paper's network, and the fast forms that must be the same function."""
+
+import torch
+import torch.nn.functional as F
+from torch import Generator, Tensor, nn
+
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+
+
+def network(seed: int = 0, channels: int = 1) -> DuelingNetwork:
+    return DuelingNetwork(channels, 7, Generator().manual_seed(seed))
+
+
+def plain_forward(net: DuelingNetwork, pixels: Tensor) -> Tensor:
+    """Figure 3 layer by layer, with stock convolutions."""
+    x = pixels.float() / 255
+    for name in CONV_NAMES:
+        x = F.relu(getattr(net, name)(x))
+    x = F.relu(net.shared(x.flatten(1)))
+    advantage = net.advantage(x)
+    return net.value(x) + advantage - advantage.mean(1, keepdim=True)
+
+
+def pixels(batch: int, channels: int = 1) -> Tensor:
+    return torch.randint(0, 256, (batch, channels, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(1))
+
+
+def test_layers_are_those_of_section_3_5() -> None:
+    net = network()
+    shapes = {name: tuple(getattr(net, name).weight.shape) for name in CONV_NAMES}
+    assert shapes == {"conv1": (32, 1, 8, 8), "conv2": (64, 32, 4, 4), "conv3": (64, 64, 3, 3), "conv4": (200, 64, 7, 7)}
+    assert [getattr(net, name).stride[0] for name in CONV_NAMES] == [4, 2, 1, 1]
+    assert [tuple(layer.weight.shape) for layer in (net.shared, net.value, net.advantage)] == [(200, 200), (1, 200), (7, 200)]
+
+
+def test_fast_forward_is_the_plain_one() -> None:
+    for channels in (1, 3):
+        net = network(channels=channels)
+        images = pixels(5, channels)
+        torch.testing.assert_close(net(images), plain_forward(net, images), rtol=1e-5, atol=1e-6)
+
+
+def test_gradients_are_the_plain_ones() -> None:
+    net = network()
+    images = pixels(3)
+    weights = list(net.parameters())
+    fast = torch.autograd.grad(net(images).square().sum(), weights)
+    slow = torch.autograd.grad(plain_forward(net, images).square().sum(), weights)
+    for got, wanted in zip(fast, slow, strict=True):
+        torch.testing.assert_close(got, wanted, rtol=1e-4, atol=1e-6)
+
+
+def test_advantages_are_centred() -> None:
+    net = network()
+    with torch.no_grad():
+        net.value.weight.zero_()
+        net.value.bias.fill_(2.0)
+    torch.testing.assert_close(net(pixels(4)).mean(-1), torch.full((4,), 2.0))
+
+
+def test_leading_dimensions_are_kept() -> None:
+    net, images = network(), pixels(6)
+    torch.testing.assert_close(net(images.reshape(2, 3, 1, 84, 84)), net(images).reshape(2, 3, 7))
+
+
+def test_initial_weights_come_from_the_generator() -> None:
+    state = torch.get_rng_state()
+    first, again, other = network(3), network(3), network(4)
+    for a, b, c in zip(first.parameters(), again.parameters(), other.parameters(), strict=True):
+        assert torch.equal(a, b)
+        assert not torch.equal(a, c)
+    for layer in first.children():
+        assert isinstance(layer, nn.Conv2d | nn.Linear)
+        assert layer.weight.abs().max() > 0
+    # PyTorch's own layers draw from the global generator while they are made; that draw is not used.
+    torch.set_rng_state(state)

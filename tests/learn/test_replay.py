@@ -1,0 +1,81 @@
+"""Replay of states: what goes in comes out, with pixels, from its own generator."""
+
+import torch
+from tensordict import TensorDict
+from torch import Generator
+
+from ship_trl.learn.replay import StateReplay
+from tests.learn.worlds import draw
+
+
+def steps(first: int, count: int) -> TensorDict:
+    """Steps numbered by their state, so that a sample can be traced."""
+    number = torch.arange(first, first + count).float()
+    flags = torch.zeros(count, 1, dtype=torch.bool)
+    return TensorDict(
+        {
+            "state": torch.stack((number, number), -1),
+            "action": (number % 7).long(),
+            "unwanted": torch.zeros(count, 1000),
+            "next": {
+                "state": torch.stack((number + 1, number + 1), -1),
+                "reward": number[:, None] * 100,
+                "done": flags,
+                "terminated": flags.clone(),
+                "truncated": flags.clone(),
+            },
+        },
+        batch_size=[count],
+    )
+
+
+def replay(capacity: int = 100, seed: int = 0) -> StateReplay:
+    return StateReplay(capacity, draw, 0.01, Generator().manual_seed(seed), torch.device("cpu"))
+
+
+def test_samples_are_whole_transitions_with_pixels() -> None:
+    memory = replay()
+    for first in range(0, 40, 4):
+        memory.extend(steps(first, 4))
+    assert len(memory) == 40
+    batch = memory.sample(64)
+    number = batch["state"][:, 0]
+    assert torch.equal(batch["action"], (number % 7).long())
+    assert torch.equal(batch["next", "state"][:, 0], number + 1)
+    torch.testing.assert_close(batch["next", "reward"][:, 0], number)
+    assert torch.equal(batch["pixels"], draw(batch["state"]))
+    assert torch.equal(batch["next", "pixels"], draw(batch["next", "state"]))
+
+
+def test_the_oldest_is_forgotten_first() -> None:
+    memory = replay(capacity=10)
+    for first in range(0, 24, 4):
+        memory.extend(steps(first, 4))
+    assert len(memory) == 10
+    seen = set(memory.sample(500)["state"][:, 0].int().tolist())
+    assert seen == set(range(14, 24))
+
+
+def test_storage_holds_no_pixels() -> None:
+    memory = replay(capacity=50_000)
+    memory.extend(steps(0, 4))
+    stored = memory.buffer.storage._storage
+    size = sum(value.numel() * value.element_size() for value in stored.values(True, True))
+    assert size < 16 * 2**20
+
+
+def test_draws_come_from_its_own_generator() -> None:
+    batches = []
+    for seed, world in ((1, 0), (1, 9), (2, 0)):
+        torch.manual_seed(world)
+        memory = replay(seed=seed)
+        memory.extend(steps(0, 60))
+        batches.append(memory.sample(32)["state"])
+    assert torch.equal(batches[0], batches[1])
+    assert not torch.equal(batches[0], batches[2])
+
+
+def test_reward_of_the_given_steps_is_left_alone() -> None:
+    given = steps(0, 4)
+    replay().extend(given)
+    assert torch.equal(given["next", "reward"][:, 0], torch.arange(4) * 100.0)

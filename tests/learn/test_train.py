@@ -1,0 +1,100 @@
+"""The loop, on a world that is not the simulator."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Generator
+
+from ship_trl.learn.agent import Agent
+from ship_trl.learn.evaluate import evaluate
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.train import Evaluated, Finished, epsilon_at, train
+from tests.learn.worlds import Corridor, draw, schedule
+
+
+def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], Agent]:
+    learn = schedule(**changes)
+    generators = [Generator().manual_seed(seed * 10 + k) for k in range(3)]
+    agent = Agent(DuelingNetwork(1, 3, generators[0]), draw, 3, learn, generators[1])
+    memory = StateReplay(learn.replay_size, draw, learn.reward_scale, generators[2], torch.device("cpu"))
+    return list(train(Corridor(learn.num_envs), Corridor(1), agent, memory, learn)), agent
+
+
+def test_it_learns() -> None:
+    found, _ = events(episodes=120, lr=1e-3)
+    returns = [e.sailed.total for e in found if isinstance(e, Evaluated)]
+    assert max(returns[1:]) == 96.0
+
+
+def test_every_episode_is_reported_once_and_in_order() -> None:
+    found, _ = events()
+    episodes = [e for e in found if isinstance(e, Finished)]
+    assert [e.episode for e in episodes] == list(range(1, 31))
+    for e in episodes:
+        gain = {"goal": 100, "collision": -100, "timeout": 0}[e.outcome]
+        assert e.total == gain - e.length
+        assert e.length == 12 if e.outcome == "timeout" else 4 <= e.length <= 12
+    assert {e.outcome for e in episodes} == {"goal", "collision", "timeout"}
+
+
+def test_evaluations_come_before_after_and_between() -> None:
+    found, _ = events(episodes=25)
+    assert [e.episode for e in found if isinstance(e, Evaluated)] == [0, 10, 20, 25]
+
+
+def test_one_update_for_every_so_many_steps() -> None:
+    learn = schedule()
+    generator = Generator().manual_seed(0)
+    agent = Agent(DuelingNetwork(1, 3, generator), draw, 3, learn, generator)
+    memory = StateReplay(learn.replay_size, draw, 0.01, generator, torch.device("cpu"))
+    count, steps = 0, 0
+    update = agent.update
+
+    def counted(batch):  # type: ignore[no-untyped-def]
+        nonlocal count
+        count += 1
+        return update(batch)
+
+    agent.update = counted  # type: ignore[method-assign]
+    for event in train(Corridor(3), Corridor(1), agent, memory, learn):
+        steps = event.steps
+    assert count == (steps - learn.warmup_steps) // learn.update_every
+
+
+def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
+    (first, one), (again, two), (other, three) = events(1), events(1), events(2)
+    assert [e for e in first if isinstance(e, Finished)] == [e for e in again if isinstance(e, Finished)]
+    for a, b, c in zip(one.network.parameters(), two.network.parameters(), three.network.parameters(), strict=True):
+        assert torch.equal(a, b) and not torch.equal(a, c)
+    lengths = [[e.length for e in run if isinstance(e, Finished)] for run in (first, other)]
+    assert lengths[0] != lengths[1]
+
+
+def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
+    _, agent = events()
+    state = agent.exploration.get_state()
+    sailed, again = evaluate(Corridor(1), agent), evaluate(Corridor(1), agent)
+    assert torch.equal(agent.exploration.get_state(), state)
+    assert sailed.total == again.total and torch.equal(sailed.actions, again.actions)
+    assert torch.equal(sailed.q_values.argmax(-1), sailed.actions)
+    assert len(sailed.states) == sailed.length + 1
+
+
+@given(episode=st.integers(0, 1000), fraction=st.floats(0.1, 1.0))
+def test_epsilon_falls_linearly_and_then_stays(episode: int, fraction: float) -> None:
+    learn = schedule(episodes=1000, epsilon_fraction=fraction, epsilon_end=0.1)
+    got = epsilon_at(episode, learn)
+    annealed = fraction * 1000
+    assert got == pytest.approx(max(0.1, 1.0 - 0.9 * episode / annealed))
+    assert 0.1 - 1e-12 <= got <= 1.0
+
+
+def test_epsilon_is_not_a_constant() -> None:
+    learn = schedule()
+    assert epsilon_at(0, learn) == 1.0
+    assert 0.01 < epsilon_at(9, learn) < 1.0
+    assert math.isclose(epsilon_at(30, learn), 0.01)

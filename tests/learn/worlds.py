@@ -1,0 +1,64 @@
+"""A world of one number, so that the learner is tested without the simulator."""
+
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor
+from torchrl.data import Binary, Categorical, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from ship_trl.config import Learn, Loss
+
+
+class Corridor(EnvBase):
+    """Action 1 goes right, others left; 4 to the right is the goal, 4 to the left a collision."""
+
+    def __init__(self, num_envs: int, limit: int = 12) -> None:
+        super().__init__(batch_size=torch.Size([num_envs]))
+        self.limit = limit
+        shape = self.batch_size
+        flag = lambda: Binary(1, shape=(*shape, 1), dtype=torch.bool)  # noqa: E731
+        self.observation_spec = Composite(
+            state=Unbounded(shape=(*shape, 2)), dcpa=Unbounded(shape=(*shape, 1)), goal=flag(), collision=flag(), shape=shape
+        )
+        self.action_spec = Categorical(3, shape=shape)
+        self.reward_spec = Unbounded(shape=(*shape, 1))
+        self.done_spec = Composite(done=flag(), terminated=flag(), truncated=flag(), shape=shape)
+
+    def _set_seed(self, seed: int | None) -> None: ...
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
+        no = torch.zeros((*self.batch_size, 1), dtype=torch.bool)
+        values = {"state": torch.zeros(*self.batch_size, 2), "dcpa": torch.zeros(*self.batch_size, 1)}
+        values |= {name: no.clone() for name in ("goal", "collision", "done", "terminated", "truncated")}
+        return TensorDict(values, batch_size=self.batch_size)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDict:
+        move = torch.where(tensordict["action"] == 1, 1.0, -1.0)
+        state = tensordict["state"] + torch.stack((move, torch.ones_like(move)), -1)
+        goal, collision = state[:, :1] >= 4, state[:, :1] <= -4
+        terminated = goal | collision
+        truncated = (state[:, 1:] >= self.limit) & ~terminated
+        values = {"state": state, "dcpa": state[:, :1].abs(), "goal": goal, "collision": collision}
+        values |= {"reward": goal.float() * 100 - collision.float() * 100 - 1.0}
+        values |= {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
+        return TensorDict(values, batch_size=self.batch_size)
+
+
+def draw(state: Tensor) -> Tensor:
+    """A bar whose place tells the position: uint8 [..., 1, 84, 84]."""
+    place = ((state[..., 0] + 4) * 10).clamp(0, 80)
+    column = torch.arange(84)
+    bar = (column - place[..., None]).abs() < 6
+    return (bar.to(torch.uint8) * 255)[..., None, None, :].expand(*state.shape[:-1], 1, 84, 84).contiguous()
+
+
+def schedule(**changes: Any) -> Learn:
+    """Hyperparameters of a short training."""
+    values: dict[str, Any] = {
+        "episodes": 30, "num_envs": 3, "gamma": 0.9, "lr": 1e-3, "batch_size": 8, "replay_size": 500,
+        "warmup_steps": 30, "update_every": 4, "tau": 0.05, "loss": Loss["l2"], "reward_scale": 0.01,
+        "epsilon_start": 1.0, "epsilon_end": 0.01, "epsilon_fraction": 0.6, "evaluate_every": 10,
+    }  # fmt: skip
+    return Learn(**(values | changes))

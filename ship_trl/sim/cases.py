@@ -48,6 +48,13 @@ class Case:
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
+def load_world(name: str = "paper") -> World:
+    """The shared physics of conf/world, for use without Hydra."""
+    values = OmegaConf.merge(OmegaConf.structured(World), OmegaConf.load(conf_dir() / "world" / f"{name}.yaml"))
+    world: Any = OmegaConf.to_object(values)
+    return world
+
+
 def case_folders() -> list[Path]:
     """Where cases are looked up by name: the working directory's conf/case, then the shipped ones."""
     return [Path("conf/case"), conf_dir() / "case"]

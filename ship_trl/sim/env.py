@@ -13,10 +13,9 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import STATE_SIZE, STEP, advance, target_positions
-from ship_trl.sim.geometry import angle_off_bow, closest_approach
+from ship_trl.sim.dynamics import STATE_SIZE
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.reward import ROUNDING, step_reward
+from ship_trl.sim.transition import Transition
 
 
 class ShipEnv(EnvBase):
@@ -48,17 +47,7 @@ class ShipEnv(EnvBase):
     ) -> None:
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.case, self.world = case, world
-        tensor = lambda values: torch.tensor(values, dtype=torch.float32, device=self.device)  # noqa: E731
-        self._actions = tensor(world.actions)
-        self._goal = tensor(case.goal)
-        self._ship_start = tensor([[s.x, s.y] for s in case.target_ships]).reshape(-1, 2)
-        self._ship_velocity = tensor(
-            [
-                [s.speed * math.cos(math.radians(s.heading)), s.speed * math.sin(math.radians(s.heading))]
-                for s in case.target_ships
-            ]
-        ).reshape(-1, 2)
-        self._start = tensor([*case.start, math.radians(case.heading), 0.0])
+        self._transition = Transition(case, world, self.device)
         self.rasteriser = Rasteriser(case, world, colour=colour, device=self.device)
         self.from_pixels = from_pixels
         self._make_specs()
@@ -95,44 +84,26 @@ class ShipEnv(EnvBase):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         rows = (*self.batch_size, 1)
-        state = self._start.expand(*self.batch_size, STATE_SIZE).clone()
+        state = self._transition.start.expand(*self.batch_size, STATE_SIZE).clone()
         dcpa = torch.full(rows, math.inf, device=self.device)
         no = torch.zeros(rows, dtype=torch.bool, device=self.device)
-        fresh = TensorDict(
+        # Of a partial reset TorchRL itself keeps the rows that go on.
+        return TensorDict(
             self._observe(state, dcpa, no, no.clone())
             | {"done": no.clone(), "terminated": no.clone(), "truncated": no.clone()},
             batch_size=self.batch_size,
             device=self.device,
         )
-        mask = None if tensordict is None else tensordict.get("_reset", None)
-        if mask is None or bool(mask.all()):
-            return fresh
-        assert tensordict is not None
-        kept = tensordict.select(*fresh.keys(), strict=False)
-        for key, value in fresh.items():
-            rows_mask = mask.reshape(mask.shape[0], *[1] * (value.dim() - 1))
-            fresh.set(key, torch.where(rows_mask, value, kept.get(key, value)))
-        return fresh
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        before = tensordict["state"]
-        after = advance(before, tensordict["action"], self._actions, self.world.dt)
-        apart = closest_approach(
-            self._targets(before) - before[:, None, :2], self._targets(after) - after[:, None, :2]
-        )
-        nearest = apart.amin(-1) if apart.shape[-1] else torch.full_like(before[:, 0], math.inf)
-        distance = torch.linalg.vector_norm(self._goal - after[:, :2], dim=-1)
-        collision = nearest < self.world.safe_distance
-        goal = (distance <= self.world.goal_distance + ROUNDING) & ~collision
-        off_bow = angle_off_bow(after[:, :2], after[:, 2], self._goal)
-        reward = step_reward(self.world.reward, distance, off_bow, goal, collision)
-        terminated = (goal | collision).unsqueeze(-1)
-        truncated = (after[:, STEP] >= self.world.max_steps).unsqueeze(-1) & ~terminated
-        dcpa = torch.minimum(tensordict["dcpa"], nearest.unsqueeze(-1))
+        after = self._transition(tensordict["state"], tensordict["action"])
+        terminated = (after.goal | after.collision).unsqueeze(-1)
+        truncated = after.truncated.unsqueeze(-1)
+        dcpa = torch.minimum(tensordict["dcpa"], after.apart.unsqueeze(-1))
         return TensorDict(
-            self._observe(after, dcpa, goal.unsqueeze(-1), collision.unsqueeze(-1))
+            self._observe(after.state, dcpa, after.goal.unsqueeze(-1), after.collision.unsqueeze(-1))
             | {
-                "reward": reward.unsqueeze(-1),
+                "reward": after.reward.unsqueeze(-1),
                 "done": terminated | truncated,
                 "terminated": terminated,
                 "truncated": truncated,
@@ -140,9 +111,6 @@ class ShipEnv(EnvBase):
             batch_size=self.batch_size,
             device=self.device,
         )
-
-    def _targets(self, state: Tensor) -> Tensor:
-        return target_positions(state, self._ship_start, self._ship_velocity, self.world.dt)
 
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """Step, then start the finished rows afresh.

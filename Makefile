@@ -1,0 +1,45 @@
+# make run    the main job; make run ARGS="+pair=low method=scratch" another one
+# make test   style, types and tests
+# Both install into .venv first, once for each change of pyproject.toml.
+
+PYTHON ?= python3
+VENV ?= .venv
+ARGS ?= +pair=high method=finetune layers=3
+
+BIN = $(VENV)/bin
+# A second thread makes these small networks slower: one thread a process, one process a core.
+export OMP_NUM_THREADS = 1
+
+python_fits = $(shell $(PYTHON) -c "import sys; print((3, 11) <= sys.version_info[:2] <= (3, 12))" 2>/dev/null)
+check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python 3.11 or 3.12, and $(PYTHON) is not: try make PYTHON=python3.11))
+
+.PHONY: run test format clean
+.NOTPARALLEL:
+
+run: $(VENV)/.run
+	$(BIN)/python -m ship_trl $(ARGS)
+
+test: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+format: $(VENV)/.test
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+$(VENV)/.run: pyproject.toml
+	$(check_python)
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --editable .
+	touch $@
+
+$(VENV)/.test: pyproject.toml
+	$(check_python)
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --editable '.[dev]'
+	touch $(VENV)/.run $@

@@ -1,0 +1,33 @@
+"""Shared by all tests: the paper's world, cases by hand, one torch thread."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import torch
+
+from ship_trl.config import World
+from ship_trl.sim.cases import Case, TargetShip, load_world
+
+torch.set_num_threads(1)
+
+
+def paper_world() -> World:
+    """The shared physics of conf/world/paper.yaml."""
+    return load_world()
+
+
+@pytest.fixture
+def world() -> World:
+    return paper_world()
+
+
+@pytest.fixture
+def make_case() -> Callable[..., Case]:
+    """Build a case from target ships given as (x, y, heading in degrees, speed)."""
+
+    def make(*ships: tuple[float, float, float, float], **changes: Any) -> Case:
+        values: dict[str, Any] = {"start": [0.0, 0.0], "heading": 90.0, "goal": [0.0, 600.0], "ideal_path": "any"}
+        return Case(**(values | changes), target_ships=[TargetShip(*ship) for ship in ships], name="made")
+
+    return make

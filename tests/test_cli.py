@@ -1,0 +1,180 @@
+"""The real commands in a process of their own."""
+
+import csv
+import json
+import os
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
+
+
+def ship_trl(*arguments: str, folder: Path, module: str = "ship_trl", code: int = 0) -> subprocess.CompletedProcess[str]:
+    """Run `python -m ship_trl ...` in `folder` and check its exit code."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
+    environment.pop("HYDRA_FULL_ERROR", None)
+    done = subprocess.run(
+        [sys.executable, "-m", module, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the main command was run once, at smoke size."""
+    folder = tmp_path_factory.mktemp("trained")
+    done = ship_trl(*SMOKE, folder=folder)
+    assert "case 1 -> case 2, FT3, seed 0" in done.stdout
+    return folder
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; sys.argv = ['ship_trl', '--help']\n"
+        "from ship_trl.__main__ import main; main()\n"
+        "assert not {'torch', 'hydra', 'omegaconf', 'pygame', 'wandb'} & set(sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "+pair=high method=finetune layers=3" in done.stdout
+    assert "FE1, FE2, FE3, FE4, FT1, FT2, FT3, FT4, FTW, scratch" in done.stdout
+
+
+def test_main_command_leaves_a_whole_result(trained: Path) -> None:
+    outputs = trained / "outputs/smoke"
+    for run in ("1/scratch/seed=0", "high/FT3/seed=0"):
+        assert sorted(p.name for p in (outputs / run).iterdir()) == [
+            "config.yaml", "curve.csv", "curve.png", "episode.gif", "policy.safetensors",
+            "policy_last.safetensors", "result.json",
+        ]  # fmt: skip
+    result = json.loads((outputs / "high/FT3/seed=0/result.json").read_text())
+    assert (result["arm"], result["source"], result["target"], result["episodes"]) == ("FT3", "1", "2", 6)
+    assert result["best_known_return"] == pytest.approx(83.9, abs=0.01)
+    with (outputs / "high/FT3/seed=0/curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(r["episode"]) for r in rows if r["return"]] == [1, 2, 3, 4, 5, 6]
+    greedy = {int(r["episode"]): float(r["greedy_return"]) for r in rows if r["greedy_return"]}
+    assert list(greedy) == [0, 3, 6]
+    assert result["best"]["return"] == max(greedy.values()) == greedy[result["best"]["episode"]]
+    assert result["final"]["return"] == greedy[6] and result["before"]["return"] == greedy[0]
+    assert not [p for p in trained.rglob("*") if p.name.startswith(".")]
+
+
+def test_second_run_takes_the_retained_source(trained: Path) -> None:
+    done = ship_trl(*SMOKE, "layers=2", folder=trained)
+    assert "source: outputs/smoke/case_base/1/scratch/seed=0-" in done.stdout
+    entries = sorted(str(p.relative_to(trained / "outputs/smoke/case_base")) for p in trained.rglob("entry.json"))
+    assert [entry.split("/")[:2] for entry in entries] == [["1", "scratch"], ["2", "FT2-from-1"], ["2", "FT3-from-1"]]
+
+
+def test_finished_run_is_shown_not_trained_again(trained: Path) -> None:
+    before = files(trained / "outputs/smoke/high/FT3")
+    done = ship_trl(*SMOKE, folder=trained)
+    assert "holds this run already" in done.stdout
+    assert files(trained / "outputs/smoke/high/FT3") == before
+
+
+def test_same_seed_same_bytes(trained: Path, tmp_path: Path) -> None:
+    ship_trl(*SMOKE, folder=tmp_path)
+    for name in ("curve.csv", "policy.safetensors", "policy_last.safetensors", "episode.gif"):
+        for run in ("1/scratch/seed=0", "high/FT3/seed=0"):
+            mine, other = (folder / "outputs/smoke" / run / name for folder in (trained, tmp_path))
+            assert mine.read_bytes() == other.read_bytes(), (run, name)
+
+
+def test_frozen_layers_are_the_source_s_bytes(trained: Path) -> None:
+    from safetensors import safe_open
+
+    ship_trl("profile=smoke", "+pair=high", "+arm=FE3", folder=trained)
+    base = next((trained / "outputs/smoke/case_base/1/scratch").iterdir()) / "policy.safetensors"
+    last = trained / "outputs/smoke/high/FE3/seed=0/policy_last.safetensors"
+    with safe_open(base, "pt") as source, safe_open(last, "pt") as target:
+        for key in source.keys():
+            same = bool((source.get_tensor(key) == target.get_tensor(key)).all())
+            assert same == key.startswith(("conv1", "conv2", "conv3")), key
+
+
+def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:
+    done = ship_trl("-m", "profile=smoke", "target=1", "method=scratch", "seed=1,-1,2", folder=trained, code=1)
+    assert "ship_trl: seed: must be at least 0, got -1" in done.stderr
+    assert "Traceback" not in done.stderr
+    for seed in (1, 2):
+        assert (trained / f"outputs/smoke/1/scratch/seed={seed}/result.json").is_file()
+    curves = [(trained / f"outputs/smoke/1/scratch/seed={seed}/curve.csv").read_bytes() for seed in (0, 1, 2)]
+    assert len(set(curves)) == 3
+
+
+def test_wandb_runs_offline_and_are_grouped(tmp_path: Path) -> None:
+    ship_trl("-m", *SMOKE[:2], "+arm=scratch,FT1", "logger=wandb", folder=tmp_path)
+    runs = sorted((tmp_path / "outputs/smoke/wandb").glob("offline-run-*"))
+    assert len(runs) == 3  # scratch, the source of FT1, FT1
+    assert all(list(run.glob("run-*.wandb")) for run in runs)
+
+
+def test_a_case_of_ones_own_is_one_file(tmp_path: Path) -> None:
+    (tmp_path / "conf/case").mkdir(parents=True)
+    text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")
+    (tmp_path / "conf/case/mine.yaml").write_text(text)
+    ship_trl("profile=smoke", "target=mine", "method=scratch", folder=tmp_path)
+    assert (tmp_path / "outputs/smoke/mine/scratch/seed=0/result.json").is_file()
+
+
+REFUSED = {
+    "": "pair: none given",
+    "+pair=banana layers=3": "pair: no banana; allowed: high, low, lowest",
+    "pair=high layers=3": "pair: write +pair=NAME; allowed: high, low, lowest",
+    "+arm=FE9": "arm: no FE9; allowed: FE1,",
+    "profile=banana": "profile: no banana; allowed: paper, quick, smoke",
+    "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all with method=finetune, got 5",
+    "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch, got 2",
+    "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
+    "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
+    "+pair=high layers=[": "no viable alternative",
+    "+pair=high layers=3 device=cuda": "device: no CUDA device",
+    "+pair=high layers=3 learn=null": "Config group override must be a string or a list",
+    "target=broken.yaml method=scratch": "broken.yaml: goal: missing",
+    "+pair=high layers=3 source_file=pickle.safetensors": "source_file: pickle.safetensors is not a whole",
+    "+pair=high layers=3 output=taken": "output: taken is not a folder that can be written",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) -> None:
+    import torch
+
+    if "device=cuda" in line and torch.cuda.is_available():
+        line = "+pair=high layers=3 device=cuda:99"
+    (tmp_path / "taken").write_text("mine")
+    (tmp_path / "pickle.safetensors").write_bytes(pickle.dumps({"conv1.weight": 1}))
+    (tmp_path / "broken.yaml").write_text("start: [0.0, 0.0]\nheading: 90.0\nideal_path: any\ntarget_ships: []\n")
+    before = files(tmp_path)
+    done = ship_trl(*line.split(), folder=tmp_path, code=1)
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"ship_trl: {REFUSED[line]}")
+    assert done.stderr.count("\n") == 1
+    assert files(tmp_path) == before
+
+
+def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
+    done = ship_trl(folder=tmp_path, module="ship_trl.cases")
+    for pair, value in (("high", "0.83"), ("low", "0.45"), ("lowest", "0.42")):
+        assert any(pair in row and value in row for row in done.stdout.splitlines())
+    assert (tmp_path / "outputs/cases.png").stat().st_size > 20_000
+
+
+def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
+    done = ship_trl("--target", "new", folder=tmp_path, module="ship_trl.cases")
+    assert "source=2 target=new method=feature_extraction layers=3" in done.stdout
+    done = ship_trl("--target", "banana", folder=tmp_path, module="ship_trl.cases", code=1)
+    assert done.stderr.startswith("ship_trl: --target: no case banana; allowed: 1, 2")
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,84 @@
+"""The wheel, built from the sdist, runs by itself from an empty folder: no checkout, no copy of its own."""
+
+import configparser
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ship_trl
+
+ROOT = Path(__file__).parent.parent
+HIGH = ("+pair=high", "method=finetune", "layers=3")
+
+
+def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> str:
+    """Standard output of a Python of its own, which must end well."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    environment |= {"OMP_NUM_THREADS": "1"} | ({"PYTHONPATH": str(path)} if path else {})
+    line = [sys.executable, *map(str, arguments)]
+    done = subprocess.run(line, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{' '.join(line)}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder by its relative name."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that holds the installed wheel and nothing else."""
+    built, place = tmp_path_factory.mktemp("built"), tmp_path_factory.mktemp("installed")
+    python("-m", "hatchling", "build", "-t", "sdist", "-d", built, cwd=ROOT)
+    pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")
+    alone = ("--no-deps", "--no-index")
+    (sdist,) = built.glob("*.tar.gz")
+    python(*pip, "wheel", *alone, "--no-build-isolation", "-w", built, sdist, cwd=built)
+    (wheel,) = built.glob("*.whl")
+    python(*pip, "install", *alone, "--target", place, wheel, cwd=built)
+    return place
+
+
+def test_wheel_holds_the_package_and_its_conf(installed: Path) -> None:
+    package = files(ROOT / "ship_trl")
+    conf = {f"conf/{name}": content for name, content in files(ROOT / "conf").items()}
+    assert files(installed / "ship_trl") == package | conf
+    assert {path.name for path in installed.iterdir()} == {
+        "bin",
+        "ship_trl",
+        f"ship_trl-{ship_trl.__version__}.dist-info",
+    }
+
+
+def test_console_script_is_the_module(installed: Path) -> None:
+    points = configparser.ConfigParser()
+    points.read(installed / f"ship_trl-{ship_trl.__version__}.dist-info" / "entry_points.txt")
+    assert dict(points["console_scripts"]) == {"ship-trl": "ship_trl.__main__:main"}
+
+
+def test_wheel_uses_its_own_conf(installed: Path, tmp_path: Path) -> None:
+    code = "import ship_trl, ship_trl.paths as p; print(ship_trl.__file__); print(p.conf_dir())"
+    found = [Path(line) for line in python("-c", code, cwd=tmp_path, path=installed).splitlines()]
+    package = (installed / "ship_trl").resolve()
+    assert [path.resolve() for path in found] == [package / "__init__.py", package / "conf"]
+
+
+def test_wheel_gives_help(installed: Path, tmp_path: Path) -> None:
+    said = python("-m", "ship_trl", "--help", cwd=tmp_path, path=installed)
+    assert " ".join(HIGH) in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_wheel_runs_the_main_line(installed: Path, tmp_path: Path) -> None:
+    python("-m", "ship_trl", *HIGH, "profile=smoke", cwd=tmp_path, path=installed)
+    assert {path.name for path in tmp_path.iterdir()} == {"outputs"}
+    folder = tmp_path / "outputs" / "smoke" / "high" / "FT3" / "seed=0"
+    assert {"result.json", "curve.csv", "policy.safetensors"} <= {path.name for path in folder.iterdir()}

@@ -1,0 +1,92 @@
+"""The case base: retention, retrieval, ranking."""
+
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config import Method, World
+from ship_trl.sim.cases import Case, case_names, load_case
+from ship_trl.transfer.casebase import CaseBase, rank, recommend
+
+
+@pytest.fixture
+def finished(tmp_path: Path) -> Path:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "policy.safetensors").write_bytes(b"weights")
+    (folder / "config.yaml").write_text("seed: 0\n")
+    return folder
+
+
+@pytest.fixture
+def case(world: World) -> Case:
+    return load_case("2", world)
+
+
+def test_what_is_retained_is_found(tmp_path: Path, finished: Path, case: Case) -> None:
+    base = CaseBase(tmp_path / "base")
+    assert base.entries() == [] and base.find(case, "scratch", 0, "abc") is None
+    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 80.0}}, finished)
+    found = base.find(case, "scratch", 0, "abc")
+    assert found == stored and found.policy.read_bytes() == b"weights"
+    assert found.scores["best"]["return"] == 80.0
+    assert sorted(p.name for p in found.path.iterdir()) == ["config.yaml", "entry.json", "policy.safetensors"]
+
+
+@pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])
+def test_another_arm_seed_or_recipe_is_not_found(
+    tmp_path: Path, finished: Path, case: Case, other: tuple[str, int, str]
+) -> None:
+    base = CaseBase(tmp_path / "base")
+    base.retain(case, "scratch", 0, "abc", {}, finished)
+    assert base.find(case, *other) is None
+
+
+def test_a_case_that_changed_is_not_found(tmp_path: Path, finished: Path, case: Case) -> None:
+    base = CaseBase(tmp_path / "base")
+    base.retain(case, "scratch", 0, "abc", {}, finished)
+    case.target_ships[0].x += 1.0
+    assert base.find(case, "scratch", 0, "abc") is None
+
+
+def test_an_entry_already_there_stays(tmp_path: Path, finished: Path, case: Case) -> None:
+    base = CaseBase(tmp_path / "base")
+    base.retain(case, "scratch", 0, "abc", {}, finished)
+    (finished / "policy.safetensors").write_bytes(b"other")
+    entry = base.retain(case, "scratch", 0, "abc", {}, finished)
+    assert entry.policy.read_bytes() == b"weights"
+
+
+def test_half_an_entry_is_passed_over_and_replaced(tmp_path: Path, finished: Path, case: Case) -> None:
+    base = CaseBase(tmp_path / "base")
+    place = base.place(case, "scratch", 0, "abc")
+    place.mkdir(parents=True)
+    (place / "entry.json").write_text('{"case": ')
+    assert base.entries() == [] and base.find(case, "scratch", 0, "abc") is None
+    base.retain(case, "scratch", 0, "abc", {}, finished)
+    assert base.find(case, "scratch", 0, "abc") is not None
+
+
+def test_a_failed_retention_leaves_nothing(tmp_path: Path, finished: Path, case: Case) -> None:
+    base = CaseBase(tmp_path / "base")
+    (finished / "policy.safetensors").unlink()
+    with pytest.raises(FileNotFoundError):
+        base.retain(case, "scratch", 0, "abc", {}, finished)
+    assert base.entries() == []
+    assert not [p for p in (tmp_path / "base").rglob("*") if p.is_file()]
+
+
+def test_ranking_by_similarity_and_by_distance(world: World) -> None:
+    cases = {name: load_case(name, world) for name in case_names()}
+    target = cases.pop("new")
+    ranking = rank(target, list(cases.values()), world)
+    assert ranking[0].case.name == "2"
+    assert [m.similarity for m in ranking] == sorted((m.similarity for m in ranking), reverse=True)
+    ranking = rank(target, list(cases.values()), world, by="distance")
+    assert [m.distance for m in ranking] == sorted(m.distance for m in ranking)
+
+
+def test_recommended_arm_follows_the_paper(world: World) -> None:
+    cases = {name: load_case(name, world) for name in case_names()}
+    assert recommend(cases["1"], cases["2"]) == (Method.feature_extraction, 3)
+    assert recommend(cases["5"], cases["6"]) == (Method.finetune, 1)

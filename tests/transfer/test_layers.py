@@ -1,0 +1,96 @@
+"""Which layers are copied and frozen, and what is refused as a source."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+from torch import Generator
+
+from ship_trl.config import ConfigError
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.transfer.layers import Transfer, apply, load_weights, save_weights
+
+
+def network(seed: int, channels: int = 1) -> DuelingNetwork:
+    return DuelingNetwork(channels, 7, Generator().manual_seed(seed))
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    path = tmp_path / "policy.safetensors"
+    save_weights(path, network(1), {"case": "1"})
+    return path
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+@pytest.mark.parametrize("layers", [1, 2, 3, 4, "all"])
+def test_just_the_first_layers_are_copied(saved: Path, layers: int | str, frozen: bool) -> None:
+    source, fresh, target = network(1), network(2), network(2)
+    apply(target, Transfer(load_weights(saved, target), layers, frozen))
+    copied = [*CONV_NAMES, "shared", "value", "advantage"] if layers == "all" else list(CONV_NAMES[: int(layers)])
+    for name, parameter in target.named_parameters():
+        mine = name.split(".")[0] in copied
+        wanted = dict((source if mine else fresh).named_parameters())[name]
+        assert torch.equal(parameter, wanted)
+        assert parameter.requires_grad != (mine and frozen)
+
+
+def test_saving_and_loading_keeps_every_bit_and_the_layout(saved: Path) -> None:
+    source, target = network(1), network(2)
+    apply(target, Transfer(load_weights(saved, target), "all", False))
+    for a, b in zip(source.parameters(), target.parameters(), strict=True):
+        assert torch.equal(a, b) and a.stride() == b.stride()
+    assert [path.name for path in saved.parent.iterdir()] == [saved.name]
+
+
+def refused(path: Path, channels: int = 1) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_weights(path, network(0, channels))
+    message = str(caught.value)
+    assert message.startswith("source_file: ") and "\n" not in message
+    return message
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    assert "no file" in refused(tmp_path / "nowhere.safetensors")
+
+
+def test_a_truncated_file_is_refused(saved: Path) -> None:
+    whole = saved.read_bytes()
+    for length in (0, 4, 100, len(whole) // 2, len(whole) - 1):
+        saved.write_bytes(whole[:length])
+        assert "not a whole safetensors file" in refused(saved)
+
+
+def test_a_pickle_is_refused_unopened(tmp_path: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return (exec, (f"open({str(tmp_path / 'sprung')!r}, 'w')",))
+
+    path = tmp_path / "trap.safetensors"
+    path.write_bytes(pickle.dumps(Trap()))
+    assert "not a whole safetensors file" in refused(path)
+    torch.save(network(0).state_dict(), path)
+    assert "not a whole safetensors file" in refused(path)
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_another_architecture_is_refused(saved: Path, tmp_path: Path) -> None:
+    assert "conv1.weight has shape (32, 1, 8, 8), allowed (32, 3, 8, 8)" in refused(saved, channels=3)
+    tensors = {key: value.contiguous() for key, value in network(0).state_dict().items()}
+    path = tmp_path / "other.safetensors"
+    save_file({key: value for key, value in tensors.items() if key != "value.bias"}, path)
+    assert "value.bias is missing" in refused(path)
+    save_file(tensors | {"extra": torch.zeros(1)}, path)
+    assert "extra is not part of the network" in refused(path)
+
+
+def test_weights_that_are_not_numbers_are_refused(tmp_path: Path) -> None:
+    tensors = {key: value.contiguous() for key, value in network(0).state_dict().items()}
+    path = tmp_path / "nan.safetensors"
+    save_file(tensors | {"value.bias": torch.tensor([float("nan")])}, path)
+    assert "value.bias must hold finite" in refused(path)
+    save_file(tensors | {"value.bias": torch.zeros(1, dtype=torch.float64)}, path)
+    assert "value.bias must hold finite torch.float32" in refused(path)

@@ -24,11 +24,12 @@ ALLOWED = {
     "gym_env": SIM | {"view"},
     "tracking": SIM | {"learn", "plan", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
+    "results": {"cli", "plan"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "__main__": BELOW | {"checks", "cli", "experiment", "plan"},
     "__init__": set(),
 }
-WITHOUT_TORCH = ("config", "checks", "paths", "plan", "cli", "__main__", "sim/cases", "transfer/similarity", "transfer/casebase")
+WITHOUT_TORCH = ("config", "checks", "paths", "plan", "cli", "__main__", "sim/cases", "transfer/similarity", "transfer/casebase", "results")
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 

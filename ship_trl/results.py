@@ -1,0 +1,86 @@
+"""`python -m ship_trl.results`: a table of the finished runs below a folder. No torch."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from ship_trl.cli import complain
+from ship_trl.plan import RESULT, read_result
+
+HEADINGS = ("run", "seeds", "best known", "best greedy return by seed", "share", "goal", "final by seed", "goal")
+KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Read every `result.json` and print one row for each arm of a pair."""
+    parser = argparse.ArgumentParser(prog="python -m ship_trl.results", description=__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("outputs"), help="default: outputs")
+    parser.add_argument("--arm", help="only this arm, as scratch or FT3")
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    options = parser.parse_args(arguments)
+    found, broken = collect(options.folder)
+    for path in broken:
+        complain(f"{path} is not a whole result and is left out")
+    found = [r for r in found if options.arm in (None, r["arm"])]
+    if not found:
+        complain(f"folder: no finished run below {options.folder}; python -m ship_trl makes one")
+        sys.exit(1)
+    rows = list(summarise(found))
+    if options.markdown:
+        sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in (HEADINGS, ["---"] * len(HEADINGS), *rows)))
+        return
+    table = Table(*HEADINGS)
+    for row in rows:
+        table.add_row(*row)
+    Console(highlight=False).print(table)
+
+
+def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:
+    """Whole results below `folder`, in order, and the paths of those that are not whole."""
+    found, broken = [], []
+    for path in sorted(folder.rglob(RESULT)):
+        result = read_result(path.parent)
+        if result is not None and all(key in result for key in KEYS):
+            found.append(result)
+        else:
+            broken.append(path)
+    return found, broken
+
+
+def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
+    """One row for each profile, pair and arm."""
+    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    for result in results:
+        key = (str(result.get("profile")), str(result["pair"]), str(result["arm"]))
+        groups.setdefault(key, []).append(result)
+    for (_, pair, arm), runs in sorted(groups.items()):
+        runs.sort(key=lambda r: int(r["seed"]))
+        known = runs[0]["best_known_return"]
+        best, final = ([r[which] for r in runs] for which in ("best", "final"))
+        lowest = min(b["return"] for b in best)
+        yield [
+            f"{pair} {arm}",
+            " ".join(str(r["seed"]) for r in runs),
+            f"{known:.1f}",
+            " ".join(f"{b['return']:.1f}" for b in best),
+            f"at least {lowest / known:.0%}" if known > 0 and lowest > 0 else "-",
+            goals(best),
+            " ".join(f"{f['return']:.1f}" for f in final),
+            goals(final),
+        ]
+
+
+def goals(scores: list[dict[str, Any]]) -> str:
+    """How many of the greedy episodes end at the goal."""
+    return f"{sum(s['outcome'] == 'goal' for s in scores)} of {len(scores)}"
+
+
+if __name__ == "__main__":
+    main()

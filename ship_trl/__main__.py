@@ -16,8 +16,8 @@ def main() -> None:
     import hydra
     from omegaconf import DictConfig
 
-    from ship_trl.cli import job_errors
     from ship_trl.checks import to_config
+    from ship_trl.cli import job_errors
     from ship_trl.plan import make_run
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")

@@ -24,9 +24,15 @@ def main(arguments: list[str] | None = None) -> None:
     """Print the tables and write the contact sheet."""
     parser = argparse.ArgumentParser(prog="python -m ship_trl.cases", description=__doc__)
     parser.add_argument("--target", help="rank all other cases as sources for this one and recommend an arm")
-    parser.add_argument("--by", choices=("similarity", "distance"), default="similarity", help="rank by equation 8 or 7")
-    parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help="folder of trained networks")
-    parser.add_argument("--picture", type=Path, default=Path("outputs/cases.png"), help="where the contact sheet goes")
+    parser.add_argument(
+        "--by", choices=("similarity", "distance"), default="similarity", help="rank by equation 8 or 7"
+    )
+    parser.add_argument(
+        "--case-base", type=Path, default=Path("outputs/case_base"), help="folder of trained networks"
+    )
+    parser.add_argument(
+        "--picture", type=Path, default=Path("outputs/cases.png"), help="where the contact sheet goes"
+    )
     parser.add_argument("--no-picture", action="store_true", help="print only")
     options = parser.parse_args(arguments)
     try:

@@ -138,7 +138,9 @@ def explain_hydra(error: Exception) -> str:
     if found := re.match(r"In '.*?': Could not find '([\w-]+)/(.*?)'", text):
         group, name = found.groups()
         return f"{group}: no {name}; allowed: {names(group)}"
-    if found := re.match(r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text):
+    if found := re.match(
+        r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text
+    ):
         key = found.group(1).rstrip(".")
         if (conf_dir() / key).is_dir():
             return f"{key}: write +{key}=NAME; allowed: {names(key)}"

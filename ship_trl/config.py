@@ -1,11 +1,10 @@
-"""The types of the configuration; the values are the YAML files in conf/, the checks in checks.py.
-"""
+"""The types of the configuration; the values are the YAML files in conf/, the checks in checks.py."""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ class ConfigError(Exception):
     """Wrong input; its text is one line for the user."""
 
 
-class Method(str, Enum):
+class Method(StrEnum):
     """How the source's layers are used (section 3.5)."""
 
     scratch = "scratch"

@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
 
 from ship_trl.learn.train import Evaluated, Finished
@@ -49,7 +56,15 @@ def show_result(result: dict[str, Any], folder: Path) -> None:
     if result["source"] is not None:
         where = f"case {result['source']} -> {where}"
     table = Table(title=f"{where}, {result['arm']}, seed {result['seed']}", title_justify="left")
-    for name in ("greedy policy", "return", "of best known", "ends with", "steps", "smallest DCPA", "after episode"):
+    for name in (
+        "greedy policy",
+        "return",
+        "of best known",
+        "ends with",
+        "steps",
+        "smallest DCPA",
+        "after episode",
+    ):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
     known = result["best_known_return"]
     for name, key in (

@@ -111,7 +111,9 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
                 save_weights(run.folder / POLICY, network, {"recipe": run.recipe, "episode": event.episode})
         assert best is not None
         last = evaluated[-1]
-        save_weights(run.folder / "policy_last.safetensors", network, {"recipe": run.recipe, "episode": last.episode})
+        save_weights(
+            run.folder / "policy_last.safetensors", network, {"recipe": run.recipe, "episode": last.episode}
+        )
         result: dict[str, Any] = {
             "pair": config.label,
             "source": None if config.method is Method.scratch else config.source,
@@ -122,7 +124,9 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
             "seed": config.seed,
             "profile": config.profile,
             "recipe": run.recipe,
-            "source_network": None if transfer is None else str(source.policy if source else config.source_file),
+            "source_network": None
+            if transfer is None
+            else str(source.policy if source else config.source_file),
             "best_known_return": known,
             "scratch": score(scratch, 0),
             "before": score(evaluated[0].sailed, 0),

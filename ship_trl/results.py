@@ -14,7 +14,16 @@ from rich.table import Table
 from ship_trl.cli import complain
 from ship_trl.plan import RESULT, read_result
 
-HEADINGS = ("run", "seeds", "best known", "best greedy return by seed", "share", "goal", "final by seed", "goal")
+HEADINGS = (
+    "run",
+    "seeds",
+    "best known",
+    "best greedy return by seed",
+    "share",
+    "goal",
+    "final by seed",
+    "goal",
+)
 KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
 
 
@@ -34,7 +43,9 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(1)
     rows = list(summarise(found))
     if options.markdown:
-        sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in (HEADINGS, ["---"] * len(HEADINGS), *rows)))
+        sys.stdout.write(
+            "".join(f"| {' | '.join(row)} |\n" for row in (HEADINGS, ["---"] * len(HEADINGS), *rows))
+        )
         return
     table = Table(*HEADINGS)
     for row in rows:

@@ -9,11 +9,11 @@ import os
 import shutil
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 from omegaconf import OmegaConf
 
-from ship_trl.config import ConfigError, Logger, plain
+from ship_trl.config import ConfigError, Logger, WandbMode, plain
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import replacing
 from ship_trl.plan import Run
@@ -89,12 +89,13 @@ class WandbTracker:
 
         config = run.config
         folder = Path(config.output)
+        mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
         folder.mkdir(parents=True, exist_ok=True)
         try:
             self._wandb = wandb.init(
                 project=config.wandb.project,
                 entity=config.wandb.entity,
-                mode=config.wandb.mode.name,
+                mode=mode,
                 dir=str(folder),
                 group=config.label,
                 job_type=config.arm,
@@ -117,7 +118,10 @@ class WandbTracker:
         for key, value in row(event).items():
             name = key.removeprefix("greedy_")
             if name == "outcome":
-                values |= {f"{kind}/goal": int(value == "goal"), f"{kind}/collision": int(value == "collision")}
+                values |= {
+                    f"{kind}/goal": int(value == "goal"),
+                    f"{kind}/collision": int(value == "collision"),
+                }
             elif key != "episode":
                 values[f"{kind}/{name}"] = value
         self._wandb.log(values)

@@ -27,7 +27,12 @@ def make_case() -> Callable[..., Case]:
     """Build a case from target ships given as (x, y, heading in degrees, speed)."""
 
     def make(*ships: tuple[float, float, float, float], **changes: Any) -> Case:
-        values: dict[str, Any] = {"start": [0.0, 0.0], "heading": 90.0, "goal": [0.0, 600.0], "ideal_path": "any"}
+        values: dict[str, Any] = {
+            "start": [0.0, 0.0],
+            "heading": 90.0,
+            "goal": [0.0, 600.0],
+            "ideal_path": "any",
+        }
         return Case(**(values | changes), target_ships=[TargetShip(*ship) for ship in ships], name="made")
 
     return make

@@ -14,12 +14,19 @@ ROOT = Path(__file__).parent.parent
 SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
 
 
-def ship_trl(*arguments: str, folder: Path, module: str = "ship_trl", code: int = 0) -> subprocess.CompletedProcess[str]:
+def ship_trl(
+    *arguments: str, folder: Path, module: str = "ship_trl", code: int = 0
+) -> subprocess.CompletedProcess[str]:
     """Run `python -m ship_trl ...` in `folder` and check its exit code."""
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
     environment.pop("HYDRA_FULL_ERROR", None)
     done = subprocess.run(
-        [sys.executable, "-m", module, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+        [sys.executable, "-m", module, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert done.returncode == code, done.stdout + done.stderr
     return done
@@ -73,8 +80,14 @@ def test_main_command_leaves_a_whole_result(trained: Path) -> None:
 def test_second_run_takes_the_retained_source(trained: Path) -> None:
     done = ship_trl(*SMOKE, "layers=2", folder=trained)
     assert "source: outputs/smoke/case_base/1/scratch/seed=0-" in done.stdout
-    entries = sorted(str(p.relative_to(trained / "outputs/smoke/case_base")) for p in trained.rglob("entry.json"))
-    assert [entry.split("/")[:2] for entry in entries] == [["1", "scratch"], ["2", "FT2-from-1"], ["2", "FT3-from-1"]]
+    entries = sorted(
+        str(p.relative_to(trained / "outputs/smoke/case_base")) for p in trained.rglob("entry.json")
+    )
+    assert [entry.split("/")[:2] for entry in entries] == [
+        ["1", "scratch"],
+        ["2", "FT2-from-1"],
+        ["2", "FT3-from-1"],
+    ]
 
 
 def test_finished_run_is_shown_not_trained_again(trained: Path) -> None:
@@ -99,13 +112,15 @@ def test_frozen_layers_are_the_source_s_bytes(trained: Path) -> None:
     base = next((trained / "outputs/smoke/case_base/1/scratch").iterdir()) / "policy.safetensors"
     last = trained / "outputs/smoke/high/FE3/seed=0/policy_last.safetensors"
     with safe_open(base, "pt") as source, safe_open(last, "pt") as target:
-        for key in source.keys():
+        for key in list(source.keys()):
             same = bool((source.get_tensor(key) == target.get_tensor(key)).all())
             assert same == key.startswith(("conv1", "conv2", "conv3")), key
 
 
 def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:
-    done = ship_trl("-m", "profile=smoke", "target=1", "method=scratch", "seed=1,-1,2", folder=trained, code=1)
+    done = ship_trl(
+        "-m", "profile=smoke", "target=1", "method=scratch", "seed=1,-1,2", folder=trained, code=1
+    )
     assert "ship_trl: seed: must be at least 0, got -1" in done.stderr
     assert "Traceback" not in done.stderr
     for seed in (1, 2):
@@ -156,7 +171,9 @@ def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) 
         line = "+pair=high layers=3 device=cuda:99"
     (tmp_path / "taken").write_text("mine")
     (tmp_path / "pickle.safetensors").write_bytes(pickle.dumps({"conv1.weight": 1}))
-    (tmp_path / "broken.yaml").write_text("start: [0.0, 0.0]\nheading: 90.0\nideal_path: any\ntarget_ships: []\n")
+    (tmp_path / "broken.yaml").write_text(
+        "start: [0.0, 0.0]\nheading: 90.0\nideal_path: any\ntarget_ships: []\n"
+    )
     before = files(tmp_path)
     done = ship_trl(*line.split(), folder=tmp_path, code=1)
     assert done.stdout == ""

@@ -29,7 +29,18 @@ ALLOWED = {
     "__main__": BELOW | {"checks", "cli", "experiment", "plan"},
     "__init__": set(),
 }
-WITHOUT_TORCH = ("config", "checks", "paths", "plan", "cli", "__main__", "sim/cases", "transfer/similarity", "transfer/casebase", "results")
+WITHOUT_TORCH = (
+    "config",
+    "checks",
+    "paths",
+    "plan",
+    "cli",
+    "__main__",
+    "sim/cases",
+    "transfer/similarity",
+    "transfer/casebase",
+    "results",
+)
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 

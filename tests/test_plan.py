@@ -24,7 +24,15 @@ def test_source_is_the_scratch_run_of_the_source_case() -> None:
 
 @pytest.mark.parametrize(
     "change",
-    ["seed=1", "layers=2", "method=feature_extraction", "colour=true", "learn.lr=0.5", "learn.episodes=7", "source=3"],
+    [
+        "seed=1",
+        "layers=2",
+        "method=feature_extraction",
+        "colour=true",
+        "learn.lr=0.5",
+        "learn.episodes=7",
+        "source=3",
+    ],
 )
 def test_recipe_tells_runs_apart(change: str) -> None:
     lines = ["+pair=high", "layers=3"]
@@ -40,7 +48,12 @@ def test_recipe_ignores_what_is_not_learned_from(change: str) -> None:
 def test_no_two_streams_are_the_same() -> None:
     seeds = [
         run(*line.split(), f"seed={seed}").stream(purpose)
-        for line in ("target=1 method=scratch", "target=2 method=scratch", "+pair=high layers=1", "source=2 target=2 layers=1")
+        for line in (
+            "target=1 method=scratch",
+            "target=2 method=scratch",
+            "+pair=high layers=1",
+            "source=2 target=2 layers=1",
+        )
         for seed in range(15)
         for purpose in ("weights", "exploration", "replay")
     ]
@@ -51,7 +64,11 @@ def test_no_two_streams_are_the_same() -> None:
 def test_a_case_file_by_path_names_the_folder(tmp_path: Path) -> None:
     text = (Path(__file__).parent.parent / "conf/case/2.yaml").read_text()
     (tmp_path / "mine.yaml").write_text(text)
-    found = run(f"source=1 target={tmp_path}/mine.yaml layers=1".split()[0], f"target={tmp_path}/mine.yaml", "layers=1")
+    found = run(
+        f"source=1 target={tmp_path}/mine.yaml layers=1".split()[0],
+        f"target={tmp_path}/mine.yaml",
+        "layers=1",
+    )
     assert found.folder == Path("outputs/1-mine/FT1/seed=0")
 
 
@@ -60,7 +77,7 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
     first.folder.mkdir(parents=True)
     (first.folder / "result.json").write_text(json.dumps({"recipe": first.recipe}))
     assert run("target=1", "method=scratch", f"output={tmp_path}").result() == {"recipe": first.recipe}
-    with pytest.raises(ConfigError, match="holds a finished run of other settings.*overwrite=true"):
+    with pytest.raises(ConfigError, match=r"holds a finished run of other settings.*overwrite=true"):
         run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5")
     run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5", "overwrite=true")
 

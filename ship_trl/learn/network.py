@@ -34,7 +34,9 @@ class DuelingNetwork(nn.Module):
         self.value = nn.Linear(200, 1)
         self.advantage = nn.Linear(200, num_actions)
         # Channels last throughout: oneDNN then computes on the activations as they lie.
-        self.to(memory_format=torch.channels_last)
+        for name in CONV_NAMES:
+            weight = getattr(self, name).weight
+            weight.data = weight.data.contiguous(memory_format=torch.channels_last)
         self.reset(generator)
 
     @torch.no_grad()
@@ -47,6 +49,7 @@ class DuelingNetwork(nn.Module):
             layer.bias.uniform_(-bound, bound, generator=generator)
 
     def forward(self, pixels: Tensor) -> Tensor:
+        """Q-values of all actions: uint8 [..., C, 84, 84] to float32 [..., A]."""
         shape = pixels.shape[:-3]
         x = pixels.reshape(-1, *pixels.shape[-3:])
         x = F.relu_(self._first(x))

@@ -29,6 +29,7 @@ class DrawPixels(Transform):
         self.draw = draw
 
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Draw `state` and `next state` of a sampled batch."""
         pixels = self.draw(torch.stack((tensordict["state"], tensordict["next", "state"])))
         tensordict.set("pixels", pixels[0])
         tensordict.set(("next", "pixels"), pixels[1])

@@ -50,7 +50,9 @@ class Case:
 
 def load_world(name: str = "paper") -> World:
     """The shared physics of conf/world, for use without Hydra."""
-    values = OmegaConf.merge(OmegaConf.structured(World), OmegaConf.load(conf_dir() / "world" / f"{name}.yaml"))
+    values = OmegaConf.merge(
+        OmegaConf.structured(World), OmegaConf.load(conf_dir() / "world" / f"{name}.yaml")
+    )
     world: Any = OmegaConf.to_object(values)
     return world
 
@@ -78,7 +80,9 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
         found = [folder / f"{name}.yaml" for folder in case_folders()]
         path = next((p for p in found if p.is_file()), found[-1])
     if not path.is_file():
-        raise ConfigError(f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file")
+        raise ConfigError(
+            f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file"
+        )
     try:
         values = OmegaConf.load(path)
         case: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Case), values))
@@ -100,11 +104,19 @@ def check_case(case: Case, world: World, where: str) -> None:
 
     for name in ("start", "goal"):
         point = getattr(case, name)
-        need(len(point) == 2 and all(map(math.isfinite, point)), f"{name}: must be two finite numbers, got {point}")
+        need(
+            len(point) == 2 and all(map(math.isfinite, point)),
+            f"{name}: must be two finite numbers, got {point}",
+        )
     need(math.isfinite(case.heading), f"heading: must be a finite number, got {case.heading}")
-    need(math.dist(case.start, case.goal) > world.goal_distance, "goal: must lie beyond the expected distance")
+    need(
+        math.dist(case.start, case.goal) > world.goal_distance, "goal: must lie beyond the expected distance"
+    )
     ships = case.target_ships
-    need(len(ships) <= MAX_TARGET_SHIPS, f"target_ships: at most {MAX_TARGET_SHIPS} are supported, got {len(ships)}")
+    need(
+        len(ships) <= MAX_TARGET_SHIPS,
+        f"target_ships: at most {MAX_TARGET_SHIPS} are supported, got {len(ships)}",
+    )
     for index, ship in enumerate(ships):
         for name, value in asdict(ship).items():
             need(math.isfinite(value), f"target_ships[{index}].{name}: must be a finite number, got {value}")

@@ -17,7 +17,8 @@ from torchrl.data import Bounded
 from ship_trl.config import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import HEADING, target_positions
+from ship_trl.sim.dynamics import HEADING
+from ship_trl.sim.transition import Transition
 
 
 def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
@@ -46,18 +47,12 @@ class Rasteriser:
     def __init__(
         self, case: Case, world: World, *, colour: bool = False, device: str | torch.device = "cpu"
     ) -> None:
-        self.size, self.channels, self.dt = scene.SIZE, 3 if colour else 1, world.dt
+        self.size, self.channels = scene.SIZE, 3 if colour else 1
         self.device = torch.device(device)
-        tensor = lambda values: torch.tensor(values, dtype=torch.float32, device=self.device)  # noqa: E731
-        self._goal = tensor(case.goal)
-        ships = case.target_ships
-        self._start = tensor([[s.x, s.y] for s in ships]).reshape(-1, 2)
-        course = [math.radians(s.heading) for s in ships]
-        self._course = tensor(course)
-        self._velocity = tensor(
-            [[s.speed * math.cos(c), s.speed * math.sin(c)] for s, c in zip(ships, course, strict=True)]
-        ).reshape(-1, 2)
-        self._ship = tensor(scene.ship_outline(scene.TARGET_LENGTH)) * scene.PIXELS_PER_METRE
+        self._world = Transition(case, world, self.device)
+        course = [math.radians(ship.heading) for ship in case.target_ships]
+        self._course = torch.tensor(course, dtype=torch.float32, device=self.device)
+        self._ship = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH)) * scene.PIXELS_PER_METRE
         self._line_ink = self._ink(scene.LINE)
         self._ship_ink = self._ink(scene.TARGET)
         self._patch = torch.arange(scene.patch_size(), device=self.device, dtype=torch.float32)
@@ -94,15 +89,16 @@ class Rasteriser:
         return image.reshape(self.channels, -1)
 
     def __call__(self, state: Tensor) -> Tensor:
+        """Draw states: float [..., 4] to uint8 [..., C, 84, 84]."""
         flat = state.reshape(-1, state.shape[-1])
         image = self._background.expand(flat.shape[0], -1, -1).clone()
         turn = math.pi / 2 - flat[:, HEADING]
         # Screen axes in pixels from the corner: east of the bow is right, ahead is up.
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
-        self._draw_line(image, self._goal - flat[:, :2], rotate_x, rotate_y)
-        if self._start.shape[0]:
-            away = target_positions(flat, self._start, self._velocity, self.dt) - flat[:, None, :2]
+        self._draw_line(image, self._world.goal - flat[:, :2], rotate_x, rotate_y)
+        away = self._world.away(flat)
+        if away.shape[1]:
             self._draw_ships(image, away, rotate_x[:, None], rotate_y[:, None], turn)
         pixels = image.add_(0.5).to(torch.uint8)
         return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)

@@ -46,15 +46,16 @@ class Transition:
         """Metres to the goal: [..., 4] to [...]."""
         return torch.linalg.vector_norm(self.goal - state[..., :2], dim=-1)
 
-    def _away(self, state: Tensor) -> Tensor:
+    def away(self, state: Tensor) -> Tensor:
         """Target ships relative to own ship: [N, 4] to [N, K, 2]."""
         ships = target_positions(state, self.ship_start, self.ship_velocity, self.world.dt)
         return ships - state[:, None, :2]
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
+        """One action of each ship: states [N, 4], actions [N]."""
         world = self.world
         after = advance(state, action, self.actions, world.dt)
-        apart = closest_approach(self._away(state), self._away(after))
+        apart = closest_approach(self.away(state), self.away(after))
         nearest = apart.amin(-1) if apart.shape[-1] else torch.full_like(state[:, 0], math.inf)
         distance = self.goal_distance(after)
         collision = nearest < world.safe_distance

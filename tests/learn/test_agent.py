@@ -82,7 +82,7 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
     assert id(learner.network.conv1.weight) not in trained and id(learner.network.conv3.weight) in trained
     slow = learner.loss_module.target_value_network_params.flatten_keys(".")
     for name in ("conv1.weight", "conv2.bias"):
-        (key,) = [key for key in slow.keys() if key.endswith(name)]
+        (key,) = [key for key in list(slow.keys()) if key.endswith(name)]
         assert torch.equal(slow[key], before[name])
 
 

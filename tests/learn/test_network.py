@@ -22,15 +22,26 @@ def plain_forward(net: DuelingNetwork, pixels: Tensor) -> Tensor:
 
 
 def pixels(batch: int, channels: int = 1) -> Tensor:
-    return torch.randint(0, 256, (batch, channels, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(1))
+    return torch.randint(
+        0, 256, (batch, channels, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(1)
+    )
 
 
 def test_layers_are_those_of_section_3_5() -> None:
     net = network()
     shapes = {name: tuple(getattr(net, name).weight.shape) for name in CONV_NAMES}
-    assert shapes == {"conv1": (32, 1, 8, 8), "conv2": (64, 32, 4, 4), "conv3": (64, 64, 3, 3), "conv4": (200, 64, 7, 7)}
+    assert shapes == {
+        "conv1": (32, 1, 8, 8),
+        "conv2": (64, 32, 4, 4),
+        "conv3": (64, 64, 3, 3),
+        "conv4": (200, 64, 7, 7),
+    }
     assert [getattr(net, name).stride[0] for name in CONV_NAMES] == [4, 2, 1, 1]
-    assert [tuple(layer.weight.shape) for layer in (net.shared, net.value, net.advantage)] == [(200, 200), (1, 200), (7, 200)]
+    assert [tuple(layer.weight.shape) for layer in (net.shared, net.value, net.advantage)] == [
+        (200, 200),
+        (1, 200),
+        (7, 200),
+    ]
 
 
 def test_fast_forward_is_the_plain_one() -> None:

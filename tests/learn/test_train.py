@@ -6,6 +6,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.learn.agent import Agent
@@ -54,7 +55,7 @@ def test_one_update_for_every_so_many_steps() -> None:
     count, steps = 0, 0
     update = agent.update
 
-    def counted(batch):  # type: ignore[no-untyped-def]
+    def counted(batch: TensorDictBase) -> torch.Tensor:
         nonlocal count
         count += 1
         return update(batch)
@@ -68,7 +69,9 @@ def test_one_update_for_every_so_many_steps() -> None:
 def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
     (first, one), (again, two), (other, three) = events(1), events(1), events(2)
     assert [e for e in first if isinstance(e, Finished)] == [e for e in again if isinstance(e, Finished)]
-    for a, b, c in zip(one.network.parameters(), two.network.parameters(), three.network.parameters(), strict=True):
+    for a, b, c in zip(
+        one.network.parameters(), two.network.parameters(), three.network.parameters(), strict=True
+    ):
         assert torch.equal(a, b) and not torch.equal(a, c)
     lengths = [[e.length for e in run if isinstance(e, Finished)] for run in (first, other)]
     assert lengths[0] != lengths[1]

@@ -20,7 +20,11 @@ class Corridor(EnvBase):
         shape = self.batch_size
         flag = lambda: Binary(1, shape=(*shape, 1), dtype=torch.bool)  # noqa: E731
         self.observation_spec = Composite(
-            state=Unbounded(shape=(*shape, 2)), dcpa=Unbounded(shape=(*shape, 1)), goal=flag(), collision=flag(), shape=shape
+            state=Unbounded(shape=(*shape, 2)),
+            dcpa=Unbounded(shape=(*shape, 1)),
+            goal=flag(),
+            collision=flag(),
+            shape=shape,
         )
         self.action_spec = Categorical(3, shape=shape)
         self.reward_spec = Unbounded(shape=(*shape, 1))

@@ -29,7 +29,9 @@ def saved(tmp_path: Path) -> Path:
 def test_just_the_first_layers_are_copied(saved: Path, layers: int | str, frozen: bool) -> None:
     source, fresh, target = network(1), network(2), network(2)
     apply(target, Transfer(load_weights(saved, target), layers, frozen))
-    copied = [*CONV_NAMES, "shared", "value", "advantage"] if layers == "all" else list(CONV_NAMES[: int(layers)])
+    copied = (
+        [*CONV_NAMES, "shared", "value", "advantage"] if layers == "all" else list(CONV_NAMES[: int(layers)])
+    )
     for name, parameter in target.named_parameters():
         mine = name.split(".")[0] in copied
         wanted = dict((source if mine else fresh).named_parameters())[name]

@@ -76,7 +76,14 @@ def test_distance_is_a_metric(a: Case, b: Case, c: Case) -> None:
 
 def test_weights_of_equation_7_count(world: World) -> None:
     found = shipped(world)
-    names = ("target ships", "goal distance", "danger", "tcpa", "relative course east", "relative course north")
+    names = (
+        "target ships",
+        "goal distance",
+        "danger",
+        "tcpa",
+        "relative course east",
+        "relative course north",
+    )
     only = dict.fromkeys(names, 0.0) | {"target ships": 16.0}
     assert distance(found["1"], found["4"], world, only) == pytest.approx(2.0)
 

@@ -1,0 +1,33 @@
+"""Colours and letters of the pictures that carry text."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import matplotlib
+from PIL import ImageFont
+
+PAPER = (15, 22, 34)
+INK = (232, 238, 245)
+FAINT = (140, 156, 178)
+RULE = (52, 66, 88)
+BAR = (88, 116, 158)
+CHOSEN = (245, 178, 66)
+OUTCOMES = {"goal": (74, 214, 110), "collision": (255, 98, 88), "timeout": (245, 178, 66)}
+
+
+@cache
+def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans in `size` pixels. It comes with matplotlib, so every machine has the same."""
+    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
+
+
+def fit(text: str, width: int, letters: ImageFont.FreeTypeFont) -> str:
+    """The text, cut short with an ellipsis where it is wider than `width` pixels."""
+    if letters.getlength(text) <= width:
+        return text
+    while text and letters.getlength(text + "…") > width:
+        text = text[:-1]
+    return text.rstrip() + "…"

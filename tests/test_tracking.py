@@ -1,0 +1,53 @@
+"""What goes into the CSV and into wandb."""
+
+import csv
+import math
+from pathlib import Path
+
+import torch
+
+from ship_trl.learn.evaluate import Episode
+from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.plan import make_run
+from ship_trl.tracking import COLUMNS, CsvTracker, Tracker, row
+from tests.test_config import composed
+
+SAILED = Episode(
+    states=torch.zeros(3, 4),
+    actions=torch.zeros(2, dtype=torch.int64),
+    q_values=torch.zeros(2, 7),
+    rewards=torch.tensor([-1.5, -2.0]),
+    goal=False,
+    collision=True,
+    dcpa=44.0,
+)
+FINISHED = Finished(3, 90, 0.5, 0.1 + 0.2, 30, "goal", math.inf, None)
+
+
+def test_rows_have_the_columns_of_the_file() -> None:
+    assert set(row(FINISHED)) == {"episode", "steps", "epsilon", "return", "length", "outcome"}
+    assert set(row(Evaluated(3, 90, SAILED))) < set(COLUMNS)
+    assert row(Evaluated(3, 90, SAILED))["greedy_return"] == -3.5
+
+
+def test_csv_keeps_every_digit_and_grows_as_it_goes(tmp_path: Path) -> None:
+    tracker = CsvTracker(tmp_path)
+    tracker.log(FINISHED)
+    with (tmp_path / "curve.csv").open() as file:  # before it is closed
+        (first,) = csv.DictReader(file)
+    assert float(first["return"]) == 0.1 + 0.2 and first["loss"] == "" and first["dcpa"] == ""
+    tracker.log(Evaluated(3, 90, SAILED))
+    tracker.close()
+    with (tmp_path / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows[1]["greedy_outcome"] == "collision" and rows[1]["return"] == ""
+
+
+def test_a_new_run_replaces_an_unfinished_one(tmp_path: Path) -> None:
+    run = make_run(composed("target=1", "method=scratch", f"output={tmp_path}"))
+    run.folder.mkdir(parents=True)
+    (run.folder / "curve.csv").write_text("left over")
+    with Tracker(run) as tracker:
+        tracker.log(FINISHED)
+    assert sorted(p.name for p in run.folder.iterdir()) == ["config.yaml", "curve.csv"]
+    assert "left over" not in (run.folder / "curve.csv").read_text()

@@ -125,7 +125,8 @@ def _line(chart: Chart, goal: Sequence[float]) -> Points:
     # The width is given in the network's pixels.
     half = 0.5 * scene.LINE_WIDTH / scene.PIXELS_PER_METRE * chart.scale
     right, down = half * (y1 - y2) / length, half * (x2 - x1) / length
-    return [(x1 + right, y1 + down), (x2 + right, y2 + down), (x2 - right, y2 - down), (x1 - right, y1 - down)]
+    sides = ((x1, y1, 1), (x2, y2, 1), (x2, y2, -1), (x1, y1, -1))
+    return [(x + side * right, y + side * down) for x, y, side in sides]
 
 
 def _draw_tracks(picture: pygame.Surface, chart: Chart, motion: Transition, tracks: Tensor) -> None:
@@ -133,6 +134,6 @@ def _draw_tracks(picture: pygame.Surface, chart: Chart, motion: Transition, trac
     ships = motion.away(tracks) + own[:, None]
     radius = TRACK_RADIUS * chart.scale
     for places, colour in ((ships.flatten(0, 1), scene.TARGET), (own, scene.OWN)):
-        faint = [round(TRACK_INK * ink + (1 - TRACK_INK) * water) for ink, water in zip(colour, scene.DISC, strict=True)]
+        faint = pygame.Color(*scene.DISC).lerp(pygame.Color(*colour), TRACK_INK)
         for x, y in places.tolist():
             pygame.draw.circle(picture, faint, chart.point(x, y), radius)

@@ -12,15 +12,25 @@ from PIL import Image
 from ship_trl.config import World
 from ship_trl.learn.evaluate import Episode
 from ship_trl.paths import replacing
+from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.draw import draw_scene, to_array
+from ship_trl.view.lettering import BAR, CHOSEN, FAINT, INK, OUTCOMES, PAPER, RULE
 from ship_trl.view.panel import HEIGHT, WIDTH, Panel
 
 # Milliseconds; GIF counts hundredths of a second.
 STEP_TIME = 100
 LAST_TIME = 2000
 COLOURS = 128
+SCENE = (
+    *(scene.OUTSIDE, scene.DISC, scene.GOAL_CIRCLE, scene.SAFE_CIRCLE),
+    *(scene.OWN, scene.LINE, scene.TARGET),
+)
+# The network's greys of the same things, and a ramp for the shades between them.
+GREYS = tuple((round(float(np.dot(colour, scene.LUMINANCE))),) * 3 for colour in SCENE)
+RAMP = tuple((level,) * 3 for level in range(16, 256, 16))
+EXACT = (*SCENE, *GREYS, *RAMP, PAPER, INK, FAINT, RULE, BAR, CHOSEN, *OUTCOMES.values())
 
 
 def write_gif(
@@ -64,9 +74,10 @@ def draw_frames(
 
 
 def shared_palette(frames: list[Image.Image]) -> Image.Image:
-    """One palette for all frames, so that what stands still keeps its colours and costs no bytes.
+    """One palette for all frames, so that what stands still keeps its colour and costs no bytes.
 
-    It is read off the first, middle and last frame: together they hold every kind of thing drawn.
+    The colours of scene and panel are in it as they are; the shades between them are read off the
+    first, middle and last frame, which hold every kind of thing drawn.
     """
     chosen = [frames[0], frames[len(frames) // 2], frames[-1]]
     width, height = frames[0].size
@@ -74,7 +85,10 @@ def shared_palette(frames: list[Image.Image]) -> Image.Image:
     for k, frame in enumerate(chosen):
         sheet.paste(frame, (0, k * height))
     # Median cut gives colours by area and would lose the small bright things to shades of water.
-    return sheet.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    shades = sheet.quantize(COLOURS - len(EXACT), method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([value for colour in EXACT for value in colour] + shades)
+    return palette
 
 
 def _views(rasteriser: Rasteriser, episode: Episode) -> NDArray[np.uint8]:

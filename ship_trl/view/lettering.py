@@ -24,10 +24,17 @@ def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
 
 
-def fit(text: str, width: int, letters: ImageFont.FreeTypeFont) -> str:
-    """The text, cut short with an ellipsis where it is wider than `width` pixels."""
-    if letters.getlength(text) <= width:
-        return text
+def fit(text: str, width: int, size: int, bold: bool = False) -> tuple[str, ImageFont.FreeTypeFont]:
+    """The text and its font, at most `width` pixels wide: set up to 4 px smaller, then cut short."""
+    for smaller in range(size, size - 5, -1):
+        letters = font(smaller, bold)
+        if letters.getlength(text) <= width:
+            return text, letters
     while text and letters.getlength(text + "…") > width:
         text = text[:-1]
-    return text.rstrip() + "…"
+    return text.rstrip() + "…", letters
+
+
+def number(value: float, form: str) -> str:
+    """A number in a format such as `.1f` or `g`, with a true minus sign and none before zero."""
+    return format(value, f"z{form}").replace("-", "\N{MINUS SIGN}")

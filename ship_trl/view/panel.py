@@ -16,10 +16,11 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.geometry import closest_approach
 from ship_trl.sim.transition import Transition
-from ship_trl.view.lettering import BAR, CHOSEN, FAINT, INK, OUTCOMES, PAPER, RULE, fit, font
+from ship_trl.view.lettering import BAR, CHOSEN, FAINT, INK, OUTCOMES, PAPER, RULE, fit, font, number
 
 WIDTH, HEIGHT = 392, 420
 VIEW = 2 * scene.SIZE
+VIEW_NAME = f"network's view, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}"
 # Left edges of the two columns, and the top of the lower block.
 LEFT, RIGHT, LOWER = 14, WIDTH - VIEW - 14, HEIGHT - VIEW - 12
 
@@ -81,31 +82,40 @@ class Panel:
         pen = ImageDraw.Draw(picture)
         name = f"case {case.name}"
         width = WIDTH - 2 * LEFT
-        pen.text((LEFT, 12), fit(title or name, width, font(17, True)), INK, font(17, True))
+        text, letters = fit(title or name, width, 17, bold=True)
+        pen.text((LEFT, 28), text, INK, letters, anchor="ls")
         below = f"ideal path: {case.ideal_path}"
         if title:
             below = f"{name}, {below}"
-        pen.text((LEFT, 36), fit(below, width, font(12)), FAINT, font(12))
+        text, letters = fit(below, width, 12)
+        pen.text((LEFT, 48), text, FAINT, letters, anchor="ls")
         pen.line((LEFT, 60, WIDTH - LEFT, 60), RULE)
         pen.line((LEFT, 142, WIDTH - LEFT, 142), RULE)
         pen.text((LEFT, LOWER - 24), "Q of each action", FAINT, font(12))
-        pen.text((RIGHT, LOWER - 24), f"network's view, {scene.SIZE} × {scene.SIZE}", FAINT, font(12))
+        pen.text((RIGHT, LOWER - 24), VIEW_NAME, FAINT, font(12))
         pen.rectangle((RIGHT - 1, LOWER - 1, RIGHT + VIEW, LOWER + VIEW), outline=RULE)
         return picture
 
     def _numbers(self, pen: ImageDraw.ImageDraw, step: int) -> None:
-        log, closest = self.log, self.log.closest[step]
+        log, world = self.log, self.world
+        closest = log.closest[step]
+        too_close = closest < world.safe_distance
         entries = (
-            ("step", f"{step} of {self.world.max_steps}"),
-            ("time", f"{step * self.world.dt:g} s"),
-            ("return so far", f"{log.total[step]:.1f}"),
-            ("distance to goal", f"{log.goal[step]:.0f} m"),
-            ("closest so far", f"{closest:.0f} m" if math.isfinite(closest) else "no ships"),
+            ("step", f"{step} of {world.max_steps}", INK),
+            ("time", f"{step * world.dt:g} s", INK),
+            ("return so far", number(log.total[step], ".1f"), INK),
+            ("distance to goal", f"{log.goal[step]:.0f} m", INK),
+            (
+                "closest so far",
+                f"{closest:.0f} m" if math.isfinite(closest) else "no ships",
+                OUTCOMES["collision"] if too_close else INK,
+            ),
+            ("safe distance", f"{world.safe_distance:g} m", INK),
         )
-        places = ((LEFT, 68), (LEFT + 92, 68), (LEFT, 104), (LEFT + 128, 104), (LEFT + 256, 104))
-        for (what, value), (x, y) in zip(entries, places, strict=True):
+        for k, (what, value, colour) in enumerate(entries):
+            x, y = LEFT + 128 * (k % 3), 68 + 36 * (k // 3)
             pen.text((x, y), what, FAINT, font(11))
-            pen.text((x, y + 14), value, INK, font(15, True))
+            pen.text((x, y + 14), value, colour, font(15, True))
 
     def _action(self, pen: ImageDraw.ImageDraw, step: int) -> None:
         """The action chosen now, or how the episode ended."""
@@ -120,7 +130,7 @@ class Panel:
         pen.text((LEFT, 151), "action", FAINT, font(11))
         pen.text((LEFT, 166), f"a{action + 1}", CHOSEN, font(26, True))
         pen.text((LEFT + 52, 165), side, INK, font(15, True))
-        pen.text((LEFT + 52, 184), f"v = {speed:g} m/s, ω = {turn:g} rad/s", FAINT, font(12))
+        pen.text((LEFT + 52, 184), f"v = {speed:g} m/s, ω = {number(turn, 'g')} rad/s", FAINT, font(12))
 
     def _q_values(self, pen: ImageDraw.ImageDraw, step: int) -> None:
         """A bar for each action; none after the last step, where nothing was to choose."""
@@ -140,6 +150,6 @@ class Panel:
             reach = zero + values[k] * scale
             bar = (min(zero, reach), middle - 0.3 * pitch, max(zero, reach), middle + 0.3 * pitch)
             pen.rectangle(tuple(round(v) for v in bar), CHOSEN if chosen else BAR)
-            text = f"{values[k]:.3f}".replace("-", "−")
+            text = number(values[k], ".3f")
             pen.text((RIGHT - 14, middle), text, CHOSEN if chosen else INK, font(12, chosen), anchor="rm")
         pen.line((round(zero), LOWER, round(zero), LOWER + VIEW), FAINT)

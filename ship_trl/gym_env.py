@@ -1,0 +1,127 @@
+"""The same world for Gymnasium: `ShipCollision-v0`, one ship, pixels in, one of seven actions out.
+
+    import gymnasium, ship_trl.gym_env
+    env = gymnasium.make("ShipCollision-v0", case="4")
+
+or, importing this module on the way, `gymnasium.make("ship_trl.gym_env:ShipCollision-v0")`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from tensordict import TensorDictBase
+
+from ship_trl.sim import scene
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
+
+ENV_ID = "ShipCollision-v0"
+WINDOW_PIXELS = 600
+
+
+class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
+    """One own ship in one case.
+
+    Observation: uint8 [84, 84, C], C = 1 (grey) or 3 (`colour`). Action: index into table 1.
+    Reward: raw (equation 4), times `reward_scale`. `info` has `state` (x, y, heading, step), `goal`,
+    `collision` and `dcpa` (m, infinite without target ships). The start is fixed by the case, so
+    the seed changes nothing.
+
+    Args:
+        case: name of a case, or the path of a YAML file.
+        colour: three channels in place of one.
+        reward_scale: factor of the reward; raw rewards reach 200.
+        render_mode: "rgb_array" or "human", the large picture; None draws nothing for people.
+
+    Raises:
+        ConfigError: no such case.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+
+    def __init__(
+        self,
+        case: str = "1",
+        colour: bool = False,
+        reward_scale: float = 1.0,
+        render_mode: str | None = None,
+    ) -> None:
+        world = load_world()
+        self._env = ShipEnv(load_case(case, world), world, 1, from_pixels=True, colour=colour)
+        self._reward_scale = reward_scale
+        self.render_mode = render_mode
+        shape = (scene.SIZE, scene.SIZE, self._env.rasteriser.channels)
+        self.observation_space = spaces.Box(0, 255, shape, np.uint8)
+        self.action_space = spaces.Discrete(len(world.actions))
+        self._step: TensorDictBase = self._env.reset()
+        self._window: Any = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+        """Start an episode."""
+        super().reset(seed=seed)
+        self._step = self._env.reset()
+        return self._observed()
+
+    def step(
+        self, action: np.int64
+    ) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
+        """One second: turn, then move."""
+        self._step = self._env.step(self._step.set("action", torch.tensor([int(action)])))["next"]
+        pixels, info = self._observed()
+        reward = float(self._step["reward"]) * self._reward_scale
+        return pixels, reward, bool(self._step["terminated"]), bool(self._step["truncated"]), info
+
+    def _observed(self) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+        if self.render_mode == "human":
+            self.render()
+        step = self._step
+        info = {
+            "state": step["state"][0].numpy(),
+            "goal": bool(step["goal"]),
+            "collision": bool(step["collision"]),
+            "dcpa": float(step["dcpa"]),
+        }
+        return step["pixels"][0].permute(1, 2, 0).contiguous().numpy(), info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """The large picture as uint8 [600, 600, 3], or in a window with render_mode "human"."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode")
+            return None
+        # Not before it is wanted: training needs no pygame.
+        from ship_trl.view.draw import draw_scene, to_array
+
+        picture = draw_scene(self._env.case, self._env.world, self._step["state"][0], WINDOW_PIXELS)
+        if self.render_mode == "rgb_array":
+            return to_array(picture)
+        import pygame
+
+        if self._window is None:
+            pygame.display.init()
+            self._window = pygame.display.set_mode((WINDOW_PIXELS, WINDOW_PIXELS))
+            pygame.display.set_caption(f"case {self._env.case.name}")
+        self._window.blit(picture, (0, 0))
+        pygame.event.pump()
+        pygame.display.flip()
+        pygame.time.wait(1000 // self.metadata["render_fps"])
+        return None
+
+    def close(self) -> None:
+        """Close the window."""
+        if self._window is not None:
+            import pygame
+
+            pygame.display.quit()
+            self._window = None
+
+
+if ENV_ID not in gymnasium.registry:
+    gymnasium.register(ENV_ID, entry_point="ship_trl.gym_env:ShipCollisionEnv")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -59,6 +59,7 @@ def draw_curve(
     for axes in (upper, lower):
         axes.grid(color="#E4E4E4", linewidth=0.8)
         axes.set_axisbelow(True)
+        axes.margins(x=0.01)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=10.5)
     with replacing(path) as draft:
@@ -82,10 +83,14 @@ def _draw_returns(
     for outcome, (colour, marker) in OUTCOMES.items():
         rows = [row for row in finished if row.outcome == outcome]
         # A legend entry stands for its outcome even where it never happened.
-        axes.scatter(
+        axes.plot(
             [row.episode for row in rows],
             [row.total for row in rows],
-            **_marker(colour, marker),
+            linestyle="",
+            marker=marker,
+            markersize=4,
+            color=colour,
+            alpha=0.4,
             label=f"training: {outcome} ({len(rows)})",
         )
     mean = moving_mean([row.total for row in finished])
@@ -107,30 +112,21 @@ def _draw_returns(
     for outcome, (colour, marker) in OUTCOMES.items():
         found = [row for row in evaluated if row[2] == outcome]
         if found:
-            edge = {"color": colour} if marker == "x" else {"facecolor": colour, "edgecolor": GREEDY}
-            axes.scatter(
+            axes.plot(
                 [row[0] for row in found],
                 [row[1] for row in found],
+                linestyle="",
                 marker=marker,
-                s=46,
-                zorder=4,
+                markersize=7,
+                color=colour,
+                # A cross has no face, and a black edge would be all of it.
+                markeredgecolor=colour if marker == "x" else GREEDY,
                 label=f"greedy: {outcome} ({len(found)})",
-                **edge,
             )
     axes.axhline(
         best_return, color=KNOWN, linestyle="--", linewidth=1.8, label=f"best known: {best_return:.1f}"
     )
     axes.set_ylabel("return of an episode (undiscounted raw reward)")
-
-
-def _marker(colour: str, marker: str) -> dict[str, Any]:
-    return {
-        "color": colour,
-        "marker": marker,
-        "s": 16,
-        "alpha": 0.4,
-        "linewidths": 1.0 if marker == "x" else 0,
-    }
 
 
 def _draw_shares(axes: Axes, finished: Sequence[Trained]) -> None:
@@ -142,7 +138,7 @@ def _draw_shares(axes: Axes, finished: Sequence[Trained]) -> None:
             share,
             color=OUTCOMES[outcome][0],
             linestyle=style,
-            linewidth=1.8,
+            linewidth=1.5,
             label=f"share of {outcome}s, last {MEAN_OVER}",
         )
     epsilons = [row.epsilon for row in finished]

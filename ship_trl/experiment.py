@@ -106,7 +106,8 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
                 finished.append(event)
                 continue
             evaluated.append(event)
-            if best is None or event.sailed.total > best.sailed.total:
+            # Of equals the later: in case 1 a network that has learned nothing may keep course.
+            if best is None or event.sailed.total >= best.sailed.total:
                 best = event
                 save_weights(run.folder / POLICY, network, {"recipe": run.recipe, "episode": event.episode})
         assert best is not None
@@ -140,7 +141,8 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
             "torch": torch.__version__,
             "processor": platform.machine(),
         }
-        draw_curve(run.folder / "curve.png", finished, evaluated, known, run.title)
+        greedy = [(e.episode, e.sailed.total, e.sailed.outcome) for e in evaluated]
+        draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
         write_gif(run.folder / "episode.gif", run.target, config.world, best.sailed, draw, run.title)
         result["seconds"] = round(time.perf_counter() - started, 1)
         tracker.finish(result)

@@ -53,7 +53,8 @@ def draw_curve(
     """
     figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    figure.suptitle(title, fontsize=15, fontweight="bold")
+    # The title holds names of files; a dollar sign in one is no formula.
+    figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
     _draw_returns(upper, finished, evaluated, best_return)
     _draw_shares(lower, finished)
     for axes in (upper, lower):

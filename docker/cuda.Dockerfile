@@ -33,10 +33,10 @@ FROM app
 # Taking this file over is what makes the build wait for the tests.
 COPY --from=test /tested /tested
 # The base has a user of id 1000 already.
-RUN install -d -o 1000 -g 1000 /work /work/outputs
+RUN install -d -o 1000 -g 1000 /data /data/outputs
 # HOME and USER also serve a run under --user, whose id has no home and no name here.
 ENV HOME=/tmp USER=ship
 USER 1000:1000
-WORKDIR /work
+WORKDIR /data
 ENTRYPOINT ["python", "-m", "ship_trl"]
 CMD ["--help"]

@@ -5,11 +5,15 @@ from typing import Any
 
 import pytest
 import torch
+from hypothesis import settings
 
 from ship_trl.config import World
 from ship_trl.sim.cases import Case, TargetShip, load_world
 
 torch.set_num_threads(1)
+# The same examples every time, and no deadline: a busy machine is no fault of the code.
+settings.register_profile("steady", deadline=None, derandomize=True)
+settings.load_profile("steady")
 
 
 def paper_world() -> World:

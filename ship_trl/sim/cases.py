@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,8 @@ from ship_trl.config import ConfigError, World, explain
 from ship_trl.paths import conf_dir
 
 MAX_TARGET_SHIPS = 8
+# Metres, degrees, m/s. Up to here 32-bit numbers are right to a centimetre.
+LARGEST = 1e5
 
 
 @dataclass
@@ -30,15 +32,24 @@ class TargetShip:
 
 
 @dataclass
-class Case:
-    """One encounter (figure 4). `ideal_path` names the shortest safe path; equal names, equal paths."""
+class CaseFile:
+    """What a case's YAML file holds.
+
+    `ideal_path` names the shortest safe path; equal names, equal paths.
+    """
 
     start: list[float]
     heading: float
     goal: list[float]
     ideal_path: str
     target_ships: list[TargetShip]
-    name: str = field(default="")
+
+
+@dataclass
+class Case(CaseFile):
+    """One encounter (figure 4), by the name of its file."""
+
+    name: str = ""
 
     @property
     def fingerprint(self) -> str:
@@ -72,7 +83,7 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
 
     Raises:
         ConfigError: no such case, or a file with a missing or unknown field, a wrong type, a
-            number that is not finite, a ship starting inside the safe distance, too many ships.
+            number that is not finite or too large, a ship starting inside the safe distance, too many ships.
     """
     if name.endswith((".yaml", ".yml")):
         path = Path(name)
@@ -84,15 +95,27 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
             f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file"
         )
     try:
-        values = OmegaConf.load(path)
-        case: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Case), values))
+        values = OmegaConf.to_container(OmegaConf.load(path))
     except (YAMLError, UnicodeDecodeError, OSError) as error:
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{path}: {explain(error)}") from None
-    case.name = path.stem
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path}: must hold {', '.join(f.name for f in fields(CaseFile))}, not a list")
+    ships = values.get("target_ships")
+    # One by one first, because an error inside a list does not say in which entry it is.
+    for index, ship in enumerate(ships if isinstance(ships, list) else ()):
+        if isinstance(ship, dict):
+            typed(TargetShip, ship, f"{path}: target_ships[{index}].")
+    case = Case(**vars(typed(CaseFile, values, f"{path}: ")), name=path.stem)
     check_case(case, world, str(path))
     return case
+
+
+def typed(schema: type, values: dict[Any, Any], where: str) -> Any:
+    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where`."""
+    try:
+        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
+    except OmegaConfBaseException as error:
+        raise ConfigError(where + explain(error)) from None
 
 
 def check_case(case: Case, world: World, where: str) -> None:
@@ -102,13 +125,16 @@ def check_case(case: Case, world: World, where: str) -> None:
         if not condition:
             raise ConfigError(f"{where}: {what}")
 
+    def number(value: float, name: str) -> None:
+        # Not a number fails every comparison.
+        need(abs(value) <= LARGEST, f"{name}: must be a number of at most {LARGEST:g} in size, got {value}")
+
     for name in ("start", "goal"):
         point = getattr(case, name)
-        need(
-            len(point) == 2 and all(map(math.isfinite, point)),
-            f"{name}: must be two finite numbers, got {point}",
-        )
-    need(math.isfinite(case.heading), f"heading: must be a finite number, got {case.heading}")
+        need(len(point) == 2, f"{name}: must be two numbers, got {point}")
+        for index, value in enumerate(point):
+            number(value, f"{name}[{index}]")
+    number(case.heading, "heading")
     need(
         math.dist(case.start, case.goal) > world.goal_distance, "goal: must lie beyond the expected distance"
     )
@@ -119,7 +145,7 @@ def check_case(case: Case, world: World, where: str) -> None:
     )
     for index, ship in enumerate(ships):
         for name, value in asdict(ship).items():
-            need(math.isfinite(value), f"target_ships[{index}].{name}: must be a finite number, got {value}")
+            number(value, f"target_ships[{index}].{name}")
         need(ship.speed >= 0, f"target_ships[{index}].speed: must be at least 0, got {ship.speed}")
         apart = math.dist(case.start, (ship.x, ship.y))
         need(

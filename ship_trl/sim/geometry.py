@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 def wrap_angle(angle: Tensor) -> Tensor:
-    """Wrap radians into [-pi, pi)."""
+    """Wrap radians into [-pi, pi); rounding can make it pi itself."""
     return torch.remainder(angle + math.pi, 2 * math.pi) - math.pi
 
 

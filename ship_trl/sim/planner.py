@@ -1,4 +1,4 @@
-"""The best known return of a case: a beam search over action sequences.
+"""The best known return of a case: beam searches over action sequences, then small changes.
 
 The world is deterministic, so a sequence is a plan. What it finds is a lower bound of the best
 return there is; results are compared with it, nothing is learned from it.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,13 +16,29 @@ from torch import Tensor
 from ship_trl.config import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING
-from ship_trl.sim.geometry import angle_off_bow
+from ship_trl.sim.geometry import unit_vector
+from ship_trl.sim.outlook import Outlook
 from ship_trl.sim.transition import Transition
 
-# One search over everything, then finer ones along the best plan so far. Plans that pass through
-# one cell (metres, radians) at one time are alike, and only the best of them goes on; how far a
-# plan may leave the one before (metres) keeps the finer searches near it.
-PASSES = ((8.0, 0.05, math.inf), (5.0, 0.03, math.inf), (3.0, 0.02, 60.0), (1.5, 0.01, 30.0))
+
+class Pass(NamedTuple):
+    """One beam search. Plans alike in place, heading and passing distance at one time share a cell,
+    and only the best of a cell goes on; none goes farther than `width` from the best plan so far.
+    """
+
+    metres: float
+    radians: float
+    passing: float
+    width: float
+
+
+# One search over everything, then finer ones along the best plan so far.
+PASSES = (Pass(8.0, 0.05, 1.0, math.inf), Pass(4.0, 0.03, 1.0, 40.0), Pass(2.0, 0.02, 0.5, 20.0))
+# A plan that would pass too near is ranked as if each missing metre cost so many metres of
+# distance for one second; without that, plans bound to collide crowd out those that give way.
+DETOUR = 50.0
+# The outlook is interpolated: a plan is given up when it is behind by more than this.
+DOUBT = 1.5
 
 
 @dataclass(frozen=True)
@@ -33,8 +50,10 @@ class Plan:
     goal: bool
 
 
-def best_plan(case: Case, world: World, beam: int = 5000) -> Plan:
+def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
     """Search for the action sequence of the greatest return; the same answer every time.
+
+    Where no sequence found reaches the goal, the plan is the best of those that do not.
 
     Args:
         case: where to sail.
@@ -42,78 +61,113 @@ def best_plan(case: Case, world: World, beam: int = 5000) -> Plan:
         beam: plans kept from one step to the next.
     """
     step = Transition(case, world, torch.device("cpu"))
+    outlook = Outlook(step)
     best = Plan(-math.inf, [], False)
-    for metres, radians, width in PASSES:
-        guide = positions(best.actions, step)
-        found = search(step, beam, metres, radians, guide, width)
-        best = max(best, found, key=lambda plan: plan.total)
+    for fineness in PASSES:
+        best = search(step, outlook, beam, fineness, best)
+    while (better := improve(step, outlook, best)) is not best:
+        best = better
     return best
 
 
-def positions(actions: list[int], step: Transition) -> Tensor:
-    """Where a plan leads: own ship after each action, [T, 2]."""
-    state, places = step.start[None], []
-    for action in actions:
-        state = step(state, torch.tensor([action])).state
-        places.append(state[0, :2])
-    return torch.stack(places) if places else torch.zeros(0, 2)
-
-
-def search(step: Transition, beam: int, metres: float, radians: float, guide: Tensor, width: float) -> Plan:
-    """One beam search, within `width` of the `guide` [T, 2] (and free once that has ended)."""
-    count = len(step.actions)
+def search(step: Transition, outlook: Outlook, beam: int, fineness: Pass, best: Plan) -> Plan:
+    """One beam search; returns `best` where it finds nothing better."""
+    guide = positions(step, best.actions)
     state, total = step.start[None], torch.zeros(1, dtype=torch.float64)
     history = torch.zeros(1, 0, dtype=torch.int8)
-    best = Plan(-math.inf, [], False)
     while len(state):
-        action = torch.arange(count).repeat(len(state))
-        parent = torch.arange(len(state)).repeat_interleave(count)
+        action = torch.arange(len(step.actions)).repeat(len(state))
+        parent = torch.arange(len(state)).repeat_interleave(len(step.actions))
         after = step(state[parent], action)
         totals = total[parent] + after.reward
         ended = after.goal | after.collision | after.truncated
-        if bool(ended.any()):
-            first = int(totals.masked_fill(~ended, -math.inf).argmax())
-            if float(totals[first]) > best.total:
-                actions = [*history[parent[first]].tolist(), int(action[first])]
-                best = Plan(float(totals[first]), actions, bool(after.goal[first]))
-        hope = totals + optimistic_rest(after.state, step)
-        lost = ended | (hope <= best.total)
+        index = int(totals.masked_fill(~ended, -math.inf).argmax())
+        if bool(ended[index]) and float(totals[index]) > best.total:
+            actions = [*history[parent[index]].tolist(), int(action[index])]
+            best = Plan(float(totals[index]), actions, bool(after.goal[index]))
+        hope = totals + outlook(after.state)
+        going = ~ended & (hope > best.total - DOUBT)
         time = history.shape[1]
         if time < len(guide):
-            lost |= torch.linalg.vector_norm(after.state[:, :2] - guide[time], dim=-1) > width
-        kept = choose(hope.masked_fill(lost, -math.inf), after.state, beam, metres, radians)
-        state, total = after.state[kept], totals[kept]
-        history = torch.cat((history[parent[kept]], action[kept, None].to(torch.int8)), dim=1)
+            going &= torch.linalg.vector_norm(after.state[:, :2] - guide[time], dim=-1) <= fineness.width
+        rows = going.nonzero().squeeze(-1)
+        rows = rows[choose(hope[rows], after.state[rows], step, beam, fineness)]
+        state, total = after.state[rows], totals[rows]
+        history = torch.cat((history[parent[rows]], action[rows, None].to(torch.int8)), dim=1)
     return best
 
 
-def optimistic_rest(state: Tensor, step: Transition) -> Tensor:
-    """No less than any plan can still gain: straight to the goal at full speed, turning at once.
-
-    Shape: [N, 4] to float64 [N].
-    """
-    world, weights = step.world, step.world.reward
-    speed = float(step.actions[:, 0].max()) * world.dt
-    turn = float(step.actions[:, 1].abs().max()) * world.dt
-    distance = step.goal_distance(state).double()
-    off_bow = angle_off_bow(state[:, :2], state[:, HEADING], step.goal).abs().double()
-    count = ((distance - world.goal_distance) / speed).ceil().clamp(min=1.0)
-    metres = count * distance - speed * count * (count + 1) / 2
-    degrees = torch.rad2deg((off_bow - turn).clamp(min=0.0))
-    return weights.w1 * weights.goal + weights.w3 * weights.k1 * metres + weights.w4 * weights.k2 * degrees
+def positions(step: Transition, actions: list[int]) -> Tensor:
+    """Where a plan leads: own ship after each action, [T, 2]."""
+    state, places = step.start[None], [torch.zeros(0, 2)]
+    for action in actions:
+        state = step(state, torch.tensor([action])).state
+        places.append(state[:, :2])
+    return torch.cat(places)
 
 
-def choose(hope: Tensor, state: Tensor, beam: int, metres: float, radians: float) -> Tensor:
-    """Indices of the most hopeful plans, one for each cell of place and heading."""
-    order = torch.argsort(hope, descending=True, stable=True)
-    order = order[: int(torch.isfinite(hope).sum())]
-    near = state[order]
-    place = torch.floor(near[:, :2] / metres).long()
-    heading = torch.floor(near[:, HEADING] / radians).long()
-    key = (place[:, 0] * 100_003 + place[:, 1]) * 100_003 + heading
+def choose(hope: Tensor, state: Tensor, step: Transition, beam: int, fineness: Pass) -> Tensor:
+    """Indices of the most hopeful plans, one for each cell."""
+    passing = passing_distance(state, step)
+    weights, safe = step.world.reward, step.world.safe_distance
+    metre = abs(weights.w3 * weights.k1) * DETOUR
+    order = torch.argsort(hope - metre * (safe - passing).clamp(min=0.0), descending=True, stable=True)
+    cells = torch.cat(
+        (
+            state[:, :2] / fineness.metres,
+            state[:, HEADING, None] / fineness.radians,
+            passing[:, None] / fineness.passing,
+        ),
+        dim=-1,
+    )
+    key = torch.zeros(len(state), dtype=torch.long)
+    for column in cells[order].floor().long().unbind(-1):
+        key = key * 10_007 + column
     # A stable sort by cell leaves the most hopeful of each cell in front.
     by_cell = torch.argsort(key, stable=True)
     ordered = key[by_cell]
     leads = torch.ones(len(key), dtype=torch.bool)
     leads[1:] = ordered[1:] != ordered[:-1]
     return order[torch.sort(by_cell[leads]).values[:beam]]
+
+
+def passing_distance(state: Tensor, step: Transition) -> Tensor:
+    """Least distance (m) to any target ship ahead in time, keeping course at full speed: [N, 4] to [N].
+
+    Distances of no concern, and ships already past, count as a third more than the safe distance.
+    """
+    away = step.away(state)
+    harmless = step.world.safe_distance * 4 / 3
+    if not away.shape[1]:
+        return torch.full_like(state[:, 0], harmless)
+    own = float(step.actions[:, 0].max()) * unit_vector(state[:, HEADING])
+    drift = step.ship_velocity - own[:, None]
+    time = -(away * drift).sum(-1) / (drift * drift).sum(-1).clamp(min=1e-6)
+    distance = torch.linalg.vector_norm(away + time[..., None] * drift, dim=-1)
+    return torch.where(time > 0, distance, harmless).amin(-1).clamp(max=harmless)
+
+
+def improve(step: Transition, outlook: Outlook, best: Plan) -> Plan:
+    """The best plan that differs from `best` in one or two actions; `best` itself where none is better."""
+    count, limit = len(step.actions), step.world.max_steps
+    # A changed plan may take longer: it goes on with its last action.
+    base = torch.tensor([*best.actions, *best.actions[-1:] * 2][:limit], dtype=torch.int8)
+    first, second = torch.combinations(torch.arange(len(base))).repeat_interleave(count * count, 0).unbind(-1)
+    pairs = torch.cartesian_prod(torch.arange(count), torch.arange(count)).to(torch.int8)
+    change = pairs.repeat(len(first) // len(pairs), 1)
+    actions = base.repeat(len(first), 1)
+    actions.scatter_(1, first[:, None], change[:, :1]).scatter_(1, second[:, None], change[:, 1:])
+    state = step.start.expand(len(actions), -1)
+    total = torch.zeros(len(actions), dtype=torch.float64)
+    for time in range(len(base)):
+        after = step(state, actions[:, time].long())
+        total = total + after.reward
+        ended = after.goal | after.collision | after.truncated
+        index = int(total.masked_fill(~ended, -math.inf).argmax())
+        if bool(ended[index]) and float(total[index]) > best.total + 1e-6:
+            best = Plan(float(total[index]), actions[index, : time + 1].tolist(), bool(after.goal[index]))
+        going = ~ended & (total + outlook(after.state) > best.total - DOUBT)
+        if not bool(going.any()):
+            break
+        state, total, actions = after.state[going], total[going], actions[going]
+    return best

@@ -29,7 +29,7 @@ SCENE = (
 )
 # The network's greys of the same things, and a ramp for the shades between them.
 GREYS = tuple((round(float(np.dot(colour, scene.LUMINANCE))),) * 3 for colour in SCENE)
-RAMP = tuple((level,) * 3 for level in range(16, 256, 16))
+RAMP = tuple((level,) * 3 for level in range(8, 256, 8))
 EXACT = (*SCENE, *GREYS, *RAMP, PAPER, INK, FAINT, RULE, BAR, CHOSEN, *OUTCOMES.values())
 
 

@@ -107,7 +107,8 @@ class Panel:
             ("distance to goal", f"{log.goal[step]:.0f} m", INK),
             (
                 "closest so far",
-                f"{closest:.0f} m" if math.isfinite(closest) else "no ships",
+                # A pass at 45.1 m is no collision, one at 44.9 m is.
+                f"{closest:.1f} m" if math.isfinite(closest) else "no ships",
                 OUTCOMES["collision"] if too_close else INK,
             ),
             ("safe distance", f"{world.safe_distance:g} m", INK),

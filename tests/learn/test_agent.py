@@ -86,6 +86,24 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
         assert torch.equal(slow[key], before[name])
 
 
+def test_it_is_judged_by_the_average_of_what_it_learned() -> None:
+    learner = agent()
+    slow = copy.deepcopy(learner.network)
+    for _ in range(4):
+        learner.update(batch())
+        with torch.no_grad():
+            for mine, fast in zip(slow.parameters(), learner.network.parameters(), strict=True):
+                mine.lerp_(fast, 0.05)
+    for mine, average, fast in zip(
+        slow.parameters(), learner.average.parameters(), learner.network.parameters(), strict=True
+    ):
+        torch.testing.assert_close(average, mine)
+        assert not torch.equal(average, fast) and not average.requires_grad
+    state = torch.rand(5, 2)
+    assert torch.equal(learner.q_values(state), learner.average(draw(state)))
+    assert torch.equal(learner.act(state, 0.0), learner.network(draw(state)).argmax(-1))
+
+
 def test_exploration_draws_from_its_own_generator() -> None:
     state = torch.rand(200, 2) * 8 - 4
     actions = [agent(seed).act(state, 1.0) for seed in (1, 1, 2)]
@@ -100,7 +118,7 @@ def test_exploration_draws_from_its_own_generator() -> None:
 def test_epsilon_is_the_share_of_random_actions() -> None:
     learner = agent()
     state = torch.zeros(4000, 2)
-    greedy = learner.greedy(state[:1])
+    greedy = learner.q_values(state[:1]).argmax(-1)  # before an update both networks are the same
     assert torch.equal(learner.act(state, 0.0), greedy.expand(4000))
     other = (learner.act(state, 0.5) != greedy).float().mean()
     assert abs(float(other) - 0.5 * 6 / 7) < 0.04

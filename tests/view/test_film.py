@@ -92,6 +92,13 @@ def test_log_of_a_collision(world: World) -> None:
     assert log.goal[:2] == pytest.approx([600.0, 585.0])
 
 
+def test_log_sees_a_ship_pass_within_a_step(world: World, make_case: Callable[..., Case]) -> None:
+    """At 215 m/s it is 104 m away before and after, and 60 m abeam in between."""
+    case = make_case((60.0, 300.0, 270.0, 200.0))
+    log = Log.of(case, world, sail(case, world, [3]))
+    assert log.closest[1:4] == pytest.approx([104.04, 60.0, 60.0], abs=0.01)
+
+
 def test_log_without_target_ships(world: World, make_case: Callable[..., Case]) -> None:
     case = make_case()
     assert set(Log.of(case, world, sail(case, world, [3])).closest) == {math.inf}

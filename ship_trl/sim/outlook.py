@@ -1,0 +1,73 @@
+"""What a plan can still gain where no target ship is in the way: dynamic programming on a grid.
+
+Without target ships the rest of an episode depends on three numbers only: the goal's distance,
+its angle off the bow, and the steps left.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ship_trl.sim.dynamics import HEADING, STEP, advance
+from ship_trl.sim.geometry import angle_off_bow
+from ship_trl.sim.reward import ROUNDING, step_reward
+from ship_trl.sim.transition import Transition
+
+# Fine enough that the returns of the paper's world are right to about one point.
+GRID_STEPS_PER_ACTION = 2
+ANGLES = 96
+
+
+class Outlook:
+    """The best return to come on open water, for the states of one case.
+
+    `outlook(state)` takes float [N, 4], all at one step, and returns float [N].
+    """
+
+    def __init__(self, step: Transition) -> None:
+        self.step = step
+        world, count = step.world, len(step.actions)
+        reach = float(step.actions[:, 0].max()) * world.dt
+        self.spacing = reach / GRID_STEPS_PER_ACTION
+        self.turn = 2 * math.pi / ANGLES
+        farthest = float(step.goal_distance(step.start)) + reach * world.max_steps
+        self.rows = math.ceil(farthest / self.spacing) + 2
+        # The goal at the origin and own ship west of it, heading off by each angle of the grid.
+        state = torch.zeros(self.rows, ANGLES, 4)
+        state[..., 0] = -(torch.arange(self.rows) * self.spacing)[:, None]
+        state[..., HEADING] = math.pi - torch.arange(ANGLES) * self.turn
+        after = advance(
+            state.reshape(-1, 1, 4).expand(-1, count, 4), torch.arange(count), step.actions, world.dt
+        )
+        distance = torch.linalg.vector_norm(after[..., :2], dim=-1)
+        off_bow = angle_off_bow(after[..., :2], after[..., HEADING], torch.zeros(2))
+        goal = distance <= world.goal_distance + ROUNDING
+        reward = step_reward(world.reward, distance, off_bow, goal, torch.zeros_like(goal))
+        corners, shares = self._corners(distance, off_bow)
+        table = [torch.zeros(self.rows * ANGLES)]
+        for _ in range(world.max_steps):
+            following = (table[-1][corners] * shares).sum(-1).masked_fill(goal, 0.0)
+            table.append((reward + following).amax(-1))
+        self.table = torch.stack(table)
+
+    def _corners(self, distance: Tensor, off_bow: Tensor) -> tuple[Tensor, Tensor]:
+        """The four grid points around each place and their shares in it, both [..., 4]."""
+        row = (distance / self.spacing).clamp(max=self.rows - 1.001)
+        column = (off_bow + math.pi) / self.turn
+        low, left = row.floor(), column.floor()
+        up, right = row - low, column - left
+        low, left = low.long() * ANGLES, left.long() % ANGLES
+        beside = (left + 1) % ANGLES
+        corners = torch.stack((low + left, low + beside, low + ANGLES + left, low + ANGLES + beside), -1)
+        shares = torch.stack(((1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right), -1)
+        return corners, shares
+
+    def __call__(self, state: Tensor) -> Tensor:
+        """Returns to come: states [N, 4] of one step to [N]."""
+        off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.step.goal)
+        corners, shares = self._corners(self.step.goal_distance(state), off_bow)
+        left = max(0, self.step.world.max_steps - int(state[0, STEP]))
+        return (self.table[left][corners] * shares).sum(-1)

@@ -1,0 +1,36 @@
+"""The same encounter elsewhere: cases and states turned and shifted as a whole."""
+
+import math
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from ship_trl.sim.cases import Case
+
+
+def move(point: list[float], degrees: float, shift: tuple[float, float]) -> list[float]:
+    """A point turned about the origin, then shifted."""
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return [point[0] * cos - point[1] * sin + shift[0], point[0] * sin + point[1] * cos + shift[1]]
+
+
+def moved_case(case: Case, degrees: float, shift: tuple[float, float]) -> Case:
+    """The case with everything in it turned and shifted."""
+    ships = []
+    for ship in case.target_ships:
+        x, y = move([ship.x, ship.y], degrees, shift)
+        ships.append(replace(ship, x=x, y=y, heading=ship.heading + degrees))
+    return replace(
+        case,
+        start=move(case.start, degrees, shift),
+        goal=move(case.goal, degrees, shift),
+        heading=case.heading + degrees,
+        target_ships=ships,
+    )
+
+
+def moved_state(state: Tensor, degrees: float, shift: tuple[float, float]) -> Tensor:
+    """States [N, 4] turned and shifted."""
+    places = torch.tensor([move([x, y], degrees, shift) for x, y in state[:, :2].double().tolist()])
+    return torch.cat((places, state[:, 2:3] + math.radians(degrees), state[:, 3:]), dim=-1)

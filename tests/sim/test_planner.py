@@ -1,0 +1,100 @@
+"""The best known returns, and plans that can be sailed."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+import torch
+
+from ship_trl.config import World
+from ship_trl.sim.cases import Case, load_case
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.outlook import Outlook
+from ship_trl.sim.planner import DOUBT, Plan, best_plan, passing_distance
+from ship_trl.sim.transition import Transition
+
+MakeCase = Callable[..., Case]
+CPU = torch.device("cpu")
+BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new": 83.89}
+
+
+def sail(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
+    """Return of a plan in the environment, whether it ends with the last action, and at the goal."""
+    env = ShipEnv(case, world)
+    step, total = env.reset(), 0.0
+    for index, action in enumerate(plan.actions):
+        assert not bool(step["done"]), f"over before action {index}"
+        step = env.step(step.set("action", torch.tensor([action])))["next"]
+        total += float(step["reward"])
+    return total, bool(step["done"]), bool(step["goal"])
+
+
+@pytest.mark.parametrize("name", BEST)
+def test_the_best_known_returns(name: str, world: World) -> None:
+    case = load_case(name, world)
+    plan = best_plan(case, world)
+    assert plan.total >= BEST[name] and plan.goal
+    total, ended, goal = sail(case, world, plan)
+    assert total == pytest.approx(plan.total, abs=1e-3) and ended and goal
+
+
+def test_the_same_plan_every_time(world: World) -> None:
+    case = load_case("3", world)
+    assert best_plan(case, world, beam=300) == best_plan(case, world, beam=300)
+
+
+def test_a_goal_out_of_reach_still_has_a_best_plan(world: World, make_case: MakeCase) -> None:
+    case = make_case(goal=[0.0, 1500.0])
+    plan = best_plan(case, world, beam=500)
+    assert not plan.goal and plan.actions == [3] * 60
+    assert plan.total == pytest.approx(-0.01 * sum(1500 - 15 * step for step in range(1, 61)), abs=1e-2)
+    assert sail(case, world, plan) == (pytest.approx(plan.total, abs=1e-2), True, False)
+
+
+def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -> None:
+    case = make_case((0.0, 50.0, -90.0, 15.0))
+    plan = best_plan(case, world, beam=500)
+    assert not plan.goal and len(plan.actions) == 1
+    total, ended, _ = sail(case, world, plan)
+    assert ended and total == pytest.approx(plan.total, abs=1e-3) and total < -200
+
+
+def test_it_sees_past_the_first_ship(world: World) -> None:
+    one, two = (best_plan(load_case(name, world), world, beam=800) for name in ("3", "4"))
+    # The best path of case 3 collides in case 4.
+    env = ShipEnv(load_case("4", world), world)
+    step = env.reset()
+    for action in one.actions:
+        step = env.step(step.set("action", torch.tensor([action])))["next"]
+        if bool(step["done"]):
+            break
+    assert bool(step["collision"]) and one.total > two.total + 10
+
+
+def test_the_outlook_is_the_return_of_open_water(world: World, make_case: MakeCase) -> None:
+    case = make_case()
+    outlook = Outlook(Transition(case, world, CPU))
+    at = lambda *values: torch.tensor([values], dtype=torch.float32)  # noqa: E731
+    assert float(outlook(at(0, 0, torch.pi / 2, 0))) == pytest.approx(83.9, abs=0.5)
+    # 5 steps left, 585 to 525 m away at their ends.
+    assert float(outlook(at(0, 0, torch.pi / 2, 55))) == pytest.approx(-0.01 * 5 * 555, abs=0.2)
+    assert float(outlook(at(0, 0, torch.pi / 2, 60))) == 0.0
+    port, starboard, away = (float(outlook(at(0, 0, h, 0))) for h in (2.2, torch.pi - 2.2, -torch.pi / 2))
+    assert port == pytest.approx(starboard, abs=0.1) and away < port < 83.0
+
+
+def test_the_outlook_is_reached_by_turning_towards_the_goal(world: World, make_case: MakeCase) -> None:
+    case = replace(make_case(), heading=10.0)
+    plan = best_plan(case, world)
+    outlook = Outlook(Transition(case, world, CPU))
+    assert plan.goal and plan.actions[0] == 0
+    assert plan.total == pytest.approx(float(outlook(outlook.step.start[None])), abs=DOUBT)
+
+
+def test_the_passing_distance_of_steady_courses(world: World, make_case: MakeCase) -> None:
+    state = torch.tensor([[0.0, 0.0, torch.pi / 2, 0.0]])
+    crossing = Transition(make_case((-300.0, 290.0, 0.0, 15.0)), world, CPU)
+    # Abreast of each other they are sqrt(2) x 5 m apart.
+    assert float(passing_distance(state, crossing)) == pytest.approx(5 * 2**0.5, abs=1e-3)
+    for harmless in (make_case((0.0, -100.0, -90.0, 15.0)), make_case((500.0, 0.0, 0.0, 1.0)), make_case()):
+        assert float(passing_distance(state, Transition(harmless, world, CPU))) == pytest.approx(60.0)

@@ -1,0 +1,193 @@
+"""Properties of the network's picture, and the picture itself against one drawn the slow way."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from torch import Tensor
+
+from ship_trl.sim import scene
+from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
+from ship_trl.sim.render import Rasteriser
+from tests.sim import brute
+from tests.sim.moving import moved_case, moved_state
+
+WORLD = load_world()
+CASES = {name: load_case(name, WORLD) for name in ("1", "4", "6")}
+DRAW = {name: Rasteriser(case, WORLD) for name, case in CASES.items()}
+COLOUR = {name: Rasteriser(case, WORLD, colour=True) for name, case in CASES.items()}
+AHEAD = math.pi / 2
+
+states = st.tuples(
+    st.floats(-500, 500), st.floats(-500, 450), st.floats(-math.pi, math.pi), st.integers(0, 60).map(float)
+)
+
+
+def at(*values: float) -> Tensor:
+    return torch.tensor([values], dtype=torch.float32)
+
+
+def with_ship(x: float, y: float, heading: float) -> Case:
+    return replace(CASES["1"], target_ships=[TargetShip(x, y, heading, 0.0)])
+
+
+def seen(case: Case, state: Tensor, colour: bool = False) -> Tensor:
+    """The picture as whole numbers [C, 84, 84]."""
+    return Rasteriser(case, WORLD, colour=colour)(state)[0].int()
+
+
+def pixel_of(state: Tensor, x: float, y: float) -> tuple[float, float]:
+    """Row and column (pixels, not rounded) of a place."""
+    own_x, own_y, heading, _ = state[0].tolist()
+    east, north = x - own_x, y - own_y
+    right = east * math.sin(heading) - north * math.cos(heading)
+    ahead = east * math.cos(heading) + north * math.sin(heading)
+    return 42 - ahead * scene.PIXELS_PER_METRE, 42 + right * scene.PIXELS_PER_METRE
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (5,), (2, 3)])
+def test_the_picture_is_uint8_of_the_states_shape(shape: tuple[int, ...]) -> None:
+    state = torch.rand(*shape, 4) * 10
+    for draw, channels in ((DRAW["6"], 1), (COLOUR["6"], 3)):
+        pixels = draw(state)
+        assert pixels.shape == (*shape, channels, 84, 84) and pixels.dtype == torch.uint8
+        assert draw.spec(torch.Size(shape)).is_in(pixels)
+
+
+@given(st.lists(states, min_size=1, max_size=6), st.sampled_from(["1", "4", "6"]))
+def test_a_batch_is_its_pictures_one_by_one(batch: list[tuple[float, ...]], name: str) -> None:
+    together = DRAW[name](torch.tensor(batch))
+    for one, state in zip(together, batch, strict=True):
+        assert torch.equal(one, DRAW[name](torch.tensor(state)))
+
+
+@given(states, st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))
+def test_only_relative_places_are_seen(
+    state: tuple[float, ...], degrees: float, shift: tuple[float, float]
+) -> None:
+    here = at(*state)
+    there = moved_state(here, degrees, shift)
+    other = seen(moved_case(CASES["6"], degrees, shift), there)
+    assert int((seen(CASES["6"], here) - other).abs().max()) <= 2
+
+
+@given(states)
+def test_grey_is_the_luminance_of_the_colours(state: tuple[float, ...]) -> None:
+    colour = COLOUR["6"](at(*state))[0].float()
+    grey = (colour * torch.tensor(scene.LUMINANCE)[:, None, None]).sum(0)
+    assert float((DRAW["6"](at(*state))[0, 0].float() - grey).abs().max()) <= 1.01
+
+
+@given(states, st.tuples(st.floats(-900, 900), st.floats(-900, 900), st.floats(-180, 180)))
+def test_a_ship_changes_only_the_pixels_around_it(
+    state: tuple[float, ...], ship: tuple[float, float, float]
+) -> None:
+    here = at(*state)
+    rows, columns = (seen(with_ship(*ship), here) != seen(CASES["1"], here))[0].nonzero().unbind(-1)
+    row, column = pixel_of(here, *ship[:2])
+    distance = torch.hypot(rows + 0.5 - row, columns + 0.5 - column)
+    assert bool((distance <= 0.55 * scene.TARGET_LENGTH * scene.PIXELS_PER_METRE + 1).all())
+    assert len(rows) >= 12 or not (3 < row < 81 and 3 < column < 81)
+
+
+@given(states)
+def test_the_line_changes_only_the_pixels_along_it(state: tuple[float, ...]) -> None:
+    here = at(*state)
+    background = DRAW["1"]._draw_background(WORLD).reshape(84, 84).add(0.5).int()
+    rows, columns = (seen(CASES["1"], here)[0] != background).nonzero().unbind(-1)
+    row, column = pixel_of(here, *CASES["1"].goal)
+    length = math.hypot(row - 42, column - 42)
+    down, right = (row - 42) / length, (column - 42) / length
+    along = (rows + 0.5 - 42) * down + (columns + 0.5 - 42) * right
+    across = (rows + 0.5 - 42) * right - (columns + 0.5 - 42) * down
+    assert bool((across.abs() <= 1.01).all())
+    # It begins at own ship and stops at the goal.
+    assert float(along.min()) >= -1.01 and float(along.max()) <= length + 1.01
+    assert float(along.max()) >= min(length, 40.0) - 1.5
+
+
+@pytest.mark.parametrize("distance", [100.0, 250.0, 330.0, 475.0, 600.0])
+def test_the_lines_length_is_the_goals_distance(distance: float) -> None:
+    picture = seen(CASES["1"], at(0.0, 600.0 - distance, AHEAD, 0.0))[0]
+    disc, line = (
+        sum(a * b for a, b in zip(c, scene.LUMINANCE, strict=True)) for c in (scene.DISC, scene.LINE)
+    )
+    # Ahead is up, the line lies half on each of the middle columns, and the circles end 4 pixels ahead.
+    lit = (picture[:37, 41:43].sum(-1) - 2 * disc) / (line - disc)
+    # The end is rounded, with a radius of half a pixel.
+    assert float(lit.sum()) + 4.5 == pytest.approx(distance * scene.PIXELS_PER_METRE, abs=0.3)
+
+
+@given(st.floats(-180, 180), st.sampled_from([(200.0, 200.0), (-250.0, 100.0), (300.0, -150.0)]))
+def test_bow_and_stern_are_told_apart(heading: float, place: tuple[float, float]) -> None:
+    here = at(0.0, 0.0, AHEAD, 0.0)
+    change = seen(with_ship(*place, heading), here) - seen(with_ship(*place, heading + 180), here)
+    assert int(change.abs().max()) > 60 and int(change.abs().sum()) > 400
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(1.05, 3.0))
+def test_a_ship_outside_is_not_seen(direction: float, far: float) -> None:
+    radius = far * math.hypot(scene.WINDOW + scene.TARGET_LENGTH, scene.WINDOW)
+    ship = with_ship(radius * math.cos(direction), radius * math.sin(direction), 20.0)
+    here = at(0.0, 0.0, AHEAD, 0.0)
+    assert torch.equal(seen(ship, here), seen(CASES["1"], here))
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-3, 3), st.floats(-3, 3))
+def test_a_ship_is_six_pixels_long(heading: float, x: float, y: float) -> None:
+    here = at(0.0, 0.0, AHEAD, 0.0)
+    ship = with_ship(300 + x * 10, 200 + y * 10, math.degrees(heading))
+    share = (seen(ship, here, colour=True)[1] - scene.DISC[1]) / (scene.TARGET[1] - scene.DISC[1])
+    rows, columns = (share > 0.5).nonzero().unbind(-1)
+    ahead = columns * math.cos(heading) - rows * math.sin(heading)
+    assert float(ahead.max() - ahead.min()) + 1 >= 6
+    # As much ink as the ship has area.
+    area = 0.45 * 0.7 * (scene.TARGET_LENGTH * scene.PIXELS_PER_METRE) ** 2
+    assert float(share[15:42, 50:75].clamp(min=0).sum()) == pytest.approx(area, rel=0.15)
+
+
+@given(st.floats(-math.pi, math.pi))
+def test_a_fifth_of_a_pixel_is_seen(direction: float) -> None:
+    step = 0.2 / scene.PIXELS_PER_METRE
+    here = at(0.0, 0.0, AHEAD, 0.0)
+    moved = with_ship(250 + step * math.cos(direction), 250 + step * math.sin(direction), 30.0)
+    change = (seen(moved, here) - seen(with_ship(250, 250, 30.0), here)).abs()
+    assert int(change.max()) >= 8
+
+
+@pytest.mark.parametrize(
+    ("name", "state"),
+    [
+        ("1", (0.0, 0.0, AHEAD, 0.0)),
+        ("4", (20.0, 200.0, 1.9, 12.0)),
+        ("4", (-300.0, 100.0, 0.3, 3.0)),
+        ("6", (0.0, 100.0, 1.2, 8.0)),
+        ("6", (150.0, 420.0, 3.0, 30.0)),
+    ],
+)
+def test_the_picture_is_the_one_drawn_the_slow_way(name: str, state: tuple[float, ...]) -> None:
+    error = np.abs(
+        COLOUR[name](at(*state))[0].permute(1, 2, 0).numpy() - brute.picture(CASES[name], WORLD, list(state))
+    )
+    # Edges are blurred a little differently; a shape a pixel off would show more.
+    assert error.mean() < 0.6 and np.quantile(error, 0.999) < 60
+
+
+@pytest.mark.parametrize(
+    "place", [(640, 100), (-655, -300), (50, -640), (-200, 625), (630, 630), (-650, 640), (600, -640)]
+)
+def test_a_ship_cut_by_the_edge_is_drawn_right(place: tuple[float, float]) -> None:
+    here, case = (0.0, 0.0, AHEAD, 0.0), with_ship(*place, 25.0)
+    ship = (
+        (seen(case, at(*here), colour=True) - seen(CASES["1"], at(*here), colour=True))
+        .permute(1, 2, 0)
+        .numpy()
+    )
+    slow = brute.picture(case, WORLD, list(here)) - brute.picture(CASES["1"], WORLD, list(here))
+    assert np.abs(slow).max() > 50
+    # The blurred edges differ; a patch drawn a pixel off would differ by all of the ship.
+    assert np.abs(ship - slow).max() < 80 and np.abs(ship - slow).sum() < 0.25 * np.abs(slow).sum()

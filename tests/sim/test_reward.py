@@ -1,0 +1,60 @@
+"""Equations 4 to 6, against plain Python."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.geometry import angle_off_bow
+from ship_trl.sim.reward import step_reward
+
+WEIGHTS = load_world().reward
+distances = st.floats(0.0, 2000.0)
+thetas = st.floats(-math.pi, math.pi)
+
+
+def reward(distance: float, theta: float, reached: bool, collided: bool) -> float:
+    values = torch.tensor(distance, dtype=torch.float64), torch.tensor(theta, dtype=torch.float64)
+    return float(step_reward(WEIGHTS, *values, torch.tensor(reached), torch.tensor(collided)))
+
+
+@given(distances, thetas, st.booleans(), st.booleans())
+def test_every_term_that_applies_is_paid(
+    distance: float, theta: float, reached: bool, collided: bool
+) -> None:
+    by_hand = (200.0 if reached else 0.0) - (200.0 if collided else 0.0)
+    by_hand += 0.01 * -1.0 * distance + 0.01 * -5.0 * abs(math.degrees(theta))
+    assert reward(distance, theta, reached, collided) == pytest.approx(by_hand, abs=1e-9)
+
+
+@given(distances, thetas)
+def test_port_and_starboard_cost_alike(distance: float, theta: float) -> None:
+    assert reward(distance, theta, False, False) == reward(distance, -theta, False, False)
+
+
+@given(st.floats(-20.0, 20.0), st.floats(-math.pi, math.pi))
+def test_no_angle_counts_more_than_half_a_turn(heading: float, sight: float) -> None:
+    goal = torch.tensor([math.cos(sight), math.sin(sight)], dtype=torch.float64) * 100
+    off = angle_off_bow(torch.zeros(2, dtype=torch.float64), torch.tensor(heading, dtype=torch.float64), goal)
+    degrees = abs(math.degrees(math.remainder(sight - heading, 2 * math.pi)))
+    assert 0 <= degrees <= 180
+    assert reward(0.0, float(off), False, False) == pytest.approx(-0.05 * degrees, abs=1e-6)
+
+
+def test_keeping_course_in_case_1_pays_83_9() -> None:
+    world = load_world()
+    env = ShipEnv(load_case("1", world), world)
+    step, rewards = env.reset(), []
+    while not rewards or not bool(step["done"]):
+        step = env.step(step.set("action", torch.tensor([3])))["next"]
+        rewards.append(float(step["reward"]))
+    assert len(rewards) == 36
+    # 585, 570, ... 60 m from the goal, which lies dead ahead.
+    by_hand = [-0.01 * distance for distance in range(585, 59, -15)]
+    by_hand[-1] += 200
+    assert rewards == pytest.approx(by_hand, abs=1e-4)
+    assert sum(rewards) == pytest.approx(83.9, abs=1e-3)

@@ -66,6 +66,7 @@ class Learn:
     num_envs: int
     gamma: float
     lr: float
+    lr_end: float
     batch_size: int
     replay_size: int
     warmup_steps: int

@@ -109,11 +109,15 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
             # Of equals the later: in case 1 a network that has learned nothing may keep course.
             if best is None or event.sailed.total >= best.sailed.total:
                 best = event
-                save_weights(run.folder / POLICY, agent.average, {"recipe": run.recipe, "episode": event.episode})
+                save_weights(
+                    run.folder / POLICY, agent.average, {"recipe": run.recipe, "episode": event.episode}
+                )
         assert best is not None
         last = evaluated[-1]
         save_weights(
-            run.folder / "policy_last.safetensors", agent.average, {"recipe": run.recipe, "episode": last.episode}
+            run.folder / "policy_last.safetensors",
+            agent.average,
+            {"recipe": run.recipe, "episode": last.episode},
         )
         result: dict[str, Any] = {
             "pair": config.label,

@@ -8,7 +8,7 @@ or, importing this module on the way, `gymnasium.make("ship_trl.gym_env:ShipColl
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -43,7 +43,8 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         ConfigError: no such case.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
+    # Gymnasium declares it on the instance.
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 10}  # noqa: RUF012
 
     def __init__(
         self,
@@ -70,9 +71,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         self._step = self._env.reset()
         return self._observed()
 
-    def step(
-        self, action: np.int64
-    ) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.int64) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
         """One second: turn, then move."""
         self._step = self._env.step(self._step.set("action", torch.tensor([int(action)])))["next"]
         pixels, info = self._observed()
@@ -91,7 +90,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         }
         return step["pixels"][0].permute(1, 2, 0).contiguous().numpy(), info
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """The large picture as uint8 [600, 600, 3], or in a window with render_mode "human"."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing without render_mode")

@@ -109,6 +109,7 @@ WRONG = {
     "+pair=high layers=3 learn.warmup_steps=-1": "learn.warmup_steps: must be at least 0",
     "+pair=high layers=3 learn.lr=0": "learn.lr: must be above 0",
     "+pair=high layers=3 learn.lr=nan": "learn.lr: must be above 0, got nan",
+    "+pair=high layers=3 learn.lr_end=0": "learn.lr_end: must be above 0",
     "+pair=high layers=3 learn.reward_scale=-1": "learn.reward_scale: must be above 0",
     "+pair=high layers=3 learn.gamma=1.1": "learn.gamma: must be from 0 to 1",
     "+pair=high layers=3 learn.tau=0": "learn.tau: must be above 0",

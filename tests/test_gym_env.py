@@ -25,13 +25,11 @@ def test_it_is_made_by_name() -> None:
     env = gymnasium.make(f"ship_trl.gym_env:{ENV_ID}", case="3", reward_scale=0.01)
     observation, info = env.reset(seed=1)
     assert observation.shape == (84, 84, 1) and info["dcpa"] == float("inf")
-    total = 0.0
-    for step in range(1, 61):
+    total, steps, terminated, truncated = 0.0, 0, False, False
+    while not (terminated or truncated):
         observation, reward, terminated, truncated, info = env.step(np.int64(3))
-        total += float(reward)
-        if terminated or truncated:
-            break
-    assert (step, terminated, truncated, info["collision"]) == (19, True, False, True)
+        total, steps = total + float(reward), steps + 1
+    assert (steps, terminated, truncated, info["collision"]) == (19, True, False, True)
     assert total == pytest.approx(-2.855, abs=1e-3)
 
 
@@ -49,7 +47,8 @@ def test_a_window_opens_and_closes(monkeypatch: pytest.MonkeyPatch) -> None:
     env.step(np.int64(0))
     import pygame
 
-    assert pygame.display.get_surface().get_size() == (600, 600)
+    surface = pygame.display.get_surface()
+    assert surface is not None and surface.get_size() == (600, 600)
     env.close()
     assert not pygame.display.get_init()
 

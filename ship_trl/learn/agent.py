@@ -81,6 +81,11 @@ class Agent:
                 action[rows] = self.network(self.draw(state[rows])).argmax(-1)
         return action
 
+    def set_learning_rate(self, rate: float) -> None:
+        """Use `rate` from the next update on."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+
     def update(self, batch: TensorDictBase) -> Tensor:
         """One gradient step on a batch with pixels, then the soft target; returns the loss."""
         loss = self.loss_module(batch)["loss"]

@@ -43,6 +43,11 @@ def epsilon_at(episode: int, learn: Learn) -> float:
     return learn.epsilon_start + share * (learn.epsilon_end - learn.epsilon_start)
 
 
+def learning_rate_at(episode: int, learn: Learn) -> float:
+    """Learning rate after `episode` episodes: linear from `lr` to `lr_end` at the last."""
+    return learn.lr + min(1.0, episode / learn.episodes) * (learn.lr_end - learn.lr)
+
+
 def train(
     env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
 ) -> Iterator[Finished | Evaluated]:
@@ -69,6 +74,7 @@ def train(
     current = env.reset()
     while episode < learn.episodes:
         epsilon = epsilon_at(episode, learn)
+        agent.set_learning_rate(learning_rate_at(episode, learn))
         current.set("action", agent.act(current["state"], epsilon))
         stepped, current = env.step_and_maybe_reset(current)
         replay.extend(stepped)

@@ -22,8 +22,10 @@ from ship_trl.sim.transition import Transition
 
 
 class Pass(NamedTuple):
-    """One beam search. Plans alike in place, heading and passing distance at one time share a cell,
-    and only the best of a cell goes on; none goes farther than `width` from the best plan so far.
+    """One beam search.
+
+    Plans alike in place (m), heading (rad) and passing distance (m) at one time share a cell, and
+    only the best of a cell goes on. None goes farther than `width` (m) from the best plan so far.
     """
 
     metres: float

@@ -107,6 +107,8 @@ class Rasteriser:
         """White line from own ship to the goal; its length is the goal's distance (section 3.1)."""
         dx = away[:, 0] * rotate_x - away[:, 1] * rotate_y
         dy = -(away[:, 0] * rotate_y + away[:, 1] * rotate_x)
+        # On the goal itself there is no direction; the shortest of lines stands in.
+        dx = torch.where((dx == 0) & (dy == 0), 1e-6, dx)
         length = torch.hypot(dx, dy)
         ux, uy = dx / length, dy / length
         # Walk pixel by pixel along the longer axis, four pixels wide across it.

@@ -13,7 +13,7 @@ from ship_trl.learn.agent import Agent
 from ship_trl.learn.evaluate import evaluate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import StateReplay
-from ship_trl.learn.train import Evaluated, Finished, epsilon_at, train
+from ship_trl.learn.train import Evaluated, Finished, epsilon_at, learning_rate_at, train
 from tests.learn.worlds import Corridor, draw, schedule
 
 
@@ -94,6 +94,16 @@ def test_epsilon_falls_linearly_and_then_stays(episode: int, fraction: float) ->
     annealed = fraction * 1000
     assert got == pytest.approx(max(0.1, 1.0 - 0.9 * episode / annealed))
     assert 0.1 - 1e-12 <= got <= 1.0
+
+
+def test_learning_rate_falls_linearly_and_reaches_the_optimiser() -> None:
+    learn = schedule(lr=1e-3, lr_end=1e-4)
+    assert learning_rate_at(0, learn) == 1e-3
+    assert learning_rate_at(15, learn) == pytest.approx(5.5e-4)
+    assert learning_rate_at(30, learn) == pytest.approx(1e-4)
+    _, agent = events(lr=1e-3, lr_end=1e-4)
+    # The last update is made before the last episode ends.
+    assert agent.optimiser.param_groups[0]["lr"] < 2e-4
 
 
 def test_epsilon_is_not_a_constant() -> None:

@@ -21,7 +21,8 @@ MakeCase = Callable[..., Case]
 
 def sail(env: ShipEnv, action: int, steps: int = 60) -> list[TensorDictBase]:
     """Repeat one action until the first ship's episode ends."""
-    step, sailed = env.reset(), []
+    sailed: list[TensorDictBase] = []
+    step = env.reset()
     while len(sailed) < steps and not (sailed and bool(step["done"][0])):
         step = env.step(step.set("action", torch.full(env.batch_size, action)))["next"]
         sailed.append(step.clone())

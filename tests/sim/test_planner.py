@@ -48,7 +48,8 @@ def test_a_goal_out_of_reach_still_has_a_best_plan(world: World, make_case: Make
     plan = best_plan(case, world, beam=500)
     assert not plan.goal and plan.actions == [3] * 60
     assert plan.total == pytest.approx(-0.01 * sum(1500 - 15 * step for step in range(1, 61)), abs=1e-2)
-    assert sail(case, world, plan) == (pytest.approx(plan.total, abs=1e-2), True, False)
+    total, ended, goal = sail(case, world, plan)
+    assert total == pytest.approx(plan.total, abs=1e-2) and ended and not goal
 
 
 def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -> None:

@@ -7,6 +7,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ship_trl.config import Reward
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
@@ -31,6 +32,15 @@ def test_every_term_that_applies_is_paid(
     assert reward(distance, theta, reached, collided) == pytest.approx(by_hand, abs=1e-9)
 
 
+def test_every_weight_is_used_where_it_belongs() -> None:
+    weights = Reward(goal=2, collision=-3, w1=5, w2=7, w3=11, w4=13, k1=-17, k2=-19)
+    distance, theta = torch.tensor([23.0] * 3), torch.deg2rad(torch.tensor([29.0] * 3))
+    reached, collided = torch.tensor([False, True, False]), torch.tensor([False, False, True])
+    shaping = 11 * -17 * 23 + 13 * -19 * 29
+    paid = step_reward(weights, distance, theta, reached, collided).tolist()
+    assert paid == pytest.approx([shaping, shaping + 5 * 2, shaping + 7 * -3])
+
+
 @given(distances, thetas)
 def test_port_and_starboard_cost_alike(distance: float, theta: float) -> None:
     assert reward(distance, theta, False, False) == reward(distance, -theta, False, False)
@@ -48,7 +58,8 @@ def test_no_angle_counts_more_than_half_a_turn(heading: float, sight: float) -> 
 def test_keeping_course_in_case_1_pays_83_9() -> None:
     world = load_world()
     env = ShipEnv(load_case("1", world), world)
-    step, rewards = env.reset(), []
+    rewards: list[float] = []
+    step = env.reset()
     while not rewards or not bool(step["done"]):
         step = env.step(step.set("action", torch.tensor([3])))["next"]
         rewards.append(float(step["reward"]))

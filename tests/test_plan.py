@@ -1,5 +1,6 @@
 """A run's recipe, streams and folder."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -46,18 +47,14 @@ def test_recipe_ignores_what_is_not_learned_from(change: str) -> None:
 
 
 def test_no_two_streams_are_the_same() -> None:
-    seeds = [
-        run(*line.split(), f"seed={seed}").stream(purpose)
-        for line in (
-            "target=1 method=scratch",
-            "target=2 method=scratch",
-            "+pair=high layers=1",
-            "source=2 target=2 layers=1",
-        )
+    lines = ("target=1 method=scratch", "+pair=high layers=1", "source=2 target=2 layers=1")
+    runs = [
+        make_run(dataclasses.replace(config, seed=seed))
+        for config in (composed(*line.split()) for line in lines)
         for seed in range(15)
-        for purpose in ("weights", "exploration", "replay")
     ]
-    assert len(set(seeds)) == len(seeds)
+    seeds = [r.stream(purpose) for r in runs for purpose in ("weights", "exploration", "replay")]
+    assert len(set(seeds)) == len(seeds) == 135
     assert all(0 <= seed < 2**63 for seed in seeds)
 
 

@@ -1,4 +1,4 @@
-"""The best known return of a case: beam searches over action sequences, then small changes.
+"""The best known return of a case: beam searches over action sequences.
 
 The world is deterministic, so a sequence is a plan. What it finds is a lower bound of the best
 return there is; results are compared with it, nothing is learned from it.
@@ -67,8 +67,6 @@ def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
     best = Plan(-math.inf, [], False)
     for fineness in PASSES:
         best = search(step, outlook, beam, fineness, best)
-    while (better := improve(step, outlook, best)) is not best:
-        best = better
     return best
 
 
@@ -147,29 +145,3 @@ def passing_distance(state: Tensor, step: Transition) -> Tensor:
     time = -(away * drift).sum(-1) / (drift * drift).sum(-1).clamp(min=1e-6)
     distance = torch.linalg.vector_norm(away + time[..., None] * drift, dim=-1)
     return torch.where(time > 0, distance, harmless).amin(-1).clamp(max=harmless)
-
-
-def improve(step: Transition, outlook: Outlook, best: Plan) -> Plan:
-    """The best plan that differs from `best` in one or two actions; `best` itself where none is better."""
-    count, limit = len(step.actions), step.world.max_steps
-    # A changed plan may take longer: it goes on with its last action.
-    base = torch.tensor([*best.actions, *best.actions[-1:] * 2][:limit], dtype=torch.int8)
-    first, second = torch.combinations(torch.arange(len(base))).repeat_interleave(count * count, 0).unbind(-1)
-    pairs = torch.cartesian_prod(torch.arange(count), torch.arange(count)).to(torch.int8)
-    change = pairs.repeat(len(first) // len(pairs), 1)
-    actions = base.repeat(len(first), 1)
-    actions.scatter_(1, first[:, None], change[:, :1]).scatter_(1, second[:, None], change[:, 1:])
-    state = step.start.expand(len(actions), -1)
-    total = torch.zeros(len(actions), dtype=torch.float64)
-    for time in range(len(base)):
-        after = step(state, actions[:, time].long())
-        total = total + after.reward
-        ended = after.goal | after.collision | after.truncated
-        index = int(total.masked_fill(~ended, -math.inf).argmax())
-        if bool(ended[index]) and float(total[index]) > best.total + 1e-6:
-            best = Plan(float(total[index]), actions[index, : time + 1].tolist(), bool(after.goal[index]))
-        going = ~ended & (total + outlook(after.state) > best.total - DOUBT)
-        if not bool(going.any()):
-            break
-        state, total, actions = after.state[going], total[going], actions[going]
-    return best

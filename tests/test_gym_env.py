@@ -5,11 +5,14 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3 import DQN
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
 from ship_trl.gym_env import ENV_ID, ShipCollisionEnv
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.render import Rasteriser
 
 
 @pytest.mark.parametrize("colour", [False, True])
@@ -60,3 +63,12 @@ def test_stable_baselines3_trains_on_it_unchanged() -> None:
     before = next(model.q_net.parameters()).clone()
     model.learn(120)
     assert not bool((before == next(model.q_net.parameters())).all())
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_it_shows_what_the_network_sees_channels_last(colour: bool) -> None:
+    env, world = ShipCollisionEnv(case="4", colour=colour), load_world()
+    env.reset()
+    observation, _, _, _, info = env.step(np.int64(0))
+    picture = Rasteriser(load_case("4", world), world, colour=colour)(torch.from_numpy(info["state"]))
+    assert np.array_equal(np.moveaxis(observation, -1, 0), picture.numpy())

@@ -61,8 +61,21 @@ def draw(state: Tensor) -> Tensor:
 def schedule(**changes: Any) -> Learn:
     """Hyperparameters of a short training."""
     values: dict[str, Any] = {
-        "episodes": 30, "num_envs": 3, "gamma": 0.9, "lr": 1e-3, "lr_end": 1e-3, "batch_size": 8,
-        "replay_size": 500, "warmup_steps": 30, "update_every": 4, "tau": 0.05, "loss": Loss["l2"],
-        "reward_scale": 0.01, "epsilon_start": 1.0, "epsilon_end": 0.01, "epsilon_fraction": 0.6, "evaluate_every": 10,
-    }  # fmt: skip
+        "episodes": 30,
+        "num_envs": 3,
+        "gamma": 0.9,
+        "lr": 1e-3,
+        "lr_end": 1e-3,
+        "batch_size": 8,
+        "replay_size": 500,
+        "warmup_steps": 30,
+        "update_every": 4,
+        "tau": 0.05,
+        "loss": Loss["l2"],
+        "reward_scale": 0.01,
+        "epsilon_start": 1.0,
+        "epsilon_end": 0.01,
+        "epsilon_fraction": 0.6,
+        "evaluate_every": 10,
+    }
     return Learn(**(values | changes))

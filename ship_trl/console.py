@@ -12,7 +12,6 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     TextColumn,
-    TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.table import Table
@@ -32,14 +31,13 @@ def progress(
 ) -> Iterator[Finished | Evaluated]:
     """Pass events on, and show episodes done, time left, and the last returns meanwhile."""
     columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
+        BarColumn(bar_width=20),
         MofNCompleteColumn(),
-        TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
+    say(title)
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(title, total=episodes, now="", greedy="")
         for event in events:
@@ -56,15 +54,7 @@ def show_result(result: dict[str, Any], folder: Path) -> None:
     if result["source"] is not None:
         where = f"case {result['source']} -> {where}"
     table = Table(title=f"{where}, {result['arm']}, seed {result['seed']}", title_justify="left")
-    for name in (
-        "greedy policy",
-        "return",
-        "of best known",
-        "ends with",
-        "steps",
-        "smallest DCPA",
-        "after episode",
-    ):
+    for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
     known = result["best_known_return"]
     for name, key in (

@@ -46,6 +46,14 @@ class Reward:
     k2: float
 
 
+class Precision(Enum):
+    """In what the conv layers compute; `auto` is bf16 where the processor multiplies it natively."""
+
+    auto = "auto"
+    fp32 = "fp32"
+    bf16 = "bf16"
+
+
 @dataclass
 class World:
     """The physics shared by all cases (sections 3.1 and 3.3)."""
@@ -73,6 +81,7 @@ class Learn:
     update_every: int
     tau: float
     loss: Loss
+    precision: Precision
     reward_scale: float
     epsilon_start: float
     epsilon_end: float

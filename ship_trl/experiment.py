@@ -24,6 +24,7 @@ from ship_trl.plan import RESULT, Run
 from ship_trl.process import settle
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.planner import best_plan
+from ship_trl.sim.render import Rasteriser
 from ship_trl.tracking import Tracker
 from ship_trl.transfer.casebase import POLICY, CaseBase, Entry
 from ship_trl.transfer.layers import Transfer, apply, load_weights, save_weights
@@ -83,9 +84,9 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
         name: Generator(device=device if name == "exploration" else "cpu").manual_seed(run.stream(name))
         for name in ("weights", "exploration", "replay")
     }
-    env = ShipEnv(run.target, config.world, learn.num_envs, colour=config.colour, device=device)
+    draw = Rasteriser(run.target, config.world, colour=config.colour, device=device)
     eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
-    draw, actions = env.rasteriser, len(config.world.actions)
+    actions = len(config.world.actions)
     network = DuelingNetwork(draw.channels, actions, streams["weights"])
     transfer = find_transfer(run, network, source)
     network.to(device)
@@ -93,7 +94,11 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
     if transfer:
         apply(network, transfer)
     agent = Agent(network, draw, actions, learn, streams["exploration"])
-    replay = StateReplay(learn.replay_size, draw, learn.reward_scale, streams["replay"], device)
+    encoders = {agent.observes: agent.encode} if agent.observes != "state" else {}
+    env = ShipEnv(
+        run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
+    )
+    replay = StateReplay(learn.replay_size, learn.reward_scale, streams["replay"], device, agent.observes)
     known = best_plan(run.target, config.world).total
 
     finished: list[Finished] = []

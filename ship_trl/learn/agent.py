@@ -1,4 +1,4 @@
-"""The agent: Q-network, double-DQN loss, optimiser and soft target, as TorchRL parts."""
+"""The agent: acts epsilon-greedily, and learns by double DQN from replayed transitions."""
 
 from __future__ import annotations
 
@@ -7,17 +7,20 @@ import copy
 import torch
 from tensordict import TensorDictBase
 from torch import Generator, Tensor
-from torchrl.data import Categorical
-from torchrl.modules import QValueActor
-from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Learn
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import Draw
+from ship_trl.learn.delta import Rows
+from ship_trl.learn.loss import double_dqn_target, td_loss
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.vision import DeltaVision, DenseVision, Draw, computing
+
+# From this many frozen layers on, their output is smaller than the picture and cheaper to keep
+# than to compute again: 3,136 numbers after the third, 200 after the fourth.
+KEPT_FROM = 3
 
 
 class Agent:
-    """Acts epsilon-greedily and learns from batches.
+    """Acts and learns.
 
     It explores by the online network, as the paper does, and is judged by the soft target: the
     running average of the online network over the last 1/tau updates. Actions are often worth
@@ -31,6 +34,9 @@ class Agent:
         num_actions: A.
         learn: hyperparameters.
         exploration: generator of the epsilon-greedy draws, on the network's device.
+
+    `observes` names what it takes for an observation: `state`, or `features` where so many layers
+    are frozen that their output is kept in place of the state; `encode` makes the one of the other.
     """
 
     def __init__(
@@ -41,44 +47,54 @@ class Agent:
         learn: Learn,
         exploration: Generator,
     ) -> None:
-        self.network, self.draw = network, draw
+        self.network, self.draw, self.learn = network, draw, learn
         self.exploration = exploration
         self.num_actions = num_actions
-        actor = QValueActor(network, in_keys=["pixels"], spec=Categorical(num_actions))
-        self.loss_module = DQNLoss(actor, delay_value=True, double_dqn=True, loss_function=learn.loss.name)
-        self.loss_module.make_value_estimator(gamma=learn.gamma)
-        trained = [p for p in network.parameters() if p.requires_grad]
-        self.optimiser = torch.optim.Adam(trained, lr=learn.lr, fused=True)
-        self.target = SoftUpdate(self.loss_module, tau=learn.tau)
-        self.average = self._view_of_target()
-
-    def _view_of_target(self) -> DuelingNetwork:
-        """The target as a network: it shares the memory that the soft update writes to."""
-        view = copy.deepcopy(self.network).requires_grad_(False)
-        slow = self.loss_module.target_value_network_params.flatten_keys(".")
-        for name, parameter in view.named_parameters():
-            (key,) = (key for key in slow.keys() if key.endswith(f".{name}"))  # noqa: SIM118
-            parameter.data = slow[key].data
-        return view
+        self.average = copy.deepcopy(network).requires_grad_(False)
+        frozen = [not any(p.requires_grad for p in getattr(network, n).parameters()) for n in CONV_NAMES]
+        self.frozen = (*frozen, False).index(False)
+        on_cpu = network.conv1.weight.device.type == "cpu"
+        self.observes = "features" if on_cpu and self.frozen >= KEPT_FROM else "state"
+        self.vision = (DeltaVision if on_cpu else DenseVision)(draw, computing(learn.precision))
+        self._online = self.vision.reader(network, self.frozen)
+        self._slow = self.vision.reader(self.average, self.frozen)
+        self._online.learn()
+        self.optimiser = torch.optim.Adam(self._online.parameters, lr=learn.lr, fused=True)
 
     @torch.no_grad()
     def q_values(self, state: Tensor) -> Tensor:
-        """Q-values by which the agent is judged, of the averaged network: [N, S] to [N, A]."""
+        """Q-values by which the agent is judged, of the averaged network in float32: [N, S] to [N, A]."""
         return self.average(self.draw(state))
 
-    def act(self, state: Tensor, epsilon: float) -> Tensor:
-        """Epsilon-greedy actions: [N, S] to int64 [N].
+    @torch.no_grad()
+    def encode(self, state: Tensor) -> Tensor:
+        """What the frozen layers make of states: [N, S] to [N, F]."""
+        rows: Rows = self._online.advance(self.vision.look(state), self.frozen)
+        if self.frozen == len(CONV_NAMES):
+            return rows.values
+        (index,) = rows.indices
+        return rows.values[index].flatten(1)
+
+    @torch.no_grad()
+    def look(self, observation: Tensor) -> object:
+        """An observation [N, ...] through the frozen layers, for the networks to read on."""
+        if self.observes == "features":
+            return Rows(observation, (None,) * (len(CONV_NAMES) - self.frozen))
+        return self._online.advance(self.vision.look(observation), self.frozen)
+
+    @torch.no_grad()
+    def act(self, observation: Tensor, epsilon: float) -> Tensor:
+        """Epsilon-greedy actions: [N, ...] to int64 [N].
 
         The same number of random draws is made whatever epsilon is, and pictures are drawn only
         where the network decides.
         """
-        count, device = state.shape[0], state.device
+        count, device = observation.shape[0], observation.device
         explore = torch.rand(count, generator=self.exploration, device=device) < epsilon
         action = torch.randint(self.num_actions, (count,), generator=self.exploration, device=device)
         rows = (~explore).nonzero().squeeze(-1)
         if rows.numel():
-            with torch.no_grad():
-                action[rows] = self.network(self.draw(state[rows])).argmax(-1)
+            action[rows] = self._online.q_values(self.look(observation[rows])).argmax(-1)
         return action
 
     def set_learning_rate(self, rate: float) -> None:
@@ -87,10 +103,18 @@ class Agent:
             group["lr"] = rate
 
     def update(self, batch: TensorDictBase) -> Tensor:
-        """One gradient step on a batch with pixels, then the soft target; returns the loss."""
-        loss = self.loss_module(batch)["loss"]
+        """One gradient step on a batch of the replay, then the soft target; returns the loss."""
+        now, later = self.look(batch["observed"]), self.look(batch["later"])
+        with torch.no_grad():
+            online, slow = self._online.q_values(later), self._slow.q_values(later)
+        wanted = double_dqn_target(online, slow, batch["reward"], batch["terminated"], self.learn.gamma)
+        loss = td_loss(self._online.q_values(now), batch["action"], wanted, self.learn.loss)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
+        self._online.hand_back()
         self.optimiser.step()
-        self.target.step()
+        with torch.no_grad():
+            torch._foreach_lerp_(self._slow.parameters, self._online.parameters, self.learn.tau)
+        self._online.refresh()
+        self._slow.refresh()
         return loss.detach()

@@ -60,10 +60,13 @@ class DuelingNetwork(nn.Module):
         # Both sides lie channels last, so these are views.
         weight = self.conv4.weight.permute(0, 2, 3, 1).flatten(1)
         x = F.relu_(F.linear(x.permute(0, 2, 3, 1).flatten(1), weight, self.conv4.bias))
-        x = F.relu_(self.shared(x))
+        return self.dueling(x).reshape(*shape, -1)
+
+    def dueling(self, features: Tensor) -> Tensor:
+        """Fully connected layers: features [B, 200] to Q-values [B, A]."""
+        x = F.relu_(self.shared(features))
         advantage = self.advantage(x)
-        q = self.value(x) + advantage - advantage.mean(-1, keepdim=True)
-        return q.reshape(*shape, -1)
+        return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
     def _first(self, pixels: Tensor) -> Tensor:
         """conv1 as space-to-depth and a 2x2 convolution: the same function, faster on a CPU."""

@@ -1,70 +1,58 @@
-"""Replay of states: pixels are drawn when a batch is sampled.
+"""Replay of states: pixels are drawn when a batch is learned from.
 
 The picture is a function of the state, so 50,000 transitions take about 2 MB instead of 0.7 GB.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Generator, Tensor
+from torch import Generator
 from torchrl.data import LazyTensorStorage, ReplayBuffer
-from torchrl.envs.transforms import Transform
-
-Draw = Callable[[Tensor], Tensor]
-STORED = ("state", "action", ("next", "state"), ("next", "reward"), ("next", "done"), ("next", "terminated"))
-
-
-class DrawPixels(Transform):
-    """Adds `pixels` to `state` and `next`, in one drawing of both.
-
-    Args:
-        draw: states [..., S] to uint8 pixels [..., C, H, W].
-    """
-
-    def __init__(self, draw: Draw) -> None:
-        super().__init__()
-        self.draw = draw
-
-    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Draw `state` and `next state` of a sampled batch."""
-        pixels = self.draw(torch.stack((tensordict["state"], tensordict["next", "state"])))
-        tensordict.set("pixels", pixels[0])
-        tensordict.set(("next", "pixels"), pixels[1])
-        return tensordict
 
 
 class StateReplay:
-    """Uniform replay of `capacity` transitions of states; samples come with pixels and scaled reward."""
+    """Uniform replay of `capacity` transitions.
+
+    Args:
+        capacity: the oldest beyond it are forgotten.
+        reward_scale: rewards are multiplied by it.
+        generator: source of the draws.
+        device: where transitions lie.
+        observed: which entry of a step is kept: `state`, or `features` where some layers are frozen.
+    """
 
     def __init__(
         self,
         capacity: int,
-        draw: Draw,
         reward_scale: float,
         generator: Generator,
         device: torch.device,
+        observed: str = "state",
     ) -> None:
-        self.reward_scale = reward_scale
-        self.buffer = ReplayBuffer(
-            storage=LazyTensorStorage(capacity, device=device),
-            transform=DrawPixels(draw),
-            generator=generator,
-        )
+        self.reward_scale, self.observed = reward_scale, observed
+        self.buffer = ReplayBuffer(storage=LazyTensorStorage(capacity, device=device), generator=generator)
 
     def __len__(self) -> int:
         return len(self.buffer)
 
     def extend(self, steps: TensorDictBase) -> None:
-        """Store steps of N environments, tensordict [N] with `state`, `action` and `next`."""
-        kept = TensorDict({}, batch_size=steps.batch_size, device=steps.device)
-        for key in STORED:
-            kept.set(key, steps.get(key))
-        kept["next", "reward"] = kept["next", "reward"] * self.reward_scale
-        self.buffer.extend(kept)
+        """Store steps of N environments, tensordict [N] with the observed entry, `action` and `next`."""
+        later = steps["next"]
+        kept = {
+            "observed": steps[self.observed],
+            "action": steps["action"],
+            "reward": later["reward"] * self.reward_scale,
+            "terminated": later["terminated"],
+            "later": later[self.observed],
+        }
+        self.buffer.extend(TensorDict(kept, batch_size=steps.batch_size))
 
     def sample(self, batch_size: int) -> TensorDictBase:
-        """Draw `batch_size` transitions uniformly, with replacement."""
+        """Draw transitions uniformly, with replacement.
+
+        Returns:
+            A flat tensordict [batch_size]: `observed` and `later` [B, S], `action` [B], `reward`
+            (scaled) and `terminated` [B, 1].
+        """
         return self.buffer.sample(batch_size)

@@ -75,7 +75,7 @@ def train(
     while episode < learn.episodes:
         epsilon = epsilon_at(episode, learn)
         agent.set_learning_rate(learning_rate_at(episode, learn))
-        current.set("action", agent.act(current["state"], epsilon))
+        current.set("action", agent.act(current[agent.observes], epsilon))
         stepped, current = env.step_and_maybe_reset(current)
         replay.extend(stepped)
         steps += count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
@@ -13,6 +14,7 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config import World
 from ship_trl.sim.cases import Case
+from ship_trl.sim.compiled import CompiledStep
 from ship_trl.sim.dynamics import STATE_SIZE
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
@@ -22,8 +24,9 @@ class ShipEnv(EnvBase):
     """Own ship heads for the goal without a target ship coming inside the safe distance.
 
     Observation: `state` float32 [N, 4] = x, y (m, east and north), heading (rad, counter-clockwise
-    from east), step; with `from_pixels` also `pixels` uint8 [N, C, 84, 84]. The start is fixed by
-    the case, so a reset draws no random number.
+    from east), step; with `from_pixels` also `pixels` uint8 [N, C, 84, 84]; with `encoders`, by
+    name, functions of the state [N, 4] to [N, F]. The start is fixed by the case, so a reset draws
+    no random number.
     Action: int64 [N], index into table 1.
     Reward: float32 [N, 1], raw (equation 4).
     End: `terminated` at the goal or on a collision (the collision wins in the same step),
@@ -43,14 +46,20 @@ class ShipEnv(EnvBase):
         *,
         from_pixels: bool = False,
         colour: bool = False,
+        encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         device: str | torch.device = "cpu",
     ) -> None:
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.case, self.world = case, world
         self._transition = Transition(case, world, self.device)
+        on_cpu = self.device.type == "cpu"
+        self._advance = CompiledStep(self._transition) if on_cpu else self._transition
         self.rasteriser = Rasteriser(case, world, colour=colour, device=self.device)
         self.from_pixels = from_pixels
+        self._encoders = dict(encoders or {})
         self._make_specs()
+        # Every episode starts alike, so the rows that begin anew are drawn once.
+        self._first = self._start(1)
 
     def _make_specs(self) -> None:
         shape, device = self.batch_size, self.device
@@ -63,6 +72,9 @@ class ShipEnv(EnvBase):
         }
         if self.from_pixels:
             observation["pixels"] = self.rasteriser.spec(shape)
+        for key, encode in self._encoders.items():
+            example = encode(self._transition.start.unsqueeze(0))[0]
+            observation[key] = Unbounded(shape=(*shape, *example.shape), dtype=example.dtype, device=device)
         self.observation_spec = Composite(observation, shape=shape, device=device)
         self.state_spec = Composite(
             {key: observation[key].clone() for key in ("state", "dcpa")}, shape=shape, device=device
@@ -80,23 +92,24 @@ class ShipEnv(EnvBase):
         observation = {"state": state, "dcpa": dcpa, "goal": goal, "collision": collision}
         if self.from_pixels:
             observation["pixels"] = self.rasteriser(state)
-        return observation
+        return observation | {key: encode(state) for key, encode in self._encoders.items()}
+
+    def _start(self, count: int) -> dict[str, Tensor]:
+        """The entries of `count` rows that have just begun."""
+        state = self._transition.start.expand(count, STATE_SIZE).clone()
+        dcpa = torch.full((count, 1), math.inf, device=self.device)
+        no = torch.zeros((count, 1), dtype=torch.bool, device=self.device)
+        done = {"done": no.clone(), "terminated": no.clone(), "truncated": no.clone()}
+        return self._observe(state, dcpa, no, no.clone()) | done
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
-        rows = (*self.batch_size, 1)
-        state = self._transition.start.expand(*self.batch_size, STATE_SIZE).clone()
-        dcpa = torch.full(rows, math.inf, device=self.device)
-        no = torch.zeros(rows, dtype=torch.bool, device=self.device)
         # Of a partial reset TorchRL itself keeps the rows that go on.
         return TensorDict(
-            self._observe(state, dcpa, no, no.clone())
-            | {"done": no.clone(), "terminated": no.clone(), "truncated": no.clone()},
-            batch_size=self.batch_size,
-            device=self.device,
+            self._start(self.batch_size[0]), batch_size=self.batch_size, device=self.device
         )
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
-        after = self._transition(tensordict["state"], tensordict["action"])
+        after = self._advance(tensordict["state"], tensordict["action"])
         terminated = (after.goal | after.collision).unsqueeze(-1)
         truncated = after.truncated.unsqueeze(-1)
         dcpa = torch.minimum(tensordict["dcpa"], after.apart.unsqueeze(-1))
@@ -122,8 +135,8 @@ class ShipEnv(EnvBase):
         following = self._step_mdp(tensordict)
         rows = following["done"].squeeze(-1).nonzero().squeeze(-1)
         if rows.numel():
-            start = self._reset()
-            for key, value in start.items():
+            for key, value in self._first.items():
                 # A copy, because the finished step's own entries stay in `tensordict["next"]`.
-                following.set(key, following.get(key).index_copy(0, rows, value[rows]))
+                begun = value.expand(rows.numel(), *value.shape[1:])
+                following.set(key, following.get(key).index_copy(0, rows, begun))
         return tensordict, following

@@ -17,6 +17,7 @@ from torchrl.data import Bounded
 from ship_trl.config import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
+from ship_trl.sim.compiled import CompiledDrawing
 from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.transition import Transition
 
@@ -40,8 +41,9 @@ class Rasteriser:
     """Draws states of one case as the network sees them.
 
     `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84], C = 1 (grey) or
-    3 (colour). The same operations run on CPU and GPU. The picture depends on nothing but the
-    state and the case (section 4 of the paper gives the drawing in figure 1).
+    3 (colour). The picture depends on nothing but the state and the case (section 4 of the paper
+    gives the drawing in figure 1). On a CPU it is drawn by a compiled loop, elsewhere in torch.
+    `still` [C, 84, 84] is the picture without line and target ships.
     """
 
     def __init__(
@@ -59,12 +61,19 @@ class Rasteriser:
         self._along = torch.arange(self.size // 2, device=self.device, dtype=torch.float32)
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
         self._background = self._draw_background(world)
+        self.still = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
+        self._compiled = self._compile() if self.device.type == "cpu" else None
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
         ink = torch.tensor(colour, dtype=torch.float32, device=self.device)
         if self.channels == 1:
             ink = (ink * torch.tensor(scene.LUMINANCE, device=self.device)).sum(0, keepdim=True)
         return ink
+
+    def _compile(self) -> CompiledDrawing:
+        return CompiledDrawing(
+            self._world, self._course, self._ship, self._line_ink, self._ship_ink, self._background
+        )
 
     def spec(self, shape: torch.Size) -> Bounded:
         """TorchRL spec of the pixels for a batch of `shape`."""
@@ -91,6 +100,11 @@ class Rasteriser:
     def __call__(self, state: Tensor) -> Tensor:
         """Draw states: float [..., 4] to uint8 [..., C, 84, 84]."""
         flat = state.reshape(-1, state.shape[-1])
+        pixels = self._compiled(flat) if self._compiled else self.reference(flat)
+        return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
+
+    def reference(self, flat: Tensor) -> Tensor:
+        """Draw in torch, on any device: float [N, 4] to uint8 [N, C, 84 * 84]."""
         image = self._background.expand(flat.shape[0], -1, -1).clone()
         turn = math.pi / 2 - flat[:, HEADING]
         # Screen axes in pixels from the corner: east of the bow is right, ahead is up.
@@ -100,8 +114,7 @@ class Rasteriser:
         away = self._world.away(flat)
         if away.shape[1]:
             self._draw_ships(image, away, rotate_x[:, None], rotate_y[:, None], turn)
-        pixels = image.add_(0.5).to(torch.uint8)
-        return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
+        return image.add_(0.5).to(torch.uint8)
 
     def _draw_line(self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
         """White line from own ship to the goal; its length is the goal's distance (section 3.1)."""

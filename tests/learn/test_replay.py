@@ -1,11 +1,10 @@
-"""Replay of states: what goes in comes out, with pixels, from its own generator."""
+"""Replay of states: what goes in comes out, from its own generator."""
 
 import torch
 from tensordict import TensorDict
 from torch import Generator
 
 from ship_trl.learn.replay import StateReplay
-from tests.learn.worlds import draw
 
 
 def steps(first: int, count: int) -> TensorDict:
@@ -21,7 +20,7 @@ def steps(first: int, count: int) -> TensorDict:
                 "state": torch.stack((number + 1, number + 1), -1),
                 "reward": number[:, None] * 100,
                 "done": flags,
-                "terminated": flags.clone(),
+                "terminated": number[:, None] % 3 == 0,
                 "truncated": flags.clone(),
             },
         },
@@ -30,21 +29,20 @@ def steps(first: int, count: int) -> TensorDict:
 
 
 def replay(capacity: int = 100, seed: int = 0) -> StateReplay:
-    return StateReplay(capacity, draw, 0.01, Generator().manual_seed(seed), torch.device("cpu"))
+    return StateReplay(capacity, 0.01, Generator().manual_seed(seed), torch.device("cpu"))
 
 
-def test_samples_are_whole_transitions_with_pixels() -> None:
+def test_samples_are_whole_transitions() -> None:
     memory = replay()
     for first in range(0, 40, 4):
         memory.extend(steps(first, 4))
     assert len(memory) == 40
     batch = memory.sample(64)
-    number = batch["state"][:, 0]
+    number = batch["observed"][:, 0]
     assert torch.equal(batch["action"], (number % 7).long())
-    assert torch.equal(batch["next", "state"][:, 0], number + 1)
-    torch.testing.assert_close(batch["next", "reward"][:, 0], number)
-    assert torch.equal(batch["pixels"], draw(batch["state"]))
-    assert torch.equal(batch["next", "pixels"], draw(batch["next", "state"]))
+    assert torch.equal(batch["later"][:, 0], number + 1)
+    torch.testing.assert_close(batch["reward"][:, 0], number)
+    assert torch.equal(batch["terminated"][:, 0], number % 3 == 0)
 
 
 def test_the_oldest_is_forgotten_first() -> None:
@@ -52,8 +50,18 @@ def test_the_oldest_is_forgotten_first() -> None:
     for first in range(0, 24, 4):
         memory.extend(steps(first, 4))
     assert len(memory) == 10
-    seen = set(memory.sample(500)["state"][:, 0].int().tolist())
+    seen = set(memory.sample(500)["observed"][:, 0].int().tolist())
     assert seen == set(range(14, 24))
+
+
+def test_another_entry_can_be_what_is_observed() -> None:
+    memory = StateReplay(20, 0.01, Generator().manual_seed(0), torch.device("cpu"), observed="features")
+    given = steps(0, 4)
+    given["features"], given["next", "features"] = torch.rand(4, 200), torch.rand(4, 200)
+    memory.extend(given)
+    batch = memory.sample(16)
+    assert torch.equal(batch["observed"], given["features"][batch["action"]])
+    assert torch.equal(batch["later"], given["next", "features"][batch["action"]])
 
 
 def test_storage_holds_no_pixels() -> None:
@@ -70,7 +78,7 @@ def test_draws_come_from_its_own_generator() -> None:
         torch.manual_seed(world)
         memory = replay(seed=seed)
         memory.extend(steps(0, 60))
-        batches.append(memory.sample(32)["state"])
+        batches.append(memory.sample(32)["observed"])
     assert torch.equal(batches[0], batches[1])
     assert not torch.equal(batches[0], batches[2])
 

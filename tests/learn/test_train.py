@@ -21,7 +21,7 @@ def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated]
     learn = schedule(**changes)
     generators = [Generator().manual_seed(seed * 10 + k) for k in range(3)]
     agent = Agent(DuelingNetwork(1, 3, generators[0]), draw, 3, learn, generators[1])
-    memory = StateReplay(learn.replay_size, draw, learn.reward_scale, generators[2], torch.device("cpu"))
+    memory = StateReplay(learn.replay_size, learn.reward_scale, generators[2], torch.device("cpu"))
     return list(train(Corridor(learn.num_envs), Corridor(1), agent, memory, learn)), agent
 
 
@@ -51,7 +51,7 @@ def test_one_update_for_every_so_many_steps() -> None:
     learn = schedule()
     generator = Generator().manual_seed(0)
     agent = Agent(DuelingNetwork(1, 3, generator), draw, 3, learn, generator)
-    memory = StateReplay(learn.replay_size, draw, 0.01, generator, torch.device("cpu"))
+    memory = StateReplay(learn.replay_size, 0.01, generator, torch.device("cpu"))
     count, steps = 0, 0
     update = agent.update
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config import Learn, Loss
+from ship_trl.config import Learn, Loss, Precision
 
 
 class Corridor(EnvBase):
@@ -50,12 +50,19 @@ class Corridor(EnvBase):
         return TensorDict(values, batch_size=self.batch_size)
 
 
-def draw(state: Tensor) -> Tensor:
-    """A bar whose place tells the position: uint8 [..., 1, 84, 84]."""
-    place = ((state[..., 0] + 4) * 10).clamp(0, 80)
-    column = torch.arange(84)
-    bar = (column - place[..., None]).abs() < 6
-    return (bar.to(torch.uint8) * 255)[..., None, None, :].expand(*state.shape[:-1], 1, 84, 84).contiguous()
+class Bars:
+    """A bar whose place tells the position: [..., 2] to uint8 [..., 1, 84, 84]."""
+
+    still = torch.zeros(1, 84, 84, dtype=torch.uint8)
+
+    def __call__(self, state: Tensor) -> Tensor:
+        place = ((state[..., 0] + 4) * 10).clamp(0, 80)
+        bar = (torch.arange(84) - place[..., None]).abs() < 6
+        frames = (bar.to(torch.uint8) * 255)[..., None, None, :].expand(*state.shape[:-1], 1, 84, 84)
+        return frames.contiguous()
+
+
+draw = Bars()
 
 
 def schedule(**changes: Any) -> Learn:
@@ -72,6 +79,7 @@ def schedule(**changes: Any) -> Learn:
         "update_every": 4,
         "tau": 0.05,
         "loss": Loss["l2"],
+        "precision": Precision["fp32"],
         "reward_scale": 0.01,
         "epsilon_start": 1.0,
         "epsilon_end": 0.01,

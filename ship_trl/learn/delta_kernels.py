@@ -1,0 +1,142 @@
+"""Compiled loops of `delta`: which windows differ from the still picture, and where their rows lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray[Any, Any]
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile at the first call, and keep that for later processes where a folder can be written."""
+    try:
+        return njit(cache=True)(function)
+    except RuntimeError:  # no place for a cache
+        return njit(function)
+
+
+@compiled
+def number(touched: Array, table: Array) -> int:
+    """Number the touched windows of all frames after the still ones; returns how many rows that makes.
+
+    Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row of each window, is written.
+    """
+    batch, side = touched.shape[0], touched.shape[1]
+    count = side * side
+    for b in range(batch):
+        for y in range(side):
+            for x in range(side):
+                place = y * side + x
+                table[b, place] = place
+                if touched[b, y, x]:
+                    table[b, place] = count
+                    count += 1
+    return count
+
+
+@compiled
+def mark_pixels(words: Array, still: Array, touched: Array) -> None:
+    """Which windows of the first layer hold a pixel that differs from the still picture.
+
+    Windows are two words wide and two words high, and a word (four pixels) apart.
+    Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; still the same without B;
+    touched bool [B, S, S] is written, S = H / 4 - 1.
+    """
+    batch, channels, _, width = words.shape
+    blocks = np.empty((width, width), np.int32)
+    for b in range(batch):
+        blocks[:] = 0
+        for c in range(channels):
+            for y in range(width):
+                for row in range(4 * y, 4 * y + 4):
+                    for x in range(width):
+                        blocks[y, x] |= words[b, c, row, x] ^ still[c, row, x]
+        for y in range(width - 1):
+            for x in range(width - 1):
+                four = blocks[y, x] | blocks[y, x + 1] | blocks[y + 1, x] | blocks[y + 1, x + 1]
+                touched[b, y, x] = four != 0
+
+
+@compiled
+def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None:
+    """Which windows of a layer hold a touched place of the layer below: bool [B, S, S] to [B, T, T]."""
+    batch, side = touched.shape[0], touched.shape[1]
+    for b in range(batch):
+        for y in range(side):
+            for x in range(side):
+                found = False
+                for i in range(kernel):
+                    for j in range(kernel):
+                        found |= below[b, y * stride + i, x * stride + j]
+                touched[b, y, x] = found
+
+
+@compiled
+def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array) -> None:
+    """Copy the 8x8 windows, 4 apart, of what is touched into `rows`.
+
+    Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], what a pixel is worth;
+    rows [R, 8 * 8 * C] is written, in the order row, column, channel.
+    """
+    batch, channels = pixels.shape[:2]
+    for b in range(batch):
+        for y in range(side):
+            for x in range(side):
+                row = table[b, y * side + x]
+                if row < side * side:
+                    continue
+                for i in range(8):
+                    window = rows[row, 8 * i * channels : 8 * (i + 1) * channels]
+                    for c in range(channels):
+                        line = pixels[b, c, 4 * y + i, 4 * x : 4 * x + 8]
+                        for j in range(8):
+                            window[j * channels + c] = values[line[j]]
+
+
+@compiled
+def index_windows(
+    below: Array, side_below: int, table: Array, side: int, kernel: int, stride: int, index: Array
+) -> None:
+    """For each row of a layer, the rows below that its window holds.
+
+    Shapes: below [B, S * S] and table [B, T * T], rows of the layer below and of this one;
+    index int32 [R, K * K] is written.
+    """
+    # Frame -1 is the still picture, whose rows are numbered by their place.
+    for b in range(-1, table.shape[0]):
+        for y in range(side):
+            for x in range(side):
+                row = y * side + x if b < 0 else table[b, y * side + x]
+                if b < 0 or row >= side * side:
+                    for i in range(kernel):
+                        for j in range(kernel):
+                            place = (y * stride + i) * side_below + x * stride + j
+                            index[row, i * kernel + j] = place if b < 0 else below[b, place]
+
+
+@compiled
+def scatter_add(gradient: Array, index: Array, total: Array) -> None:
+    """Add each piece of `gradient` [R, K, C] to row `index` [R, K] of `total` float32 [T, C].
+
+    The gradient is float32, or bfloat16 as its bits in uint16.
+    """
+    pieces, width = index.shape[1], total.shape[1]
+    bits = np.empty(width, np.uint32)
+    value = bits.view(np.float32)
+    half = gradient.itemsize == 2
+    for r in range(index.shape[0]):
+        for k in range(pieces):
+            row = total[index[r, k]]
+            piece = gradient[r, k]
+            if half:
+                for c in range(width):
+                    bits[c] = np.uint32(piece[c]) << np.uint32(16)
+                for c in range(width):
+                    row[c] += value[c]
+            else:
+                for c in range(width):
+                    row[c] += np.float32(piece[c])

@@ -1,0 +1,27 @@
+"""The double-DQN loss (equations 1 and 2, with van Hasselt's choice of the action)."""
+
+from __future__ import annotations
+
+import torch.nn.functional as F
+from torch import Tensor
+
+from ship_trl.config import Loss
+
+
+def double_dqn_target(
+    online: Tensor, slow: Tensor, reward: Tensor, terminated: Tensor, gamma: float
+) -> Tensor:
+    """What Q(s, a) should be: the online network chooses the next action, the target network values it.
+
+    A truncated step is not terminated, so it bootstraps.
+    Shapes: Q-values of the next states [B, A] of both networks, reward and terminated [B, 1];
+    returns [B, 1].
+    """
+    choice = online.argmax(-1, keepdim=True)
+    return reward + gamma * slow.gather(-1, choice) * ~terminated
+
+
+def td_loss(q: Tensor, action: Tensor, wanted: Tensor, kind: Loss) -> Tensor:
+    """Mean squared (equation 2) or Huber's loss: Q-values [B, A], actions [B], wanted [B, 1]."""
+    got = q.gather(-1, action.unsqueeze(-1))
+    return F.mse_loss(got, wanted) if kind is Loss.l2 else F.smooth_l1_loss(got, wanted)

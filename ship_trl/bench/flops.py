@@ -38,11 +38,12 @@ def forward_flops(layers: list[Layer], batch: int) -> int:
     return batch * sum(layer.flops for layer in layers)
 
 
-def update_flops(layers: list[Layer], batch: int, frozen: int = 0) -> int:
+def update_flops(layers: list[Layer], batch: int, frozen: int = 0, double: bool = True) -> int:
     """What one double-DQN update cannot do without, the first `frozen` conv layers being fixed.
 
     Forwards: the online network on the pictures and on the next ones, the target network on the
-    next ones. Frozen layers are the same in both networks, so the next pictures pass them once.
+    next ones; without `double` the online network does not see those. Frozen layers are the same
+    in both networks, so the next pictures pass them once.
     Backwards: each layer that learns needs the gradient of its weights, and every one above the
     lowest of them that of its input too. Biases, ReLU and the optimiser are left out, as is usual.
 
@@ -52,7 +53,7 @@ def update_flops(layers: list[Layer], batch: int, frozen: int = 0) -> int:
     if not 0 <= frozen <= CONV_LAYERS:
         raise ValueError(f"frozen: must be 0 to {CONV_LAYERS}, got {frozen}")
     fixed, learning = layers[:frozen], layers[frozen:]
-    forwards = 2 * forward_flops(fixed, batch) + 3 * forward_flops(learning, batch)
+    forwards = 2 * forward_flops(fixed, batch) + (3 if double else 2) * forward_flops(learning, batch)
     return forwards + backward_flops(learning, batch)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import types
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from ship_trl.bench.timing import Probe
 from ship_trl.bench.work import FRAME, learn_config
 
 TRANSITIONS = 50_000
+# They have attributes, but lead away from what an object holds.
+NOT_DATA = (type, types.ModuleType, types.FunctionType, types.MethodType)
 
 
 def held_bytes(thing: object, seen: set[int] | None = None) -> int:
@@ -31,7 +34,7 @@ def held_bytes(thing: object, seen: set[int] | None = None) -> int:
         new = storage.data_ptr() not in seen
         seen.add(storage.data_ptr())
         return storage.nbytes() if new else 0
-    if id(thing) in seen or isinstance(thing, type):
+    if id(thing) in seen:
         return 0
     seen.add(id(thing))
     if isinstance(thing, np.ndarray):
@@ -43,14 +46,8 @@ def held_bytes(thing: object, seen: set[int] | None = None) -> int:
     elif isinstance(thing, list | tuple | set):
         parts = list(thing)
     else:
-        # Functions and classes have attributes too, but hold no replay.
-        parts = list(vars(thing).values()) if hasattr(thing, "__dict__") and not callable_only(thing) else []
+        parts = [] if isinstance(thing, NOT_DATA) else list(getattr(thing, "__dict__", {}).values())
     return sum(held_bytes(part, seen) for part in parts)
-
-
-def callable_only(thing: object) -> bool:
-    """A function or method, not an object that happens to be callable."""
-    return isinstance(thing, Callable) and not hasattr(type(thing), "__call__") or hasattr(thing, "__code__")  # type: ignore[arg-type]
 
 
 def replay_memory(transitions: int = TRANSITIONS) -> dict[str, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -38,10 +39,10 @@ def precision(name: str) -> str:
     return "bf16" if name == TUNED_BF16 else "fp32"
 
 
-def step_flops(learn: Learn, frozen: int = 0) -> float:
+def step_flops(learn: Learn, frozen: int = 0, double: bool = True) -> float:
     """Operations of one environment step of a loop: its share of an update, and acting."""
     layers = network_layers()
-    update = update_flops(layers, learn.batch_size, frozen) / learn.update_every
+    update = update_flops(layers, learn.batch_size, frozen, double) / learn.update_every
     return update + (1 - learn.epsilon_end) * forward_flops(layers, 1)
 
 
@@ -66,7 +67,12 @@ def loop_probes(make_env: MakeEnv) -> list[Probe]:
         our_loop(OUR_LOOP),
         our_loop("ours, 1 environment", num_envs=1),
         *(
-            Probe(name, warmed(build(make_env(), learn)), flops=step_flops(learn), precision=precision(name))
+            Probe(
+                name,
+                warmed(build(make_env(), learn)),
+                flops=step_flops(learn, double=name != SB3),
+                precision=precision(name),
+            )
             for name, build in PEERS.items()
         ),
     ]
@@ -78,7 +84,7 @@ def frozen_probes(make_env: MakeEnv) -> list[Probe]:
     for arm in ARMS:
         frozen = frozen_layers(arm)
         peer = warmed(Sb3Loop(make_env(), learn, frozen=frozen))
-        name = f"{SB3_DOUBLE}, {frozen} frozen"
+        name = f"SB3, {frozen} layers frozen"
         probes += [
             our_loop(f"ours, {arm}", arm, group=arm),
             Probe(name, peer, group=arm, flops=step_flops(learn, frozen)),
@@ -123,29 +129,22 @@ def update_probes(make_env: MakeEnv) -> list[Probe]:
     flops, group = update_flops(layers, size), "one update"
     batch, states = ours.sample(), ours.states(ACTING)
     probes = [
-        Probe(OUR_UPDATE, one(lambda: ours.update(batch)), "update", group, True, flops, ours.precision)
+        Probe(OUR_UPDATE, one(partial(ours.update, batch)), "update", group, True, flops, ours.precision)
     ]
     for name, peer in filled(make_env, ours.learn).items():
-        probes.append(Probe(name, one(updater(peer)), "update", group, False, flops, precision(name)))
+        same: Any = peer.sample()
+        act = one(partial(peer.update, same))
+        probes.append(Probe(name, act, "update", group, False, flops, precision(name)))
     for arm in ARMS[1:]:
         other = Ours(arm)
         less = update_flops(layers, size, frozen_layers(arm))
-        act = one(lambda o=other: o.update(batch))  # type: ignore[misc]
+        act = one(partial(other.update, batch))
         probes.append(Probe(f"ours, {arm}", act, "update", group, True, less, other.precision))
     acting = forward_flops(layers, ACTING)
-    run = one(lambda: ours.act(states))
+    run = one(partial(ours.act, states))
     name = f"ours, drawing and network on {ACTING}"
     probes.append(Probe(name, run, "call", "acting", True, acting, ours.precision))
     return [*probes, our_loop(OUR_LOOP, group="whole loop")]
-
-
-def updater(peer: Peer) -> Callable[[], None]:
-    """A peer's update on one batch that stays the same."""
-    batch: Any = peer.sample()
-    if not isinstance(peer, Sb3Loop):
-        return lambda: peer.update(batch)
-    model = peer.model
-    return lambda: model.learn_from(batch)
 
 
 def overhead(timings: list[Timing]) -> float:
@@ -157,14 +156,13 @@ def overhead(timings: list[Timing]) -> float:
 
 def growth_probes() -> list[Probe]:
     """Our whole loop by environments, and one update by batch size."""
-    probes = []
-    for count in (1, 4, 16, 64):
-        probes.append(our_loop(f"ours, {count} environments", num_envs=count, group="whole loop"))
+    counts = (1, 4, 16, 64)
+    probes = [our_loop(f"ours, environments: {n}", num_envs=n, group="whole loop") for n in counts]
     for size in (8, 32, 128):
         ours = Ours(learn=learn_config(batch_size=size))
         ours.fill(WARMUP)
         batch = ours.sample()
-        run = one(lambda o=ours, b=batch: o.update(b), size)  # type: ignore[misc]
+        run = one(partial(ours.update, batch), size)
         flops = update_flops(network_layers(), size) / size
         name = f"ours, update of {size}"
         probes.append(Probe(name, run, "transition", "batch size", True, flops, ours.precision))

@@ -167,7 +167,7 @@ class TunedLoop(PixelLoop):
         self.count = 0
         self.fast = [p.detach() for p in self.trained]
         both = zip(self.target.parameters(), self.network.parameters(), strict=True)
-        self.slow = [slow for slow, fast in both if fast.requires_grad]
+        self.slow: list[Tensor] = [slow for slow, fast in both if fast.requires_grad]
 
     def greedy(self, observation: NDArray[np.uint8]) -> int:
         """The action that the network thinks best."""

@@ -8,6 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from ship_trl.bench.work import FRAME
 from ship_trl.config import CONV_LAYERS
 
 
@@ -38,7 +39,7 @@ class DuelingHead(nn.Module):
 
 
 class PlainNetwork(nn.Module):
-    """As in any tutorial: uint8 [..., 1, 84, 84] through Conv2d to float [..., A]."""
+    """As in any tutorial: uint8 [..., 1, 84, 84] or [..., 84, 84, 1] to float [..., A]."""
 
     def __init__(self, num_actions: int) -> None:
         super().__init__()
@@ -47,7 +48,8 @@ class PlainNetwork(nn.Module):
 
     def forward(self, pixels: Tensor) -> Tensor:
         """Q-values of all actions."""
-        x = pixels / 255.0
+        # With one channel the two layouts are the same bytes.
+        x = pixels.reshape(*pixels.shape[:-3], *FRAME) / 255.0
         for conv in self.convs:
             x = F.relu(conv(x))
         return self.head(x.flatten(-3))
@@ -69,7 +71,8 @@ class TunedNetwork(nn.Module):
         _, second, third, _ = conv_layers()
         self.convs = nn.ModuleList([first, second, third, nn.Linear(49 * 64, 200)])
         self.head = DuelingHead(num_actions)
-        self.to(memory_format=torch.channels_last)
+        for conv in (first, second, third):
+            conv.weight.data = conv.weight.data.contiguous(memory_format=torch.channels_last)
 
     def forward(self, blocked: Tensor) -> Tensor:
         """Q-values of all actions: uint8 [B, 21, 21, 16] to float [B, A]."""

@@ -10,6 +10,7 @@ import torch.nn.functional as F
 from stable_baselines3 import DQN
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from stable_baselines3.common.utils import polyak_update
 from stable_baselines3.dqn.policies import CnnPolicy, QNetwork
 from torch import Tensor, nn
 
@@ -37,7 +38,7 @@ class DuelingQNetwork(QNetwork):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.q_net = DuelingHead(int(self.action_space.n))
+        self.q_net = nn.Sequential(DuelingHead(int(self.action_space.n)))
 
 
 class DuelingPolicy(CnnPolicy):
@@ -127,3 +128,14 @@ class Sb3Loop:
         """A batch of kept transitions."""
         assert self.model.replay_buffer is not None
         return self.model.replay_buffer.sample(self.model.batch_size)
+
+    def update(self, batch: ReplayBufferSamples) -> None:
+        """One gradient step of the double DQN, then the soft target.
+
+        Raises:
+            TypeError: the library's DQN as it is samples by itself.
+        """
+        if not isinstance(self.model, DoubleDQN):
+            raise TypeError("update: needs the double DQN")
+        self.model.learn_from(batch)
+        polyak_update(self.model.q_net.parameters(), self.model.q_net_target.parameters(), self.model.tau)

@@ -75,8 +75,9 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
             )
         self._background = still_picture(world)
         # pygame draws right into the array's memory: one byte a pixel, no copy out of a surface.
-        self._pixels = self._background.copy()
-        self._surface = pygame.image.frombuffer(self._pixels, (scene.SIZE, scene.SIZE), "P")
+        memory = bytearray(self._background.tobytes())
+        self._pixels = np.frombuffer(memory, np.uint8).reshape(self._background.shape)
+        self._surface = pygame.image.frombuffer(memory, (scene.SIZE, scene.SIZE), "P")
         self._line, self._green = grey(scene.LINE), grey(scene.TARGET)
         self._outline = [
             (u * scene.PIXELS_PER_METRE, v * scene.PIXELS_PER_METRE)

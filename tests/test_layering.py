@@ -26,6 +26,7 @@ ALLOWED = {
     "cases": SIM | {"cli", "transfer", "view"},
     "results": {"cli", "plan"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
+    "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer"},
     "__main__": BELOW | {"checks", "cli", "experiment", "plan"},
     "__init__": set(),
 }
@@ -36,6 +37,7 @@ WITHOUT_TORCH = (
     "plan",
     "cli",
     "__main__",
+    "bench/__main__",
     "sim/cases",
     "transfer/similarity",
     "transfer/casebase",

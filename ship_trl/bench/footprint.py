@@ -1,0 +1,95 @@
+"""What lies in memory, and how long a start takes."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import types
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3.common.buffers import ReplayBuffer
+from tensordict import TensorDictBase
+
+import ship_trl
+from ship_trl.bench.ours import Ours
+from ship_trl.bench.timing import Probe
+from ship_trl.bench.work import FRAME, learn_config
+
+TRANSITIONS = 50_000
+# They have attributes, but lead away from what an object holds.
+NOT_DATA = (type, types.ModuleType, types.FunctionType, types.MethodType)
+
+
+def held_bytes(thing: object, seen: set[int] | None = None) -> int:
+    """Bytes of every tensor and array that an object holds, each memory counted once."""
+    seen = set() if seen is None else seen
+    if isinstance(thing, torch.Tensor):
+        storage = thing.untyped_storage()
+        new = storage.data_ptr() not in seen
+        seen.add(storage.data_ptr())
+        return storage.nbytes() if new else 0
+    if id(thing) in seen:
+        return 0
+    seen.add(id(thing))
+    if isinstance(thing, np.ndarray):
+        return thing.nbytes
+    if isinstance(thing, TensorDictBase):
+        parts: list[Any] = list(thing.values(include_nested=True, leaves_only=True))
+    elif isinstance(thing, Mapping):
+        parts = list(thing.values())
+    elif isinstance(thing, list | tuple | set):
+        parts = list(thing)
+    else:
+        parts = [] if isinstance(thing, NOT_DATA) else list(getattr(thing, "__dict__", {}).values())
+    return sum(held_bytes(part, seen) for part in parts)
+
+
+def replay_memory(transitions: int = TRANSITIONS) -> dict[str, int]:
+    """Bytes of replays for so many transitions; ours with all that it needs to draw them."""
+    ours = Ours(learn=learn_config(replay_size=transitions))
+    # The storage is allocated whole at the first transition.
+    ours.fill(ours.learn.num_envs)
+    pictures = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
+    actions = gymnasium.spaces.Discrete(ours.num_actions)
+    held = {"ours, states": held_bytes(ours.replay)}
+    for name, thrifty in (("SB3, pixels", False), ("SB3, pixels, each picture once", True)):
+        # NumPy's zeros take no memory before something is written, so this is quick.
+        buffer = ReplayBuffer(
+            transitions,
+            pictures,
+            actions,
+            "cpu",
+            optimize_memory_usage=thrifty,
+            handle_timeout_termination=not thrifty,
+        )
+        held[name] = held_bytes(buffer)
+    return held
+
+
+def python(*arguments: str) -> Callable[[], int]:
+    """A start of a Python of its own with this package, in the working directory."""
+    path = os.pathsep.join(
+        filter(None, [str(Path(ship_trl.__file__).parents[1]), os.environ.get("PYTHONPATH")])
+    )
+    environment = os.environ | {"PYTHONPATH": path}
+
+    def run() -> int:
+        subprocess.run([sys.executable, *arguments], env=environment, check=True, capture_output=True)
+        return 1
+
+    return run
+
+
+def startup_probes() -> list[Probe]:
+    """Starts of Python: help, and everything that a training imports."""
+    return [
+        Probe("import stable_baselines3", python("-c", "import stable_baselines3"), "start"),
+        Probe("python -m ship_trl --help", python("-m", "ship_trl", "--help"), "start", ours=True),
+        Probe("import ship_trl.experiment", python("-c", "import ship_trl.experiment"), "start", ours=True),
+    ]

@@ -1,0 +1,84 @@
+"""The parts of the benchmark: which probes, and what is said of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from ship_trl.bench import footprint, learning, report, simulator
+from ship_trl.bench.machine import Machine
+from ship_trl.bench.timing import Probe, measure
+from ship_trl.bench.work import CASE, learn_config
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a part is run and shown."""
+
+    rounds: int
+    seconds: float
+    markdown: bool
+    machine: Machine
+
+
+def run_part(name: str, plan: Plan) -> list[Any]:
+    """Run a part, print its table, and return its results, one for each line of JSON."""
+    return PARTS[name](name, plan)
+
+
+def timed(title: str, probes: Callable[[], list[Probe]]) -> Callable[[str, Plan], list[Any]]:
+    """A part of probes that need nothing."""
+    return lambda part, plan: show(part, title, probes(), plan)
+
+
+def beside_peers(title: str, probes: Callable[[simulator.MakeEnv], list[Probe]]) -> Callable[..., list[Any]]:
+    """A part whose peers learn on the quicker of the two Gymnasium environments."""
+
+    def run(part: str, plan: Plan) -> list[Any]:
+        make_env, said = simulator.faster_env(CASE, learn_config().reward_scale)
+        found = show(part, title, probes(make_env), plan)
+        report.say(said)
+        return found
+
+    return run
+
+
+def show(part: str, title: str, probes: list[Probe], plan: Plan) -> list[Any]:
+    """Time probes and print their table."""
+    timings = measure(probes, plan.rounds, plan.seconds)
+    found: list[Any] = report.rows(part, timings, plan.machine)
+    report.show(title, report.COLUMNS, [row.cells() for row in found], plan.markdown)
+    if part == "update":
+        times = learning.overhead(timings)
+        report.say(f"Our whole loop takes {times:.2f} times its bare updates.")
+        found.append({"part": part, "name": "loop in bare updates", "median": times})
+    return found
+
+
+def memory(part: str, plan: Plan) -> list[Any]:
+    """Bytes of replays."""
+    held = footprint.replay_memory()
+    ours = next(iter(held.values()))
+    lines = [[name, f"{size / 1e6:,.1f} MB", f"{size / ours:,.0f}x"] for name, size in held.items()]
+    title = f"Memory of a replay of {footprint.TRANSITIONS:,} transitions"
+    report.show(title, ("name", "memory", "of ours"), lines, plan.markdown)
+    return [{"part": part, "name": name, "unit": "byte", "median": size} for name, size in held.items()]
+
+
+def growth(part: str, plan: Plan) -> list[Any]:
+    """Ships, environments, batch size."""
+    ships = show(part, "Growth with target ships, drawn", simulator.ship_probes(), plan)
+    return ships + show(part, "Growth with environments and batch", learning.growth_probes(), plan)
+
+
+PARTS: dict[str, Callable[[str, Plan], list[Any]]] = {
+    "simulator": timed("Simulation and drawing of 84x84 pixels", simulator.simulator_probes),
+    "replay": beside_peers("A batch from the replay", learning.replay_probes),
+    "update": beside_peers("One update, and acting", learning.update_probes),
+    "loop": beside_peers("Whole training loop", learning.loop_probes),
+    "frozen": beside_peers("Whole training loop with frozen layers", learning.frozen_probes),
+    "memory": memory,
+    "startup": timed("Start of Python", footprint.startup_probes),
+    "growth": growth,
+}

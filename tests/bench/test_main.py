@@ -1,0 +1,77 @@
+"""The command in a process of its own, and what it refuses."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ship_trl.bench import __main__ as command
+from ship_trl.bench import parts
+from ship_trl.bench.footprint import held_bytes
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_part_runs(tmp_path: Path) -> None:
+    arguments = ["memory", "--json", "out.json", "--rounds", "1", "--seconds", "0.01"]
+    done = subprocess.run(
+        [sys.executable, "-m", "ship_trl.bench", *arguments],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "100"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "GFLOP/s fp32" in done.stdout and "ours, states" in done.stdout
+    assert max(map(len, done.stdout.splitlines())) <= 100
+    machine, ours, pixels, _ = map(json.loads, (tmp_path / "out.json").read_text().splitlines())
+    assert machine["fp32"] > 0
+    assert pixels["median"] > 2 * 50_000 * 84 * 84 > 100 * ours["median"] > 100 * 50_000 * 2 * 4 * 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nothing"], "bench: no part nothing; allowed: simulator, replay, update, loop, frozen, memory"),
+        (["--rounds", "0"], "--rounds: must be at least 1, got 0"),
+        (["--seconds", "0"], "--seconds: must be above 0, got 0.0"),
+        (["--json", "/nowhere/at/all.json"], "--json: no folder /nowhere/at"),
+    ],
+)
+def test_wrong_input_is_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        command.main(arguments)
+    error = capsys.readouterr().err
+    assert ended.value.code == 1 and said in error and error.count("\n") == 1
+
+
+def test_missing_library_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(command, "find_spec", lambda name: None)
+    with pytest.raises(SystemExit) as ended:
+        command.main(["memory"])
+    error = capsys.readouterr().err
+    assert ended.value.code == 1 and error.count("\n") == 1
+    assert "pip install 'ship_trl[bench]'" in error
+
+
+def test_every_part_is_named() -> None:
+    assert tuple(parts.PARTS) == command.PARTS
+
+
+def test_bytes_are_counted_once() -> None:
+    tensor = torch.zeros(10)
+
+    class Holder:
+        def __init__(self) -> None:
+            self.parts = {"whole": tensor, "half": tensor[:5], "more": [np.zeros(3, np.uint8)]}
+            self.me = self
+
+    assert held_bytes(Holder()) == 43

@@ -29,7 +29,7 @@ PEERS: dict[str, Callable[[gymnasium.Env[Any, Any], Learn], Peer]] = {
     TUNED: TunedLoop,
     TUNED_BF16: lambda env, learn: TunedLoop(env, learn, bf16=True),
 }
-OUR_LOOP, OUR_UPDATE = "ours, 4 environments", "ours"
+OUR_LOOP, OUR_UPDATE = "ours", "ours"
 # Pictures the network decides on at once in a run of ours.
 ACTING = 4
 
@@ -114,7 +114,7 @@ def replay_probes(make_env: MakeEnv) -> list[Probe]:
     """Sampling a batch as the learner gets it, ours drawn on the way; a unit is a batch."""
     ours = Ours()
     ours.fill(WARMUP)
-    probes = [Probe("ours, states drawn", one(ours.sample), "batch", ours=True)]
+    probes = [Probe("ours, states drawn", one(ours.sample_seen), "batch", ours=True)]
     for name, peer in filled(make_env, ours.learn).items():
         if name != TUNED_BF16:
             probes.append(Probe(f"{name}, pixels", one(peer.sample), "batch"))
@@ -137,8 +137,9 @@ def update_probes(make_env: MakeEnv) -> list[Probe]:
         probes.append(Probe(name, act, "update", group, False, flops, precision(name)))
     for arm in ARMS[1:]:
         other = Ours(arm)
+        other.fill(WARMUP)
         less = update_flops(layers, size, frozen_layers(arm))
-        act = one(partial(other.update, batch))
+        act = one(partial(other.update, other.sample()))
         probes.append(Probe(f"ours, {arm}", act, "update", group, True, less, other.precision))
     acting = forward_flops(layers, ACTING)
     run = one(partial(ours.act, states))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import torch
 from tensordict import TensorDictBase
-from torch import Generator, Tensor, nn
+from torch import Generator, Tensor
 
 from ship_trl.bench.flops import Layer, layers_of
 from ship_trl.bench.work import CASE, CHUNK, learn_config
@@ -50,28 +50,30 @@ class Ours:
         world = load_world()
         self.case = case or load_case(CASE, world)
         self.learn = learn or learn_config()
-        self.env = ShipEnv(self.case, world, self.learn.num_envs)
         self.eval_env = ShipEnv(self.case, world, 1)
         self.num_actions = len(world.actions)
-        self.network: nn.Module = new_network(0)
+        self.network = new_network(0)
         if arm != "scratch":
             # Time does not depend on what a source has learned; other random weights stand for it.
             weights = new_network(1).state_dict()
             apply(self.network, Transfer(weights, int(arm[2:]), arm.startswith("FE")))
-        draw = self.env.rasteriser
+        draw = self.eval_env.rasteriser
         self.agent = Agent(self.network, draw, self.num_actions, self.learn, Generator().manual_seed(2))
+        observes = self.agent.observes
+        encoders = {observes: self.agent.encode} if observes != "state" else {}
+        self.env = ShipEnv(self.case, world, self.learn.num_envs, encoders=encoders)
         self.replay = StateReplay(
             self.learn.replay_size,
-            draw,
             self.learn.reward_scale,
             Generator().manual_seed(3),
             torch.device("cpu"),
+            observes,
         )
 
     @property
     def precision(self) -> str:
         """What the learner computes in: fp32 or bf16."""
-        return str(getattr(self.agent, "precision", "fp32"))
+        return "bf16" if self.agent.vision.dtype is torch.bfloat16 else "fp32"
 
     def fill(self, steps: int) -> None:
         """Put at least so many transitions of random actions into the replay."""
@@ -103,8 +105,14 @@ class Ours:
         return run
 
     def sample(self, batch_size: int | None = None) -> TensorDictBase:
-        """A batch from the replay, with pixels."""
+        """A batch from the replay."""
         return self.replay.sample(batch_size or self.learn.batch_size)
+
+    def sample_seen(self) -> None:
+        """A batch from the replay, drawn and cut for the networks to read."""
+        batch = self.sample()
+        for key in ("observed", "later"):
+            self.agent.look(batch[key])
 
     def update(self, batch: TensorDictBase) -> None:
         """One gradient step, and the soft target."""
@@ -112,7 +120,7 @@ class Ours:
 
     def states(self, count: int) -> Tensor:
         """States out of the replay: [count, 4]."""
-        states: Tensor = self.sample(count)["state"]
+        states: Tensor = self.sample(count)["observed"]
         return states
 
     def act(self, states: Tensor) -> Tensor:

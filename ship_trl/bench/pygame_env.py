@@ -1,6 +1,8 @@
-"""The same world as most people would write it: plain Python numbers, pygame, Gymnasium.
+"""The same world by plain Python numbers, pygame and Gymnasium.
 
-It shares constants with the simulator and no code, so a test can hold one against the other.
+`PygameShipEnv` draws as most people would; `TunedPygameShipEnv` as little as pygame can: what moves,
+with hard edges, into bytes. They share constants with the simulator and no code, so a test can
+hold one against the other.
 """
 
 from __future__ import annotations
@@ -73,12 +75,7 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
             self._ships.append(
                 (ship.x, ship.y, ship.speed * math.cos(course), ship.speed * math.sin(course), course)
             )
-        self._background = still_picture(world)
-        # pygame draws right into the array's memory: one byte a pixel, no copy out of a surface.
-        memory = bytearray(self._background.tobytes())
-        self._pixels = np.frombuffer(memory, np.uint8).reshape(self._background.shape)
-        self._surface = pygame.image.frombuffer(memory, (scene.SIZE, scene.SIZE), "P")
-        self._line, self._green = grey(scene.LINE), grey(scene.TARGET)
+        self._prepare()
         self._outline = [
             (u * scene.PIXELS_PER_METRE, v * scene.PIXELS_PER_METRE)
             for u, v in scene.ship_outline(scene.TARGET_LENGTH)
@@ -135,20 +132,67 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
     def _info(self, goal: bool, collision: bool) -> dict[str, Any]:
         return {"goal": goal, "collision": collision, "dcpa": self._dcpa}
 
-    def _draw(self) -> NDArray[np.uint8]:
-        # Own ship in the middle, heading up; pixel k lies between k and k + 1, its centre at k + 0.5.
-        np.copyto(self._pixels, self._background)
+    def _prepare(self) -> None:
+        self._surface = pygame.Surface((scene.SIZE, scene.SIZE), depth=32)
+        self._luminance = np.array(scene.LUMINANCE, np.float32)
+
+    def _moving(self) -> tuple[tuple[float, float], list[list[tuple[float, float]]]]:
+        """End of the line and corners of the target ships, in pixels.
+
+        Own ship in the middle, heading up; pixel k lies between k and k + 1, its centre at k + 0.5.
+        """
         turn = math.pi / 2 - self._heading
         cos, sin = math.cos(turn), math.sin(turn)
         scale, middle = scene.PIXELS_PER_METRE, scene.SIZE / 2 - 0.5
         gx, gy = (self._case.goal[0] - self._x) * scale, (self._case.goal[1] - self._y) * scale
-        end = (round(middle + gx * cos - gy * sin), round(middle - gx * sin - gy * cos))
-        pygame.draw.line(self._surface, self._line, (round(middle), round(middle)), end)
-        time = self._time * self._world.dt
+        end = (middle + gx * cos - gy * sin, middle - gx * sin - gy * cos)
+        time, ships = self._time * self._world.dt, []
         for sx, sy, vx, vy, course in self._ships:
             ex, ey = (sx + time * vx - self._x) * scale, (sy + time * vy - self._y) * scale
             px, py = middle + ex * cos - ey * sin, middle - ex * sin - ey * cos
             c, s = math.cos(course + turn), math.sin(course + turn)
-            corners = [(round(px + u * c - v * s), round(py - u * s - v * c)) for u, v in self._outline]
-            pygame.draw.polygon(self._surface, self._green, corners)
+            ships.append([(px + u * c - v * s, py - u * s - v * c) for u, v in self._outline])
+        return end, ships
+
+    def _draw(self) -> NDArray[np.uint8]:
+        surface, world, middle = self._surface, self._world, scene.SIZE / 2 - 0.5
+        end, ships = self._moving()
+        surface.fill(scene.OUTSIDE)
+        for radius, colour in (
+            (scene.WINDOW, scene.DISC),
+            (world.goal_distance, scene.GOAL_CIRCLE),
+            (world.safe_distance, scene.SAFE_CIRCLE),
+        ):
+            pygame.draw.circle(surface, colour, (middle + 0.5, middle + 0.5), radius * scene.PIXELS_PER_METRE)
+        outline = scene.ship_outline(scene.OWN_LENGTH)
+        scale = scene.PIXELS_PER_METRE
+        pygame.draw.polygon(
+            surface, scene.OWN, [(middle - v * scale, middle - u * scale) for u, v in outline]
+        )
+        pygame.draw.aaline(surface, scene.LINE, (middle, middle), end)
+        for corners in ships:
+            pygame.draw.polygon(surface, scene.TARGET, corners)
+            pygame.draw.aalines(surface, scene.TARGET, True, corners)
+        bright = pygame.surfarray.array3d(surface) @ self._luminance
+        return np.ascontiguousarray(bright.T.astype(np.uint8))[None]
+
+
+class TunedPygameShipEnv(PygameShipEnv):
+    """The quickest picture that pygame gave: a copied background, hard edges, one byte a pixel."""
+
+    def _prepare(self) -> None:
+        self._background = still_picture(self._world)
+        # pygame draws right into the array's memory: no copy out of a surface.
+        memory = bytearray(self._background.tobytes())
+        self._pixels = np.frombuffer(memory, np.uint8).reshape(self._background.shape)
+        self._surface = pygame.image.frombuffer(memory, (scene.SIZE, scene.SIZE), "P")
+        self._line, self._green = grey(scene.LINE), grey(scene.TARGET)
+
+    def _draw(self) -> NDArray[np.uint8]:
+        np.copyto(self._pixels, self._background)
+        end, ships = self._moving()
+        middle = round(scene.SIZE / 2 - 0.5)
+        pygame.draw.line(self._surface, self._line, (middle, middle), (round(end[0]), round(end[1])))
+        for corners in ships:
+            pygame.draw.polygon(self._surface, self._green, [(round(x), round(y)) for x, y in corners])
         return self._pixels[None].copy()

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Generator
 
-from ship_trl.bench.pygame_env import PygameShipEnv
+from ship_trl.bench.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from ship_trl.bench.timing import Probe, measure
 from ship_trl.bench.work import CHUNK
 from ship_trl.config import World
@@ -68,7 +68,8 @@ def simulator_probes() -> list[Probe]:
     for name in CASES:
         case, group = load_case(name, world), f"case {name}"
         probes += [
-            Probe("Python and pygame", one_by_one(PygameShipEnv(case, world)), group=group),
+            Probe("Gymnasium and pygame", one_by_one(PygameShipEnv(case, world)), group=group),
+            Probe("the same, tuned", one_by_one(TunedPygameShipEnv(case, world)), group=group),
             *(
                 Probe(f"ours, batch of {batch}", batched(case, world, batch), group=group, ours=True)
                 for batch in BATCHES
@@ -99,7 +100,7 @@ def ship_probes() -> list[Probe]:
     for ships in range(0, MAX_TARGET_SHIPS + 1, 2):
         case, group = fleet(base, ships), f"{ships} target ships"
         probes += [
-            Probe("Python and pygame", one_by_one(PygameShipEnv(case, world)), group=group),
+            Probe("Gymnasium and pygame", one_by_one(PygameShipEnv(case, world)), group=group),
             Probe("ours, batch of 64", batched(case, world, 64), group=group, ours=True),
         ]
     return probes
@@ -110,7 +111,7 @@ def faster_env(case_name: str, reward_scale: float, seconds: float = 0.2) -> tup
     world = load_world()
     case = load_case(case_name, world)
     makers: dict[str, MakeEnv] = {
-        "the pygame environment": lambda: PygameShipEnv(case, world, reward_scale),
+        "the tuned pygame environment": lambda: TunedPygameShipEnv(case, world, reward_scale),
         "our Gymnasium environment": lambda: ShipCollisionEnv(case_name, reward_scale=reward_scale),
     }
     probes = [Probe(name, one_by_one(make())) for name, make in makers.items()]

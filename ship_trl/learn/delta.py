@@ -97,6 +97,7 @@ class GatheredLayer(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> Tensor:
+        """Gather, multiply, cut off below zero."""
         windows = rows if index is None else rows.index_select(0, index.view(-1)).view(len(index), -1)
         out = torch.addmm(bias, windows, weight.t()).relu_()
         ctx.save_for_backward(windows, index, weight, out)
@@ -105,7 +106,8 @@ class GatheredLayer(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
+        """Gradients of rows, weight and bias, each where it is needed."""
         windows, index, weight, out = ctx.saved_tensors
         gradient = torch.ops.aten.threshold_backward(gradient, out, 0)
         to_rows = to_weight = to_bias = None

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from ship_trl.jit import compiled
 
 Array = np.ndarray[Any, Any]
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile at the first call, and keep that for later processes where a folder can be written."""
-    try:
-        return njit(cache=True)(function)
-    except RuntimeError:  # no place for a cache
-        return njit(function)
-
-
-@compiled
+@compiled()
 def number(touched: Array, table: Array) -> int:
     """Number the touched windows of all frames after the still ones; returns how many rows that makes.
 
@@ -38,7 +30,7 @@ def number(touched: Array, table: Array) -> int:
     return count
 
 
-@compiled
+@compiled()
 def mark_pixels(words: Array, still: Array, touched: Array) -> None:
     """Which windows of the first layer hold a pixel that differs from the still picture.
 
@@ -61,7 +53,7 @@ def mark_pixels(words: Array, still: Array, touched: Array) -> None:
                 touched[b, y, x] = four != 0
 
 
-@compiled
+@compiled()
 def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None:
     """Which windows of a layer hold a touched place of the layer below: bool [B, S, S] to [B, T, T]."""
     batch, side = touched.shape[0], touched.shape[1]
@@ -75,7 +67,7 @@ def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None
                 touched[b, y, x] = found
 
 
-@compiled
+@compiled()
 def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array) -> None:
     """Copy the 8x8 windows, 4 apart, of what is touched into `rows`.
 
@@ -97,7 +89,7 @@ def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Arra
                             window[j * channels + c] = values[line[j]]
 
 
-@compiled
+@compiled()
 def index_windows(
     below: Array, side_below: int, table: Array, side: int, kernel: int, stride: int, index: Array
 ) -> None:
@@ -118,7 +110,7 @@ def index_windows(
                             index[row, i * kernel + j] = place if b < 0 else below[b, place]
 
 
-@compiled
+@compiled()
 def scatter_add(gradient: Array, index: Array, total: Array) -> None:
     """Add each piece of `gradient` [R, K, C] to row `index` [R, K] of `total` float32 [T, C].
 

@@ -1,4 +1,4 @@
-"""The compiled loops of `kernels` behind the interfaces of `Transition` and `Rasteriser`."""
+"""The compiled loops behind the interfaces of `Transition` and `Rasteriser`."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ship_trl.sim import kernels, scene
+from ship_trl.sim import draw_kernels, scene, step_kernel
 from ship_trl.sim.reward import ROUNDING
 from ship_trl.sim.transition import Outcome, Transition
 
 
-def numbers(*values: float) -> kernels.Array:
+def numbers(*values: float) -> step_kernel.Array:
     """Constants of a kernel, float32."""
     return np.asarray(values, dtype=np.float32)
 
@@ -43,7 +43,7 @@ class CompiledStep:
         after, floats = torch.empty(count, 4), torch.empty(2, count)
         flags = torch.empty(3, count, dtype=torch.bool)
         reward, apart = floats.unbind(0)
-        kernels.step(
+        step_kernel.step(
             state.contiguous().numpy(),
             action.contiguous().numpy(),
             *self._constants,
@@ -102,5 +102,5 @@ class CompiledDrawing:
     def __call__(self, state: Tensor) -> Tensor:
         """Draw each state."""
         pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8)
-        kernels.draw(state.detach().float().contiguous().numpy(), *self._constants, pictures.numpy())
+        draw_kernels.draw(state.detach().float().contiguous().numpy(), *self._constants, pictures.numpy())
         return pictures

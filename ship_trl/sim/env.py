@@ -104,9 +104,7 @@ class ShipEnv(EnvBase):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         # Of a partial reset TorchRL itself keeps the rows that go on.
-        return TensorDict(
-            self._start(self.batch_size[0]), batch_size=self.batch_size, device=self.device
-        )
+        return TensorDict(self._start(self.batch_size[0]), batch_size=self.batch_size, device=self.device)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         after = self._advance(tensordict["state"], tensordict["action"])

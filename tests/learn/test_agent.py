@@ -2,13 +2,14 @@
 
 import copy
 
+import pytest
 import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from ship_trl.config import Learn, Loss
+from ship_trl.config import Learn, Loss, Precision
 from ship_trl.learn.agent import Agent
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 from tests.learn.worlds import draw, schedule
 
 
@@ -75,8 +76,11 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
         learner.update(batch())
     for name, parameter in learner.network.named_parameters():
         assert torch.equal(parameter, before[name]) == name.startswith(("conv1", "conv2"))
-    trained = {id(p) for group in learner.optimiser.param_groups for p in group["params"]}
-    assert id(learner.network.conv1.weight) not in trained and id(learner.network.conv3.weight) in trained
+    trained = {p.data_ptr() for group in learner.optimiser.param_groups for p in group["params"]}
+    places = {name: p.data_ptr() for name, p in learner.network.named_parameters()}
+    assert {name for name, place in places.items() if place not in trained} == {
+        f"{layer}.{kind}" for layer in ("conv1", "conv2") for kind in ("weight", "bias")
+    }
     slow = dict(learner.average.named_parameters())
     for name in ("conv1.weight", "conv2.bias"):
         assert torch.equal(slow[name], before[name])
@@ -118,3 +122,35 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
     assert torch.equal(learner.act(state, 0.0), greedy.expand(4000))
     other = (learner.act(state, 0.5) != greedy).float().mean()
     assert abs(float(other) - 0.5 * 6 / 7) < 0.04
+
+
+@pytest.mark.parametrize("frozen", [3, 4])
+@pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
+def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, precision: Precision) -> None:
+    learner = agent(frozen=CONV_NAMES[:frozen], precision=precision)
+    assert learner.observes == "features" and learner.frozen == frozen
+    state = torch.rand(9, 2) * 8 - 4
+    kept = learner.encode(state)
+    assert kept.shape == (9, {3: 3136, 4: 200}[frozen])
+    x = draw(state) / 255.0
+    for name in CONV_NAMES[:frozen]:
+        layer = getattr(learner.network, name)
+        x = torch.relu(torch.nn.functional.conv2d(x, layer.weight, layer.bias, layer.stride))
+    wanted = x.permute(0, 2, 3, 1).flatten(1)
+    within = {Precision.fp32: 1e-5, Precision.bf16: 0.02}[precision]
+    assert (kept.float() - wanted).abs().max() <= within * wanted.abs().max()
+
+
+def test_learning_from_kept_features_is_learning_from_states() -> None:
+    data, kept = batch(), agent(frozen=CONV_NAMES[:3])
+    dense = agent(frozen=CONV_NAMES[:3])
+    dense.observes = "state"
+    features = data.clone()
+    features["observed"], features["later"] = kept.encode(data["observed"]), kept.encode(data["later"])
+    for _ in range(3):
+        torch.testing.assert_close(kept.update(features), dense.update(data), rtol=1e-4, atol=1e-6)
+    for one, two in zip(kept.network.parameters(), dense.network.parameters(), strict=True):
+        # Adam's first steps have the size of the learning rate, whatever the gradient's.
+        assert (one - two).abs().mean() < 1e-5
+    state = torch.rand(20, 2) * 8 - 4
+    assert torch.equal(kept.act(kept.encode(state), 0.0), dense.act(state, 0.0))

@@ -1,0 +1,26 @@
+"""Loops compiled by numba."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+Loop = Callable[..., Any]
+
+
+def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:
+    """Compile a function at its first call, and keep that for later processes where a folder can be written.
+
+    Args:
+        fastmath: liberties with rounding, by LLVM's names.
+    """
+
+    def decorate(function: Loop) -> Loop:
+        try:
+            return njit(cache=True, fastmath=fastmath)(function)
+        except RuntimeError:  # no place for a cache
+            return njit(fastmath=fastmath)(function)
+
+    return decorate

@@ -1,0 +1,145 @@
+"""The conv layers on what differs from a still picture are the conv layers."""
+
+from typing import Any
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Generator, Tensor
+
+from ship_trl.learn.delta import ROUND_ROWS, Cutter, Filters
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+
+
+def network(channels: int = 1, frozen: int = 0, seed: int = 0) -> DuelingNetwork:
+    generator = Generator().manual_seed(seed)
+    made = DuelingNetwork(channels, 7, generator)
+    with torch.no_grad():
+        for parameter in made.parameters():
+            if parameter.dim() == 1:  # biases are zero at first, and would hide a mistake
+                parameter.uniform_(-0.3, 0.3, generator=generator)
+    for name in CONV_NAMES[:frozen]:
+        getattr(made, name).requires_grad_(False)
+    return made
+
+
+def scene(batch: int, channels: int, patches: int, seed: int) -> tuple[Tensor, Tensor]:
+    """A still picture of noise, and frames that differ from it in some patches."""
+    generator = Generator().manual_seed(seed)
+    noise = lambda *shape: torch.randint(256, shape, generator=generator, dtype=torch.uint8)  # noqa: E731
+    still = noise(channels, 84, 84)
+    frames = still.repeat(batch, 1, 1, 1)
+    for frame in frames:
+        for _ in range(patches):
+            top, left, height, width = torch.randint(0, 84, (4,), generator=generator).tolist()
+            patch = frame[:, top : top + height, left : left + width // 4]
+            patch.copy_(noise(*patch.shape))
+    return still, frames
+
+
+def gradients(net: DuelingNetwork, q: Tensor) -> dict[str, Tensor]:
+    (q * torch.linspace(-1, 1, q.numel()).view_as(q)).sum().backward()
+    return {name: p.grad for name, p in net.named_parameters() if p.grad is not None}
+
+
+def handed_back(net: DuelingNetwork, frozen: int, frames: Tensor, still: Tensor, dtype: torch.dtype) -> Any:
+    """Q-values and gradients by windows; gradients in the shape of the network's weights."""
+    filters = Filters(net, dtype, frozen)
+    filters.learn()
+    rows = filters.advance(Cutter(still, dtype)(frames), frozen)
+    q = filters.q_values(rows)
+    gradients(net, q)
+    filters.hand_back()
+    by_place = {p.data_ptr(): p.grad for p in filters.parameters}
+    found = {}
+    for name, parameter in net.named_parameters():
+        gradient = by_place.get(parameter.data_ptr())
+        if gradient is not None and parameter.dim() == 4:
+            out, channels, height, width = parameter.shape
+            gradient = gradient.view(out, height, width, channels).permute(0, 3, 1, 2)
+        if gradient is not None:
+            found[name] = gradient
+    return q.detach(), found
+
+
+@settings(max_examples=12)
+@given(
+    batch=st.integers(1, 4),
+    channels=st.sampled_from([1, 3]),
+    patches=st.integers(0, 4),
+    frozen=st.integers(0, 4),
+    seed=st.integers(0, 1000),
+)
+def test_it_is_the_network_and_its_gradient(
+    batch: int, channels: int, patches: int, frozen: int, seed: int
+) -> None:
+    still, frames = scene(batch, channels, patches, seed)
+    dense = network(channels, frozen)
+    q = dense(frames)
+    wanted = gradients(dense, q)
+    got_q, got = handed_back(network(channels, frozen), frozen, frames, still, torch.float32)
+    torch.testing.assert_close(got_q, q.detach(), rtol=1e-4, atol=1e-5)
+    assert got.keys() == wanted.keys()
+    for name, gradient in wanted.items():
+        # Thousands of rounded numbers are added in another order; small sums of large ones are left.
+        torch.testing.assert_close(
+            got[name], gradient, rtol=1e-3, atol=1e-4 * float(gradient.abs().max() + 1)
+        )
+
+
+def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
+    still, frames = scene(3, 1, 2, 0)
+    net, wrong = network(), torch.zeros_like(still)
+    right, dense = Cutter(still, torch.float32)(frames), Cutter(wrong, torch.float32)(frames)
+    assert len(right.values) < len(dense.values)
+    filters = Filters(net, torch.float32, 0)
+    torch.testing.assert_close(filters.q_values(right), filters.q_values(dense), rtol=1e-4, atol=1e-5)
+
+
+def test_frames_that_are_the_still_picture_cost_no_rows() -> None:
+    still, frames = scene(5, 1, 0, 0)
+    rows = Cutter(still, torch.float32)(frames)
+    places = (20 * 20, 9 * 9, 7 * 7)
+    counts = (len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None))
+    assert counts == tuple(-(-p // ROUND_ROWS) * ROUND_ROWS for p in places)
+
+
+def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
+    still, frames = scene(8, 1, 3, 4)
+    dense = network()
+    q = dense(frames)
+    wanted = gradients(dense, q)
+    net = network()
+    got_q, got = handed_back(net, 0, frames, still, torch.bfloat16)
+    assert (got_q - q).abs().max() < 0.02 * q.abs().max()
+    assert got_q.dtype is torch.float32 and all(p.dtype is torch.float32 for p in net.parameters())
+    for name, gradient in wanted.items():
+        if gradient.numel() == 1:  # the value's bias: these weights of the Q-values sum to zero
+            continue
+        cosine = torch.nn.functional.cosine_similarity(got[name].flatten(), gradient.flatten(), dim=0)
+        assert cosine > 0.95, name
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_copies_follow_the_network_when_refreshed(dtype: torch.dtype) -> None:
+    still, frames = scene(2, 1, 2, 1)
+    net, rows = network(), Cutter(still, dtype)(frames)
+    filters = Filters(net, dtype, 0)
+    before = filters.q_values(rows)
+    with torch.no_grad():
+        net.conv2.weight.mul_(1.5)
+    assert torch.equal(filters.q_values(rows), before)
+    filters.refresh()
+    assert not torch.equal(filters.q_values(rows), before)
+    torch.testing.assert_close(filters.q_values(rows), Filters(net, dtype, 0).q_values(rows))
+
+
+def test_parameters_share_the_networks_memory() -> None:
+    net = network(frozen=2)
+    filters = Filters(net, torch.float32, 2)
+    with torch.no_grad():
+        for parameter in filters.parameters:
+            parameter.zero_()
+    for name, parameter in net.named_parameters():
+        assert bool((parameter == 0).all()) == (not name.startswith(CONV_NAMES[:2])), name

@@ -14,6 +14,8 @@ def main() -> None:
         print_help()
         return
     import hydra
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
     from omegaconf import DictConfig
 
     from ship_trl.checks import to_config
@@ -26,7 +28,7 @@ def main() -> None:
             run = make_run(to_config(values))
             from ship_trl.experiment import run_experiment
 
-            run_experiment(run)
+            run_experiment(run, one_of_many=HydraConfig.get().mode is RunMode.MULTIRUN)
 
     with hydra_errors():
         entry()

@@ -27,9 +27,12 @@ def say(text: str) -> None:
 
 
 def progress(
-    title: str, episodes: int, events: Iterable[Finished | Evaluated]
+    title: str, episodes: int, events: Iterable[Finished | Evaluated], one_of_many: bool
 ) -> Iterator[Finished | Evaluated]:
-    """Pass events on, and show episodes done, time left, and the last returns meanwhile."""
+    """Pass events on, and show episodes done, time left, and the last returns meanwhile.
+
+    Of a grid's runs, which share the terminal, only the title is shown.
+    """
     columns = (
         BarColumn(bar_width=20),
         MofNCompleteColumn(),
@@ -38,7 +41,7 @@ def progress(
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
     say(title)
-    with Progress(*columns, console=console) as bar:
+    with Progress(*columns, console=console, disable=one_of_many) as bar:
         task = bar.add_task(title, total=episodes, now="", greedy="")
         for event in events:
             if isinstance(event, Finished):
@@ -48,12 +51,24 @@ def progress(
             yield event
 
 
+def title_of(result: dict[str, Any]) -> str:
+    """What a run was."""
+    start = "" if result["source"] is None else f"case {result['source']} -> "
+    return f"{start}case {result['target']}, {result['arm']}, seed {result['seed']}"
+
+
+def say_result(result: dict[str, Any], folder: Path) -> None:
+    """The result of one run of a grid, in a line."""
+    best, final = result["best"], result["final"]
+    say(
+        f"{title_of(result)}: best {best['return']:.1f} ({best['outcome']}), final {final['return']:.1f} "
+        f"({final['outcome']}) of {result['best_known_return']:.1f}, {result['seconds']:.0f} s; {folder}"
+    )
+
+
 def show_result(result: dict[str, Any], folder: Path) -> None:
     """The table at the end of a run."""
-    where = f"case {result['target']}"
-    if result["source"] is not None:
-        where = f"case {result['source']} -> {where}"
-    table = Table(title=f"{where}, {result['arm']}, seed {result['seed']}", title_justify="left")
+    table = Table(title=title_of(result), title_justify="left")
     for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
     known = result["best_known_return"]

@@ -32,10 +32,11 @@ from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
 
 
-def run_experiment(run: Run) -> dict[str, Any]:
+def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
     """Train a run, its source first where the case base has none, and return its result.
 
-    A finished run of the same recipe is shown again, not trained again.
+    A finished run of the same recipe is shown again, not trained again. A run that is one of many
+    shows less of itself.
     """
     settle()
     device = torch.device(run.config.device)
@@ -43,27 +44,31 @@ def run_experiment(run: Run) -> dict[str, Any]:
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
     result = run.result()
     if result is None:
-        source = find_source(run)
-        result = train_run(run, device, source)
+        source = find_source(run, one_of_many)
+        result = train_run(run, device, source, one_of_many)
     else:
         console.say(f"{run.folder} holds this run already; overwrite=true and another seed= train anew")
     retain(run, result)
-    console.show_result(result, run.folder)
+    (console.say_result if one_of_many else console.show_result)(result, run.folder)
     return result
 
 
-def find_source(run: Run) -> Entry | None:
-    """The source network of a transfer, from the case base or trained and retained first."""
+def find_source(run: Run, one_of_many: bool) -> Entry | None:
+    """The source network of a transfer, from the case base or trained and retained first.
+
+    Of several processes that want the same one, the first trains it and the others wait.
+    """
     source = run.source
     if source is None:
         return None
-    base = CaseBase(Path(source.config.case_base))
-    entry = base.find(source.target, source.config.arm, source.config.seed, source.recipe)
-    if entry is None:
-        result = source.result() or train_run(source, torch.device(source.config.device), None)
-        entry = retain(source, result)
-    else:
-        console.say(f"source: {entry.policy} (greedy return {entry.scores['best']['return']:.1f})")
+    base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
+    wanted = (source.target, source.config.arm, source.config.seed, source.recipe)
+    with base.lock(*wanted):
+        entry = base.find(*wanted)
+        if entry is None:
+            result = source.result() or train_run(source, device, None, one_of_many)
+            return retain(source, result)
+    console.say(f"source: {entry.policy} (greedy return {entry.scores['best']['return']:.1f})")
     return entry
 
 
@@ -77,7 +82,9 @@ def retain(run: Run, result: dict[str, Any]) -> Entry:
     return base.retain(run.target, arm, run.config.seed, run.recipe, scores, run.folder)
 
 
-def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str, Any]:
+def train_run(
+    run: Run, device: torch.device, source: Entry | None, one_of_many: bool = False
+) -> dict[str, Any]:
     """Train one network and write everything about it into the run's folder, `result.json` last."""
     config, learn, started = run.config, run.config.learn, time.perf_counter()
     streams = {
@@ -105,7 +112,8 @@ def train_run(run: Run, device: torch.device, source: Entry | None) -> dict[str,
     evaluated: list[Evaluated] = []
     best: Evaluated | None = None
     with Tracker(run) as tracker:
-        for event in console.progress(run.title, learn.episodes, train(env, eval_env, agent, replay, learn)):
+        events = train(env, eval_env, agent, replay, learn)
+        for event in console.progress(run.title, learn.episodes, events, one_of_many):
             tracker.log(event)
             if isinstance(event, Finished):
                 finished.append(event)

@@ -8,6 +8,7 @@ or, importing this module on the way, `gymnasium.make("ship_trl.gym_env:ShipColl
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import gymnasium
@@ -15,11 +16,12 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
-from tensordict import TensorDictBase
 
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.compiled import CompiledStep
+from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.transition import Transition
 
 ENV_ID = "ShipCollision-v0"
 WINDOW_PIXELS = 600
@@ -53,14 +55,17 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         reward_scale: float = 1.0,
         render_mode: str | None = None,
     ) -> None:
-        world = load_world()
-        self._env = ShipEnv(load_case(case, world), world, 1, from_pixels=True, colour=colour)
+        self._world = load_world()
+        self._case = load_case(case, self._world)
+        self._rasteriser = Rasteriser(self._case, self._world, colour=colour)
+        reference = Transition(self._case, self._world, torch.device("cpu"))
+        self._start, self._advance = reference.start.unsqueeze(0), CompiledStep(reference)
         self._reward_scale = reward_scale
         self.render_mode = render_mode
-        shape = (scene.SIZE, scene.SIZE, self._env.rasteriser.channels)
+        shape = (scene.SIZE, scene.SIZE, self._rasteriser.channels)
         self.observation_space = spaces.Box(0, 255, shape, np.uint8)
-        self.action_space = spaces.Discrete(len(world.actions))
-        self._step: TensorDictBase = self._env.reset()
+        self.action_space = spaces.Discrete(len(self._world.actions))
+        self._state, self._dcpa = self._start, math.inf
         self._window: Any = None
 
     def reset(
@@ -68,27 +73,24 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
     ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
         """Start an episode."""
         super().reset(seed=seed)
-        self._step = self._env.reset()
-        return self._observed()
+        self._state, self._dcpa = self._start, math.inf
+        return self._observed(goal=False, collision=False)
 
     def step(self, action: np.int64) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
         """One second: turn, then move."""
-        self._step = self._env.step(self._step.set("action", torch.tensor([int(action)])))["next"]
-        pixels, info = self._observed()
-        reward = float(self._step["reward"]) * self._reward_scale
-        return pixels, reward, bool(self._step["terminated"]), bool(self._step["truncated"]), info
+        after = self._advance(self._state, torch.tensor([int(action)]))
+        self._state, self._dcpa = after.state, min(self._dcpa, after.apart.item())
+        goal, collision = after.goal.item(), after.collision.item()
+        pixels, info = self._observed(bool(goal), bool(collision))
+        reward = after.reward.item() * self._reward_scale
+        return pixels, reward, bool(goal or collision), bool(after.truncated.item()), info
 
-    def _observed(self) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+    def _observed(self, goal: bool, collision: bool) -> tuple[NDArray[np.uint8], dict[str, Any]]:
         if self.render_mode == "human":
             self.render()
-        step = self._step
-        info = {
-            "state": step["state"][0].numpy(),
-            "goal": bool(step["goal"]),
-            "collision": bool(step["collision"]),
-            "dcpa": float(step["dcpa"]),
-        }
-        return step["pixels"][0].permute(1, 2, 0).contiguous().numpy(), info
+        state = self._state[0].numpy().copy()
+        info = {"state": state, "goal": goal, "collision": collision, "dcpa": self._dcpa}
+        return self._rasteriser(self._state)[0].permute(1, 2, 0).contiguous().numpy(), info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The large picture as uint8 [600, 600, 3], or in a window with render_mode "human"."""
@@ -98,7 +100,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         # Not before it is wanted: training needs no pygame.
         from ship_trl.view.draw import draw_scene, to_array
 
-        picture = draw_scene(self._env.case, self._env.world, self._step["state"][0], WINDOW_PIXELS)
+        picture = draw_scene(self._case, self._world, self._state[0], WINDOW_PIXELS)
         if self.render_mode == "rgb_array":
             return to_array(picture)
         import pygame
@@ -106,7 +108,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         if self._window is None:
             pygame.display.init()
             self._window = pygame.display.set_mode((WINDOW_PIXELS, WINDOW_PIXELS))
-            pygame.display.set_caption(f"case {self._env.case.name}")
+            pygame.display.set_caption(f"case {self._case.name}")
         self._window.blit(picture, (0, 0))
         pygame.event.pump()
         pygame.display.flip()

@@ -60,6 +60,7 @@ class ShipEnv(EnvBase):
         self._make_specs()
         # Every episode starts alike, so the rows that begin anew are drawn once.
         self._first = self._start(1)
+        self._own_keys = {*self._first, "action", "reward", "next"}
 
     def _make_specs(self) -> None:
         shape, device = self.batch_size, self.device
@@ -126,12 +127,16 @@ class ShipEnv(EnvBase):
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """Step, then start the finished rows afresh.
 
-        TorchRL's own runs `torch.where` over every row of every entry; rewriting only the rows
-        that ended does the same for a tenth of the time once there are many environments.
+        TorchRL's own completes and checks what `_step` returns, which is whole already, and runs
+        `torch.where` over every row of every entry; this does the same in a third of the time.
         """
-        tensordict = self.step(tensordict)
-        following = self._step_mdp(tensordict)
-        rows = following["done"].squeeze(-1).nonzero().squeeze(-1)
+        outcome = self._step(tensordict)
+        tensordict.set("next", outcome)
+        following = outcome.exclude("reward")
+        for key in tensordict.keys():  # noqa: SIM118 (a TensorDict iterates over its rows)
+            if key not in self._own_keys:
+                following.set(key, tensordict.get(key))
+        rows = outcome["done"].squeeze(-1).nonzero().squeeze(-1)
         if rows.numel():
             for key, value in self._first.items():
                 # A copy, because the finished step's own entries stay in `tensordict["next"]`.

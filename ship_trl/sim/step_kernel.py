@@ -58,6 +58,8 @@ def step(
     """
     dt, safe, near, most = limits
     for n in range(state.shape[0]):
+        if action[n] < 0 or action[n] >= actions.shape[0]:
+            raise IndexError("no such action")
         x, y, heading, count = state[n]
         speed, turn = actions[action[n]]
         heading = heading + turn * dt

@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock
+
 from ship_trl.config import Method, World
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import distance, similarity
@@ -71,6 +73,12 @@ class CaseBase:
     def place(self, case: Case, arm: str, seed: int, recipe: str) -> Path:
         """Folder of an entry, there or not."""
         return self.folder / case.name / arm / f"seed={seed}-{recipe}"
+
+    def lock(self, case: Case, arm: str, seed: int, recipe: str) -> FileLock:
+        """Held while an entry is made, so that two processes do not make the same one."""
+        place = self.place(case, arm, seed, recipe)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        return FileLock(place.with_name(f".{place.name}.lock"))
 
     def find(self, case: Case, arm: str, seed: int, recipe: str) -> Entry | None:
         """The entry trained on just this case by just this recipe, or None."""

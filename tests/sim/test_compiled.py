@@ -95,6 +95,12 @@ def test_a_ship_along_the_pictures_axes_ends_where_it_should(turn: float) -> Non
     assert (draw(state).int() - draw.reference(state).int().view(1, 1, 84, 84)).abs().max() <= 1
 
 
+@pytest.mark.parametrize("action", [-1, 7])
+def test_an_action_that_is_none_is_refused(action: int) -> None:
+    with pytest.raises(IndexError, match="no such action"):
+        COMPILED["1"](states(1, 0), torch.tensor([action]))
+
+
 def test_the_environment_steps_by_the_compiled_loop_on_a_cpu() -> None:
     env = ShipEnv(load_case("2", WORLD), WORLD, 3)
     assert isinstance(env._advance, CompiledStep)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -28,20 +30,27 @@ KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read every `result.json` and print one row for each arm of a pair."""
+    """Read every `result.json` and print one row for each arm of a pair and folder."""
     parser = argparse.ArgumentParser(prog="python -m ship_trl.results", description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="?", default=Path("outputs"), help="default: outputs")
+    parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    parser.add_argument("--picture", type=Path, help="draw the learning curves beside each other, as PNG")
     options = parser.parse_args(arguments)
-    found, broken = collect(options.folder)
-    for path in broken:
-        complain(f"{path} is not a whole result and is left out")
-    found = [r for r in found if options.arm in (None, r["arm"])]
+    folders = options.folders or [Path("outputs")]
+    found: list[dict[str, Any]] = []
+    for folder in folders:
+        whole, broken = collect(folder)
+        for path in broken:
+            complain(f"{path} is not a whole result and is left out")
+        found += [r | {"below": str(folder)} for r in whole if options.arm in (None, r["arm"])]
     if not found:
-        complain(f"folder: no finished run below {options.folder}; python -m ship_trl makes one")
+        places = ", ".join(map(str, folders))
+        complain(f"folder: no finished run below {places}; python -m ship_trl makes one")
         sys.exit(1)
     rows = list(summarise(found))
+    if options.picture is not None:
+        picture(options.picture, found)
     if options.markdown:
         sys.stdout.write(
             "".join(f"| {' | '.join(row)} |\n" for row in (HEADINGS, ["---"] * len(HEADINGS), *rows))
@@ -59,7 +68,7 @@ def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:
     for path in sorted(folder.rglob(RESULT)):
         result = read_result(path.parent)
         if result is not None and all(key in result for key in KEYS):
-            found.append(result)
+            found.append(result | {"folder": path.parent})
         else:
             broken.append(path)
     return found, broken
@@ -67,17 +76,18 @@ def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:
 
 def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
     """One row for each profile, pair and arm."""
-    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    groups: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for result in results:
-        key = (str(result.get("profile")), str(result["pair"]), str(result["arm"]))
+        key = (result["below"], str(result.get("profile")), str(result["pair"]), str(result["arm"]))
         groups.setdefault(key, []).append(result)
-    for (_, pair, arm), runs in sorted(groups.items()):
+    several = len({below for below, *_ in groups}) > 1
+    for (below, _, pair, arm), runs in sorted(groups.items()):
         runs.sort(key=lambda r: int(r["seed"]))
         known = runs[0]["best_known_return"]
         best, final = ([r[which] for r in runs] for which in ("best", "final"))
         lowest = min(b["return"] for b in best)
         yield [
-            f"{pair} {arm}",
+            f"{below}: {pair} {arm}" if several else f"{pair} {arm}",
             " ".join(str(r["seed"]) for r in runs),
             f"{known:.1f}",
             " ".join(f"{b['return']:.1f}" for b in best),
@@ -86,6 +96,35 @@ def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
             " ".join(f"{f['return']:.1f}" for f in final),
             goals(final),
         ]
+
+
+def picture(path: Path, results: list[dict[str, Any]]) -> None:
+    """Draw learning curves: a column for each pair, a line for each arm and folder."""
+    from ship_trl.view.comparison import Curve, draw_comparison
+
+    several = len({r["below"] for r in results}) > 1
+    panels: dict[str, dict[str, list[Curve]]] = {}
+    for result in results:
+        try:
+            with (result["folder"] / "curve.csv").open(newline="") as file:
+                lines = list(csv.DictReader(file))
+            trained = [float(line["return"]) for line in lines if line["return"]]
+            greedy = [line for line in lines if line["greedy_return"]]
+            curve = Curve(
+                np.array(trained),
+                np.array([int(line["episode"]) for line in greedy]),
+                np.array([float(line["greedy_return"]) for line in greedy]),
+            )
+        except (OSError, ValueError, KeyError):
+            complain(f"{result['folder'] / 'curve.csv'} is not a whole learning curve and is left out")
+            continue
+        name = f"{result['below']}: {result['arm']}" if several else result["arm"]
+        panels.setdefault(f"{result['pair']}", {}).setdefault(name, []).append(curve)
+    if not panels:
+        complain("picture: no learning curve to draw")
+        sys.exit(1)
+    best = {str(r["pair"]): float(r["best_known_return"]) for r in results}
+    draw_comparison(path, panels, best)
 
 
 def goals(scores: list[dict[str, Any]]) -> str:

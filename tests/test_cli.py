@@ -129,6 +129,16 @@ def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> Non
     assert len(set(curves)) == 3
 
 
+def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
+    done = ship_trl("-m", *SMOKE[:2], "+arm=FE3,FT3", folder=tmp_path)
+    assert "Joblib" in done.stdout
+    assert done.stdout.splitlines().count("case 1, scratch, seed 0") == 1
+    for arm in ("FE3", "FT3"):
+        assert f"case 1 -> case 2, {arm}, seed 0: best" in done.stdout
+        assert (tmp_path / f"outputs/smoke/high/{arm}/seed=0/result.json").is_file()
+    assert len(list((tmp_path / "outputs/smoke/case_base/1/scratch").glob("seed=0-*"))) == 1
+
+
 def test_wandb_runs_offline_and_are_grouped(tmp_path: Path) -> None:
     ship_trl("-m", *SMOKE[:2], "+arm=scratch,FT1", "logger=wandb", folder=tmp_path)
     runs = sorted((tmp_path / "outputs/smoke/wandb").glob("offline-run-*"))

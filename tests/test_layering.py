@@ -25,7 +25,7 @@ ALLOWED = {
     "gym_env": SIM | {"view"},
     "tracking": SIM | {"learn", "plan", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
-    "results": {"cli", "plan"},
+    "results": {"cli", "plan", "view"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer"},
     "__main__": BELOW | {"checks", "cli", "experiment", "plan"},

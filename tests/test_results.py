@@ -61,3 +61,30 @@ def test_an_empty_folder_is_one_line_and_exit_1(tmp_path: Path, capsys: pytest.C
         main([str(tmp_path)])
     assert caught.value.code == 1
     assert capsys.readouterr().err.startswith("ship_trl: folder: no finished run below")
+
+
+CURVE = "episode,return,greedy_return\n0,,-300.0\n1,-250.0,\n2,10.0,\n2,,20.0\n"
+
+
+def test_curves_of_two_folders_are_drawn_beside_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "two"):
+        write(tmp_path / name, 0, 30.0)
+        (tmp_path / name / "4/scratch/seed=0/curve.csv").write_text(CURVE)
+    write(tmp_path / "two", 1, 20.0)  # without a learning curve
+    one, two, picture = (str(tmp_path / name) for name in ("one", "two", "both.png"))
+    main([one, two, "--markdown", "--picture", picture])
+    said = capsys.readouterr()
+    assert f"| {one}: 4 scratch | 0 |" in said.out and f"| {two}: 4 scratch | 0 1 |" in said.out
+    assert said.err.count("\n") == 1 and "curve.csv is not a whole learning curve" in said.err
+    assert Path(picture).read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_a_curve_there_is_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    with pytest.raises(SystemExit) as caught:
+        main([str(tmp_path), "--picture", str(tmp_path / "none.png")])
+    assert caught.value.code == 1
+    assert "picture: no learning curve to draw" in capsys.readouterr().err
+    assert not (tmp_path / "none.png").exists()

@@ -1,0 +1,78 @@
+"""Learning curves of several groups of runs beside each other: middle and spread over seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ship_trl.paths import replacing
+from ship_trl.view.curve import moving_mean
+
+# Okabe and Ito; the dashes tell lines apart without colour.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+DASHES = ("-", "--", "-.", ":")
+# Collisions cost 300 and more; what is above this tells policies that reach the goal apart.
+LOWEST = -100.0
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One run: returns of its training episodes [E], greedy returns [G] after `episodes` [G]."""
+
+    returns: NDArray[np.float64]
+    episodes: NDArray[np.int64]
+    greedy: NDArray[np.float64]
+
+
+Groups = Mapping[str, Sequence[Curve]]
+
+
+def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float]) -> None:
+    """Write a PNG with a column for each panel: training return above, greedy return below.
+
+    Args:
+        path: where it goes; written beside and renamed.
+        panels: title of a panel, names of its groups, runs of each group (one a seed).
+        best: the best known return, by panel.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    figure = Figure(figsize=(1.5 + 5.5 * len(panels), 8), dpi=100, layout="constrained")
+    axes = figure.subplots(2, len(panels), squeeze=False, sharex="col")
+    for column, (title, groups) in enumerate(panels.items()):
+        upper, lower = axes[:, column]
+        upper.set_title(title, parse_math=False)
+        for k, (name, curves) in enumerate(groups.items()):
+            style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+            length = min(len(c.returns) for c in curves)
+            smooth = np.stack([moving_mean(c.returns[:length]) for c in curves])
+            _draw_band(upper, np.arange(1, length + 1), smooth, f"{name} ({len(curves)} seeds)", style)
+            count = min(len(c.greedy) for c in curves)
+            greedy = np.stack([c.greedy[:count] for c in curves])
+            _draw_band(lower, curves[0].episodes[:count], greedy, name, style)
+        for axis in (upper, lower):
+            axis.axhline(best[title], color="#7A7A7A", linewidth=1, label=f"best known: {best[title]:.1f}")
+            axis.grid(color="#E4E4E4", linewidth=0.8)
+            axis.spines[["top", "right"]].set_visible(False)
+        lower.set_ylim(LOWEST, best[title] + 15)
+        lower.set_xlabel("training episodes")
+        upper.legend(loc="lower right", fontsize=9)
+    axes[0, 0].set_ylabel("training return, mean of 25\n(middle seed; band: all seeds)")
+    axes[1, 0].set_ylabel("greedy return\n(middle seed; band: all seeds)")
+    with replacing(path) as draft:
+        figure.savefig(draft, format="png")
+
+
+def _draw_band(
+    axes: Axes, x: NDArray[np.int64], values: NDArray[np.float64], name: str, style: Mapping[str, str]
+) -> None:
+    """Median over seeds, and all of them as a band: values [S, N]."""
+    axes.plot(x, np.median(values, axis=0), label=name, linewidth=1.8, **style)  # type: ignore[arg-type]
+    axes.fill_between(x, values.min(axis=0), values.max(axis=0), color=style["color"], alpha=0.15, lw=0)

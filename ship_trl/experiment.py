@@ -87,10 +87,10 @@ def train_run(
 ) -> dict[str, Any]:
     """Train one network and write everything about it into the run's folder, `result.json` last."""
     config, learn, started = run.config, run.config.learn, time.perf_counter()
-    streams = {
-        name: Generator(device=device if name == "exploration" else "cpu").manual_seed(run.stream(name))
-        for name in ("weights", "exploration", "replay")
-    }
+    # Weights are drawn on the CPU, so that they are the same for every device; the other draws are
+    # made where they are used, as torch demands.
+    places = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
+    streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in places.items()}
     draw = Rasteriser(run.target, config.world, colour=config.colour, device=device)
     eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
     actions = len(config.world.actions)

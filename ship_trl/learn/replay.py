@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Generator
+from torch import Generator, Tensor
 from torchrl.data import LazyTensorStorage, ReplayBuffer
+
+# So that a long warm-up holds little that is not yet stored.
+MOST_WAITING = 256
 
 
 class StateReplay:
@@ -32,21 +35,33 @@ class StateReplay:
     ) -> None:
         self.reward_scale, self.observed = reward_scale, observed
         self.buffer = ReplayBuffer(storage=LazyTensorStorage(capacity, device=device), generator=generator)
+        # Storing one step costs as much as storing many, so they wait until a batch is drawn.
+        self._waiting: list[dict[str, Tensor]] = []
 
     def __len__(self) -> int:
+        self._store()
         return len(self.buffer)
 
     def extend(self, steps: TensorDictBase) -> None:
         """Store steps of N environments, tensordict [N] with the observed entry, `action` and `next`."""
         later = steps["next"]
-        kept = {
-            "observed": steps[self.observed],
-            "action": steps["action"],
-            "reward": later["reward"] * self.reward_scale,
-            "terminated": later["terminated"],
-            "later": later[self.observed],
-        }
-        self.buffer.extend(TensorDict(kept, batch_size=steps.batch_size))
+        self._waiting.append(
+            {
+                "observed": steps[self.observed],
+                "action": steps["action"],
+                "reward": later["reward"] * self.reward_scale,
+                "terminated": later["terminated"],
+                "later": later[self.observed],
+            }
+        )
+        if len(self._waiting) == MOST_WAITING:
+            self._store()
+
+    def _store(self) -> None:
+        if self._waiting:
+            kept = {key: torch.cat([step[key] for step in self._waiting]) for key in self._waiting[0]}
+            self.buffer.extend(TensorDict(kept, batch_size=kept["action"].shape))
+            self._waiting.clear()
 
     def sample(self, batch_size: int) -> TensorDictBase:
         """Draw transitions uniformly, with replacement.
@@ -55,4 +70,5 @@ class StateReplay:
             A flat tensordict [batch_size]: `observed` and `later` [B, S], `action` [B], `reward`
             (scaled) and `terminated` [B, 1].
         """
+        self._store()
         return self.buffer.sample(batch_size)

@@ -40,8 +40,8 @@ class CompiledStep:
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """One action of each ship."""
         count = state.shape[0]
-        after, floats = torch.empty(count, 4), torch.empty(2, count)
-        flags = torch.empty(3, count, dtype=torch.bool)
+        after, floats = torch.empty(count, 4, device="cpu"), torch.empty(2, count, device="cpu")
+        flags = torch.empty(3, count, dtype=torch.bool, device="cpu")
         reward, apart = floats.unbind(0)
         step_kernel.step(
             state.contiguous().numpy(),
@@ -101,6 +101,6 @@ class CompiledDrawing:
 
     def __call__(self, state: Tensor) -> Tensor:
         """Draw each state."""
-        pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8)
+        pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8, device="cpu")
         draw_kernels.draw(state.detach().float().contiguous().numpy(), *self._constants, pictures.numpy())
         return pictures

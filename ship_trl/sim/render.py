@@ -54,7 +54,9 @@ class Rasteriser:
         self._world = Transition(case, world, self.device)
         course = [math.radians(ship.heading) for ship in case.target_ships]
         self._course = torch.tensor(course, dtype=torch.float32, device=self.device)
-        self._ship = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH)) * scene.PIXELS_PER_METRE
+        # Corners are read as numbers, so they stay on the CPU.
+        outline = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH), device="cpu")
+        self._ship = outline * scene.PIXELS_PER_METRE
         self._line_ink = self._ink(scene.LINE)
         self._ship_ink = self._ink(scene.TARGET)
         self._patch = torch.arange(scene.patch_size(), device=self.device, dtype=torch.float32)
@@ -86,7 +88,7 @@ class Rasteriser:
         x, y = axis[None, :], -axis[:, None]
         radius = torch.hypot(x, y)
         image = self._ink(scene.OUTSIDE)[:, None, None].expand(-1, self.size, self.size)
-        ship = torch.tensor(scene.ship_outline(scene.OWN_LENGTH), device=self.device) * scene.PIXELS_PER_METRE
+        ship = torch.tensor(scene.ship_outline(scene.OWN_LENGTH), device="cpu") * scene.PIXELS_PER_METRE
         for coverage, colour in (
             ((0.5 + scene.WINDOW * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.DISC),
             ((0.5 + world.goal_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.GOAL_CIRCLE),

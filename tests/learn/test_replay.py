@@ -67,6 +67,7 @@ def test_another_entry_can_be_what_is_observed() -> None:
 def test_storage_holds_no_pixels() -> None:
     memory = replay(capacity=50_000)
     memory.extend(steps(0, 4))
+    assert len(memory) == 4  # and so they are stored
     stored = memory.buffer.storage._storage
     size = sum(value.numel() * value.element_size() for value in stored.values(True, True))
     assert size < 16 * 2**20

@@ -1,0 +1,83 @@
+"""What would run on a GPU names its device everywhere: a tensor made without one would stay on the CPU.
+
+No GPU is needed: here the default device is `meta`, whose tensors hold nothing, so that one made
+without a device cannot be mixed with the others, which are all on the CPU by name.
+"""
+
+from collections.abc import Iterator
+
+import pytest
+import torch
+from torch import Generator
+
+from ship_trl.config import Precision
+from ship_trl.learn import agent as agent_module
+from ship_trl.learn.agent import Agent
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.train import Finished, train
+from ship_trl.learn.vision import DenseVision
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.render import Rasteriser
+from tests.learn.worlds import schedule
+
+CPU = torch.device("cpu")
+WORLD = load_world()
+
+
+@pytest.fixture
+def elsewhere() -> Iterator[None]:
+    """Tensors made without a device are useless."""
+    torch.set_default_device("meta")
+    try:
+        yield
+    finally:
+        torch.set_default_device("cpu")
+
+
+def as_on_a_gpu(env: ShipEnv) -> ShipEnv:
+    """The environment with the code that serves other devices."""
+    env._advance = env._transition
+    env.rasteriser._compiled = None
+    return env
+
+
+def test_the_guard_notices_a_tensor_without_a_device(elsewhere: None) -> None:
+    with pytest.raises(RuntimeError):
+        _ = torch.zeros(3, device=CPU) + torch.zeros(3)
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_simulator_and_rasteriser_name_their_device(elsewhere: None, colour: bool) -> None:
+    env = as_on_a_gpu(ShipEnv(load_case("4", WORLD), WORLD, 3, from_pixels=True, colour=colour, device=CPU))
+    current = env.reset()
+    for _ in range(30):
+        current["action"] = torch.full((3,), 3, device=CPU)
+        stepped, current = env.step_and_maybe_reset(current)
+        for value in stepped.values(include_nested=True, leaves_only=True):
+            assert value.device == CPU
+    assert stepped["next", "pixels"].float().std() > 0
+
+
+@pytest.mark.parametrize("frozen", [0, 3])
+def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(agent_module, "DeltaVision", DenseVision)
+    monkeypatch.setattr(agent_module, "KEPT_FROM", 5)
+    case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
+    env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
+    judge = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
+    draw = Rasteriser(case, WORLD, device=CPU)
+    draw._compiled = None
+    generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
+    with torch.device("cpu"):  # weights are made there and moved
+        network = DuelingNetwork(1, 7, generators[0])
+    for name in CONV_NAMES[:frozen]:
+        getattr(network, name).requires_grad_(False)
+    agent = Agent(network, draw, 7, learn, generators[1])
+    replay = StateReplay(learn.replay_size, learn.reward_scale, generators[2], CPU)
+    before = network.shared.weight.clone()
+    events = list(train(env, judge, agent, replay, learn))
+    assert len([e for e in events if isinstance(e, Finished)]) == 4
+    assert not torch.equal(network.shared.weight, before)
+    assert {p.device for p in agent.average.parameters()} == {CPU}

@@ -53,9 +53,10 @@ class Agent:
         self.average = copy.deepcopy(network).requires_grad_(False)
         frozen = [not any(p.requires_grad for p in getattr(network, n).parameters()) for n in CONV_NAMES]
         self.frozen = (*frozen, False).index(False)
-        on_cpu = network.conv1.weight.device.type == "cpu"
+        device = network.conv1.weight.device
+        on_cpu = device.type == "cpu"
         self.observes = "features" if on_cpu and self.frozen >= KEPT_FROM else "state"
-        self.vision = (DeltaVision if on_cpu else DenseVision)(draw, computing(learn.precision))
+        self.vision = (DeltaVision if on_cpu else DenseVision)(draw, computing(learn.precision, device))
         self._online = self.vision.reader(network, self.frozen)
         self._slow = self.vision.reader(self.average, self.frozen)
         self._online.learn()

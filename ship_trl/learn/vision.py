@@ -111,10 +111,13 @@ class DenseReader:
         """Gradients are where they belong."""
 
 
-def computing(precision: Precision) -> torch.dtype:
-    """The precision of the conv layers: `auto` is bfloat16 where the processor multiplies it natively."""
-    fast = torch.cpu.get_capabilities()
-    native = any(fast.get(name) for name in ("avx512_bf16", "amx_bf16"))
+def computing(precision: Precision, device: torch.device) -> torch.dtype:
+    """The precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively."""
+    if device.type == "cuda":
+        native = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        able = torch.cpu.get_capabilities()
+        native = any(able.get(name) for name in ("avx512_bf16", "amx_bf16"))
     if precision is Precision.bf16 or (precision is Precision.auto and native):
         return torch.bfloat16
     return torch.float32

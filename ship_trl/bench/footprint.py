@@ -53,8 +53,9 @@ def held_bytes(thing: object, seen: set[int] | None = None) -> int:
 def replay_memory(transitions: int = TRANSITIONS) -> dict[str, int]:
     """Bytes of replays for so many transitions; ours with all that it needs to draw them."""
     ours = Ours(learn=learn_config(replay_size=transitions))
-    # The storage is allocated whole at the first transition.
+    # The storage is allocated whole when the first transition is stored, which counting them does.
     ours.fill(ours.learn.num_envs)
+    assert len(ours.replay) > 0
     pictures = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
     actions = gymnasium.spaces.Discrete(ours.num_actions)
     held = {"ours, states": held_bytes(ours.replay)}

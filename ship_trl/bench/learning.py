@@ -52,7 +52,7 @@ def warmed(peer: Peer, chunk: int = CHUNK) -> Callable[[], int]:
     return lambda: peer.run(chunk)
 
 
-def our_loop(name: str, arm: str = "scratch", num_envs: int = 4, group: str = "") -> Probe:
+def our_loop(name: str, arm: str = "scratch", num_envs: int = 1, group: str = "") -> Probe:
     """Our whole loop, behind its warm-up."""
     ours = Ours(arm, learn=learn_config(num_envs=num_envs))
     flops = step_flops(ours.learn, frozen_layers(arm))
@@ -65,7 +65,7 @@ def loop_probes(make_env: MakeEnv) -> list[Probe]:
     learn = learn_config()
     return [
         our_loop(OUR_LOOP),
-        our_loop("ours, 1 environment", num_envs=1),
+        our_loop("ours, 4 environments", num_envs=4),
         *(
             Probe(
                 name,

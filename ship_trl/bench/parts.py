@@ -49,6 +49,8 @@ def show(part: str, title: str, probes: list[Probe], plan: Plan) -> list[Any]:
     timings = measure(probes, plan.rounds, plan.seconds)
     found: list[Any] = report.rows(part, timings, plan.machine)
     report.show(title, report.COLUMNS, [row.cells() for row in found], plan.markdown)
+    if any(row.of_peak is not None for row in found):
+        report.say("Of peak: operations on whole pictures; ours leaves out those on what stays still.")
     if part == "update":
         times = learning.overhead(timings)
         report.say(f"Our whole loop takes {times:.2f} times its bare updates.")

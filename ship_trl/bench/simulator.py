@@ -18,7 +18,10 @@ from ship_trl.bench.work import CHUNK
 from ship_trl.config import World
 from ship_trl.gym_env import ShipCollisionEnv
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, TargetShip, load_case, load_world
+from ship_trl.sim.compiled import CompiledStep
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.transition import Transition
 
 CASES = ("1", "2", "4")
 BATCHES = (1, 16, 64, 1024)
@@ -62,6 +65,27 @@ def batched(case: Case, world: World, num_envs: int) -> Callable[[], int]:
     return run
 
 
+def world_alone(case: Case, world: World, count: int) -> Callable[[], int]:
+    """Random actions in our compiled world, drawn, without an environment around it."""
+    step = CompiledStep(Transition(case, world, torch.device("cpu")))
+    draw = Rasteriser(case, world)
+    calls = max(1, CHUNK // count)
+    actions = torch.randint(len(world.actions), (calls, count), generator=Generator().manual_seed(0))
+    start = ShipEnv(case, world, count).reset()["state"]
+    state = start
+
+    def run() -> int:
+        nonlocal state
+        for action in actions:
+            after = step(state, action)
+            draw(after.state)
+            over = after.goal | after.collision | after.truncated
+            state = torch.where(over[:, None], start, after.state)
+        return calls * count
+
+    return run
+
+
 def simulator_probes() -> list[Probe]:
     """Each case: pygame, our Gymnasium environment, and our batched one."""
     world, probes = load_world(), []
@@ -71,10 +95,14 @@ def simulator_probes() -> list[Probe]:
             Probe("Gymnasium and pygame", one_by_one(PygameShipEnv(case, world)), group=group),
             Probe("the same, tuned", one_by_one(TunedPygameShipEnv(case, world)), group=group),
             *(
-                Probe(f"ours, batch of {batch}", batched(case, world, batch), group=group, ours=True)
+                Probe(f"ours, world of {batch}", world_alone(case, world, batch), group=group, ours=True)
                 for batch in BATCHES
             ),
-            Probe("ours, by Gymnasium", one_by_one(ShipCollisionEnv(name)), group=group, ours=True),
+            *(
+                Probe(f"ours, TorchRL of {batch}", batched(case, world, batch), group=group, ours=True)
+                for batch in BATCHES
+            ),
+            Probe("ours, Gymnasium", one_by_one(ShipCollisionEnv(name)), group=group, ours=True),
         ]
     return probes
 

@@ -75,10 +75,13 @@ class CaseBase:
         return self.folder / case.name / arm / f"seed={seed}-{recipe}"
 
     def lock(self, case: Case, arm: str, seed: int, recipe: str) -> FileLock:
-        """Held while an entry is made, so that two processes do not make the same one."""
-        place = self.place(case, arm, seed, recipe)
-        place.parent.mkdir(parents=True, exist_ok=True)
-        return FileLock(place.with_name(f".{place.name}.lock"))
+        """Held while an entry is made, so that two processes do not make the same one.
+
+        Its file, below `.locks`, stays: taking it away could take it from under one who waits.
+        """
+        locks = self.folder / ".locks"
+        locks.mkdir(parents=True, exist_ok=True)
+        return FileLock(locks / f"{case.name}-{arm}-{seed}-{recipe}.lock")
 
     def find(self, case: Case, arm: str, seed: int, recipe: str) -> Entry | None:
         """The entry trained on just this case by just this recipe, or None."""

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from filelock import Timeout
 
 from ship_trl.config import Method, World
 from ship_trl.sim.cases import Case, case_names, load_case
@@ -90,3 +91,16 @@ def test_recommended_arm_follows_the_paper(world: World) -> None:
     cases = {name: load_case(name, world) for name in case_names()}
     assert recommend(cases["1"], cases["2"]) == (Method.feature_extraction, 3)
     assert recommend(cases["5"], cases["6"]) == (Method.finetune, 1)
+
+
+def test_a_lock_is_of_one_entry_and_leaves_the_others_free(tmp_path: Path, world: World) -> None:
+    base, case = CaseBase(tmp_path), load_case("1", world)
+    with base.lock(case, "scratch", 0, "aa"):
+        other = base.lock(case, "scratch", 0, "aa")
+        with pytest.raises(Timeout):
+            other.acquire(timeout=0.01)
+        with base.lock(case, "scratch", 1, "aa").acquire(timeout=0.01):
+            pass
+    with base.lock(case, "scratch", 0, "aa").acquire(timeout=0.01):
+        pass
+    assert base.entries() == []

@@ -59,11 +59,14 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         self._case = load_case(case, self._world)
         self._rasteriser = Rasteriser(self._case, self._world, colour=colour)
         reference = Transition(self._case, self._world, torch.device("cpu"))
-        self._start, self._advance = reference.start.unsqueeze(0), CompiledStep(reference)
+        assert self._rasteriser.compiled is not None
+        self._draw, self._advance = self._rasteriser.compiled.into, CompiledStep(reference).into
+        self._start = reference.start[None].numpy()
         self._reward_scale = reward_scale
         self.render_mode = render_mode
         shape = (scene.SIZE, scene.SIZE, self._rasteriser.channels)
         self.observation_space = spaces.Box(0, 255, shape, np.uint8)
+        self._shape = shape
         self.action_space = spaces.Discrete(len(self._world.actions))
         self._state, self._dcpa = self._start, math.inf
         self._window: Any = None
@@ -78,19 +81,22 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
 
     def step(self, action: np.int64) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
         """One second: turn, then move."""
-        after = self._advance(self._state, torch.tensor([int(action)]))
-        self._state, self._dcpa = after.state, min(self._dcpa, after.apart.item())
-        goal, collision = after.goal.item(), after.collision.item()
-        pixels, info = self._observed(bool(goal), bool(collision))
-        reward = after.reward.item() * self._reward_scale
-        return pixels, reward, bool(goal or collision), bool(after.truncated.item()), info
+        after, flags = np.empty_like(self._state), np.empty((3, 1), np.bool_)
+        reward, apart = np.empty((2, 1), np.float32)
+        self._advance(self._state, np.array([action], np.int64), after, reward, flags, apart)
+        self._state, self._dcpa = after, min(self._dcpa, float(apart[0]))
+        goal, collision, truncated = flags[:, 0].tolist()
+        pixels, info = self._observed(goal, collision)
+        return pixels, float(reward[0]) * self._reward_scale, goal or collision, truncated, info
 
     def _observed(self, goal: bool, collision: bool) -> tuple[NDArray[np.uint8], dict[str, Any]]:
         if self.render_mode == "human":
             self.render()
-        state = self._state[0].numpy().copy()
-        info = {"state": state, "goal": goal, "collision": collision, "dcpa": self._dcpa}
-        return self._rasteriser(self._state)[0].permute(1, 2, 0).contiguous().numpy(), info
+        info = {"state": self._state[0].copy(), "goal": goal, "collision": collision, "dcpa": self._dcpa}
+        height, width, channels = self._shape
+        pixels = np.empty((1, channels, height * width), np.uint8)
+        self._draw(self._state, pixels)
+        return np.ascontiguousarray(pixels[0].T).reshape(height, width, channels), info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The large picture as uint8 [600, 600, 3], or in a window with render_mode "human"."""
@@ -100,7 +106,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         # Not before it is wanted: training needs no pygame.
         from ship_trl.view.draw import draw_scene, to_array
 
-        picture = draw_scene(self._case, self._world, self._state[0], WINDOW_PIXELS)
+        picture = draw_scene(self._case, self._world, torch.from_numpy(self._state[0]), WINDOW_PIXELS)
         if self.render_mode == "rgb_array":
             return to_array(picture)
         import pygame
@@ -125,4 +131,8 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
 
 
 if ENV_ID not in gymnasium.registry:
-    gymnasium.register(ENV_ID, entry_point="ship_trl.gym_env:ShipCollisionEnv")
+    gymnasium.register(
+        ENV_ID,
+        entry_point="ship_trl.gym_env:ShipCollisionEnv",
+        vector_entry_point="ship_trl.vector_env:ShipCollisionVectorEnv",
+    )

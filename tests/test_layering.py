@@ -23,11 +23,12 @@ ALLOWED = {
     "console": BELOW | {"learn"},
     "cli": BELOW,
     "gym_env": SIM | {"view"},
+    "vector_env": SIM,
     "tracking": SIM | {"learn", "plan", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
     "results": {"cli", "plan", "view"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
-    "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer"},
+    "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "experiment", "plan"},
     "__init__": set(),
 }

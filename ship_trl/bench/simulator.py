@@ -18,10 +18,8 @@ from ship_trl.bench.work import CHUNK
 from ship_trl.config import World
 from ship_trl.gym_env import ShipCollisionEnv
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, TargetShip, load_case, load_world
-from ship_trl.sim.compiled import CompiledStep
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.transition import Transition
+from ship_trl.vector_env import ShipCollisionVectorEnv
 
 CASES = ("1", "2", "4")
 BATCHES = (1, 16, 64, 1024)
@@ -65,22 +63,16 @@ def batched(case: Case, world: World, num_envs: int) -> Callable[[], int]:
     return run
 
 
-def world_alone(case: Case, world: World, count: int) -> Callable[[], int]:
-    """Random actions in our compiled world, drawn, without an environment around it."""
-    step = CompiledStep(Transition(case, world, torch.device("cpu")))
-    draw = Rasteriser(case, world)
+def vector(case: str, count: int) -> Callable[[], int]:
+    """Random actions in our vector environment for Gymnasium; at least `CHUNK` steps a call."""
+    envs = ShipCollisionVectorEnv(count, case)
     calls = max(1, CHUNK // count)
-    actions = torch.randint(len(world.actions), (calls, count), generator=Generator().manual_seed(0))
-    start = ShipEnv(case, world, count).reset()["state"]
-    state = start
+    actions = np.random.default_rng(0).integers(len(load_world().actions), size=(calls, count))
+    envs.reset()
 
     def run() -> int:
-        nonlocal state
         for action in actions:
-            after = step(state, action)
-            draw(after.state)
-            over = after.goal | after.collision | after.truncated
-            state = torch.where(over[:, None], start, after.state)
+            envs.step(action)
         return calls * count
 
     return run
@@ -95,7 +87,7 @@ def simulator_probes() -> list[Probe]:
             Probe("Gymnasium and pygame", one_by_one(PygameShipEnv(case, world)), group=group),
             Probe("the same, tuned", one_by_one(TunedPygameShipEnv(case, world)), group=group),
             *(
-                Probe(f"ours, world of {batch}", world_alone(case, world, batch), group=group, ours=True)
+                Probe(f"ours, vector of {batch}", vector(name, batch), group=group, ours=True)
                 for batch in BATCHES
             ),
             *(

@@ -10,10 +10,11 @@ from torch import Tensor
 
 from ship_trl.sim import draw_kernels, scene, step_kernel
 from ship_trl.sim.reward import ROUNDING
+from ship_trl.sim.step_kernel import Array
 from ship_trl.sim.transition import Outcome, Transition
 
 
-def numbers(*values: float) -> step_kernel.Array:
+def numbers(*values: float) -> Array:
     """Constants of a kernel, float32."""
     return np.asarray(values, dtype=np.float32)
 
@@ -37,21 +38,20 @@ class CompiledStep:
             numbers(world.dt, world.safe_distance, world.goal_distance + ROUNDING, world.max_steps),
         )
 
+    def into(
+        self, state: Array, action: Array, after: Array, reward: Array, flags: Array, apart: Array
+    ) -> None:
+        """One action of each ship; see `step_kernel.step`, which writes the last four arrays."""
+        step_kernel.step(state, action, *self._constants, after, reward, flags, apart)
+
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """One action of each ship."""
         count = state.shape[0]
         after, floats = torch.empty(count, 4, device="cpu"), torch.empty(2, count, device="cpu")
         flags = torch.empty(3, count, dtype=torch.bool, device="cpu")
         reward, apart = floats.unbind(0)
-        step_kernel.step(
-            state.contiguous().numpy(),
-            action.contiguous().numpy(),
-            *self._constants,
-            after.numpy(),
-            reward.numpy(),
-            flags.numpy(),
-            apart.numpy(),
-        )
+        before = state.contiguous().numpy(), action.contiguous().numpy()
+        self.into(*before, after.numpy(), reward.numpy(), flags.numpy(), apart.numpy())
         goal, collision, truncated = flags.unbind(0)
         return Outcome(after, reward, goal, collision, truncated, apart)
 
@@ -99,8 +99,12 @@ class CompiledDrawing:
             (background + 0.5).to(torch.uint8).numpy(),
         )
 
+    def into(self, state: Array, pictures: Array) -> None:
+        """Draw each state into uint8 [N, C, 84 * 84]."""
+        draw_kernels.draw(state, *self._constants, pictures)
+
     def __call__(self, state: Tensor) -> Tensor:
         """Draw each state."""
         pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8, device="cpu")
-        draw_kernels.draw(state.detach().float().contiguous().numpy(), *self._constants, pictures.numpy())
+        self.into(state.detach().float().contiguous().numpy(), pictures.numpy())
         return pictures

@@ -43,7 +43,7 @@ class Rasteriser:
     `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84], C = 1 (grey) or
     3 (colour). The picture depends on nothing but the state and the case (section 4 of the paper
     gives the drawing in figure 1). On a CPU it is drawn by a compiled loop, elsewhere in torch.
-    `still` [C, 84, 84] is the picture without line and target ships.
+    `still` [C, 84, 84] is the picture without line and target ships; `compiled` is that loop or None.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Rasteriser:
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
         self._background = self._draw_background(world)
         self.still = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
-        self._compiled = self._compile() if self.device.type == "cpu" else None
+        self.compiled = self._compile() if self.device.type == "cpu" else None
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
         ink = torch.tensor(colour, dtype=torch.float32, device=self.device)
@@ -102,7 +102,7 @@ class Rasteriser:
     def __call__(self, state: Tensor) -> Tensor:
         """Draw states: float [..., 4] to uint8 [..., C, 84, 84]."""
         flat = state.reshape(-1, state.shape[-1])
-        pixels = self._compiled(flat) if self._compiled else self.reference(flat)
+        pixels = self.compiled(flat) if self.compiled else self.reference(flat)
         return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
 
     def reference(self, flat: Tensor) -> Tensor:

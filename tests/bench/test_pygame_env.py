@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 from ship_trl.bench.pygame_env import PygameShipEnv, TunedPygameShipEnv, still_picture
-from ship_trl.bench.simulator import batched, faster_env, fleet, one_by_one, world_alone
+from ship_trl.bench.simulator import batched, faster_env, fleet, one_by_one, vector
 from ship_trl.config import World
 from ship_trl.sim.cases import case_names, check_case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -81,8 +81,8 @@ def test_reward_scale(world: World) -> None:
 def test_probes_step(world: World) -> None:
     case = load_case("1", world)
     assert one_by_one(PygameShipEnv(case, world))() == 64
-    for make in (batched, world_alone):
-        assert make(case, world, 16)() == 64 and make(case, world, 128)() == 128
+    assert batched(case, world, 16)() == 64 and batched(case, world, 128)() == 128
+    assert vector("1", 16)() == 64 and vector("1", 128)() == 128
     make_env, said = faster_env("1", 0.01, seconds=0.01)
     assert "steps/s" in said and isinstance(make_env(), gymnasium.Env)
 

@@ -39,7 +39,7 @@ def elsewhere() -> Iterator[None]:
 def as_on_a_gpu(env: ShipEnv) -> ShipEnv:
     """The environment with the code that serves other devices."""
     env._advance = env._transition
-    env.rasteriser._compiled = None
+    env.rasteriser.compiled = None
     return env
 
 
@@ -68,7 +68,7 @@ def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch:
     env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
     judge = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
     draw = Rasteriser(case, WORLD, device=CPU)
-    draw._compiled = None
+    draw.compiled = None
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved
         network = DuelingNetwork(1, 7, generators[0])

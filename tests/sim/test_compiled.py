@@ -88,6 +88,27 @@ def test_on_the_goal_itself_the_line_is_a_dot() -> None:
     assert away.abs().max() <= 1
 
 
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 2e9])
+def test_what_is_no_place_is_not_drawn(place: int, value: float) -> None:
+    state = torch.zeros(3, 4)
+    state[1, place] = value
+    with pytest.raises(ValueError, match="is not finite, or beyond 1e9"):
+        DRAW["4", False](state)
+    # And nothing of the attempt is left.
+    assert torch.equal(DRAW["4", False](state[:1]), DRAW["4", False](torch.zeros(1, 4)))
+
+
+@pytest.mark.parametrize("far", [2e3, 1e6, 3e8])
+def test_far_away_is_drawn_as_the_reference_does(far: float) -> None:
+    # Multiples of 45 degrees put the line on an axis or a diagonal, wherever rounding puts it.
+    turns = torch.arange(0, 2 * math.pi, math.pi / 40)
+    state = torch.stack([far * turns.cos(), far * turns.sin(), turns * 3, turns], dim=1)
+    draw = DRAW["4", False]
+    away = (draw(state).int() - draw.reference(state).int().view(-1, 1, 84, 84)).abs()
+    assert away.max() <= 1
+
+
 @pytest.mark.parametrize("turn", [0.0, 1e-45, -1e-45, 1e-38, math.pi / 2, math.pi, -math.pi / 2])
 def test_a_ship_along_the_pictures_axes_ends_where_it_should(turn: float) -> None:
     case = replace(load_case("1", WORLD), target_ships=[TargetShip(100.0, 100.0, 0.0, 0.0)])

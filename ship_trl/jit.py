@@ -13,14 +13,16 @@ Loop = Callable[..., Any]
 def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:
     """Compile a function at its first call, and keep that for later processes where a folder can be written.
 
+    Division by zero gives what it gives in NumPy: a check would keep loops from being vectorised.
+
     Args:
         fastmath: liberties with rounding, by LLVM's names.
     """
 
     def decorate(function: Loop) -> Loop:
         try:
-            return njit(cache=True, fastmath=fastmath)(function)
+            return njit(cache=True, fastmath=fastmath, error_model="numpy")(function)
         except RuntimeError:  # no place for a cache
-            return njit(fastmath=fastmath)(function)
+            return njit(fastmath=fastmath, error_model="numpy")(function)
 
     return decorate

@@ -10,6 +10,7 @@ from torch import Generator, Tensor
 
 from ship_trl.config import Learn
 from ship_trl.learn.delta import Rows
+from ship_trl.learn.glance import Glance
 from ship_trl.learn.loss import double_dqn_target, td_loss
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 from ship_trl.learn.vision import DeltaVision, DenseVision, Draw, computing
@@ -60,6 +61,7 @@ class Agent:
         self._online = self.vision.reader(network, self.frozen)
         self._slow = self.vision.reader(self.average, self.frozen)
         self._online.learn()
+        self._actor = self.vision.actor(network, self.frozen)
         self.optimiser = torch.optim.Adam(self._online.parameters, lr=learn.lr, fused=True)
 
     @torch.no_grad()
@@ -67,14 +69,10 @@ class Agent:
         """Q-values by which the agent is judged, of the averaged network in float32: [N, S] to [N, A]."""
         return self.average(self.draw(state))
 
-    @torch.no_grad()
     def encode(self, state: Tensor) -> Tensor:
-        """What the frozen layers make of states: [N, S] to [N, F]."""
-        rows: Rows = self._online.advance(self.vision.look(state), self.frozen)
-        if self.frozen == len(CONV_NAMES):
-            return rows.values
-        (index,) = rows.indices
-        return rows.values[index].flatten(1)
+        """What the frozen layers make of states, in the precision that learns: [N, S] to [N, F]."""
+        assert isinstance(self._actor, Glance)
+        return self._actor.encode(self.draw(state)).to(self.vision.dtype)
 
     @torch.no_grad()
     def look(self, observation: Tensor) -> object:
@@ -83,7 +81,6 @@ class Agent:
             return Rows(observation, (None,) * (len(CONV_NAMES) - self.frozen))
         return self._online.advance(self.vision.look(observation), self.frozen)
 
-    @torch.no_grad()
     def act(self, observation: Tensor, epsilon: float) -> Tensor:
         """Epsilon-greedy actions: [N, ...] to int64 [N].
 
@@ -93,10 +90,19 @@ class Agent:
         count, device = observation.shape[0], observation.device
         explore = torch.rand(count, generator=self.exploration, device=device) < epsilon
         action = torch.randint(self.num_actions, (count,), generator=self.exploration, device=device)
-        rows = (~explore).nonzero().squeeze(-1)
-        if rows.numel():
-            action[rows] = self._online.q_values(self.look(observation[rows])).argmax(-1)
+        exploring = sum(explore.tolist())
+        if exploring == 0:
+            return self._best(observation)
+        if exploring < count:
+            action[~explore] = self._best(observation[~explore])
         return action
+
+    def _best(self, observation: Tensor) -> Tensor:
+        """The online network's choice: [N, ...] to int64 [N]."""
+        if self.observes == "features":
+            assert isinstance(self._actor, Glance)
+            return self._actor.actions_on(observation)
+        return self._actor.actions(self.draw(observation))
 
     def set_learning_rate(self, rate: float) -> None:
         """Use `rate` from the next update on."""
@@ -118,4 +124,5 @@ class Agent:
             torch._foreach_lerp_(self._slow.parameters, self._online.parameters, self.learn.tau)
         self._online.refresh()
         self._slow.refresh()
+        self._actor.changed()
         return loss.detach()

@@ -5,6 +5,9 @@ of a layer that holds nothing else has the same activation in every frame, so it
 batch. Layers are kept as rows, first those of the still picture, then those of the windows that
 some frame touches; an index tells which row stands where. A layer is then one matrix product over
 gathered rows. This is exact whatever the still picture is; a wrong one only saves nothing.
+
+`filters` learns from batches of such rows; `glance` reads a few frames, for which the rows of the
+still picture would be most of the work, and takes those from memory.
 """
 
 from __future__ import annotations
@@ -17,12 +20,11 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from ship_trl.learn import delta_kernels as kernels
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
 # Kernel, stride and side of the output of conv1 to conv3.
 GEOMETRY = ((8, 4, 20), (4, 2, 9), (3, 1, 7))
 # Matrix products are prepared anew for each shape; rounded, there are few shapes.
-ROUND_ROWS = 64
+ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
 
 
 class Rows(NamedTuple):
@@ -30,7 +32,8 @@ class Rows(NamedTuple):
 
     `values` [R, C] are activations, or windows of pixels; `indices` has an entry for each conv
     layer to come: int32 [T, K], the rows that each of its T windows holds, or None where `values`
-    are its windows already.
+    are its windows already. Rows are numbered as if those of the still picture came first, even
+    where they are left out.
     """
 
     values: Tensor
@@ -53,34 +56,42 @@ class Cutter:
         windows = still.unfold(1, 8, 4).unfold(2, 8, 4).permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
         self.still_windows = (windows / 255.0).to(dtype)
 
-    def __call__(self, frames: Tensor) -> Rows:
-        """Find what differs from the still picture, and where it lies."""
+    def __call__(self, frames: Tensor, still: bool = True) -> Rows:
+        """Find what differs from the still picture, and where it lies.
+
+        Without `still`, windows of the still picture itself are left out.
+        """
         batch = frames.shape[0]
         frames = frames.contiguous()
         touched = [np.empty((batch, side, side), np.bool_) for _, _, side in GEOMETRY]
         tables = [np.empty((batch, side * side), np.int32) for _, _, side in GEOMETRY]
+        # The number of the first row that is kept.
+        base = [0 if still else side * side for _, _, side in GEOMETRY]
         kernels.mark_pixels(frames.view(torch.int32).numpy(), self.still_words, touched[0])
         rows = [kernels.number(touched[0], tables[0])]
         for n in (1, 2):
             kernel, stride, _ = GEOMETRY[n]
             kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
             rows.append(kernels.number(touched[n], tables[n]))
-        windows = torch.zeros(rounded(rows[0]), self.still_windows.shape[1], dtype=self.dtype)
-        windows[: len(self.still_windows)] = self.still_windows
-        kernels.cut_pixels(frames.numpy(), tables[0], GEOMETRY[0][2], self.worth, as_numpy(windows))
+        windows = torch.zeros(rounded(rows[0] - base[0]), self.still_windows.shape[1], dtype=self.dtype)
+        if still:
+            windows[: len(self.still_windows)] = self.still_windows
+        pixels, side = frames.numpy(), GEOMETRY[0][2]
+        kernels.cut_pixels(pixels, tables[0], side, self.worth, as_numpy(windows), base[0])
         indices: list[Tensor | None] = [None]
         for n in (1, 2):
             kernel, stride, side = GEOMETRY[n]
-            index = np.zeros((rounded(rows[n]), kernel * kernel), np.int32)
+            index = np.zeros((rounded(rows[n] - base[n]), kernel * kernel), np.int32)
             below = GEOMETRY[n - 1][2]
-            kernels.index_windows(tables[n - 1], below, tables[n], side, kernel, stride, index)
+            kernels.index_windows(tables[n - 1], below, tables[n], side, kernel, stride, index, base[n])
             indices.append(torch.from_numpy(index))
         return Rows(windows, (*indices, torch.from_numpy(tables[2])))
 
 
 def rounded(rows: int) -> int:
     """Up to the next multiple of `ROUND_ROWS`; the rows added are zero and nobody refers to them."""
-    return -(-rows // ROUND_ROWS) * ROUND_ROWS
+    step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
+    return -(-rows // step) * step
 
 
 def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
@@ -88,18 +99,25 @@ def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
     return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()
 
 
-class GatheredLayer(torch.autograd.Function):
-    """`relu(rows[index] @ weight.T + bias)`: one conv layer.
+def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
+    """The windows `rows[index]` and `relu(windows @ weight.T + bias)`: one conv layer.
 
     Shapes: rows [R, C], index int32 [T, K] (None: rows are windows already), weight [O, K C],
-    bias [O]; returns [T, O].
+    bias [O]; returns [T, K C] and [T, O].
     """
+    windows = (
+        rows if index is None else rows.index_select(0, index.view(-1)).view(len(index), weight.shape[1])
+    )
+    return windows, torch.addmm(bias, windows, weight.t()).relu_()
+
+
+class GatheredLayer(torch.autograd.Function):
+    """`gathered_layer` with gradients; returns [T, O] alone."""
 
     @staticmethod
     def forward(ctx: Any, rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> Tensor:
         """Gather, multiply, cut off below zero."""
-        windows = rows if index is None else rows.index_select(0, index.view(-1)).view(len(index), -1)
-        out = torch.addmm(bias, windows, weight.t()).relu_()
+        windows, out = gathered_layer(rows, index, weight, bias)
         ctx.save_for_backward(windows, index, weight, out)
         ctx.rows = rows.shape
         return out
@@ -119,60 +137,3 @@ class GatheredLayer(torch.autograd.Function):
         if ctx.needs_input_grad[2]:
             to_weight, to_bias = gradient.t() @ windows, gradient.sum(0)
         return to_rows, None, to_weight, to_bias
-
-
-class Filters:
-    """The conv layers of a network as matrices, copied into the precision that computes.
-
-    `parameters` are the network's own weights, without the frozen layers: in float32, as matrices
-    that share its memory. Gradients are taken on the copies and handed back to them.
-
-    Args:
-        network: float32, on the CPU.
-        dtype: what the conv layers compute in.
-        frozen: how many layers, counted from the image, never change.
-    """
-
-    def __init__(self, network: DuelingNetwork, dtype: torch.dtype, frozen: int) -> None:
-        self.dueling = network.dueling
-        layers = [getattr(network, name) for name in CONV_NAMES]
-        weights = [layer.weight.detach().permute(0, 2, 3, 1).flatten(1) for layer in layers]
-        biases = [layer.bias.detach() for layer in layers]
-        self.weights = [weight.to(dtype, copy=True) for weight in weights]
-        self.biases = [bias.to(dtype, copy=True) for bias in biases]
-        own, copies = weights[frozen:] + biases[frozen:], self.weights[frozen:] + self.biases[frozen:]
-        self._pairs = list(zip(own, copies, strict=True))
-        heads = (network.shared, network.value, network.advantage)
-        self.parameters = own + [parameter for head in heads for parameter in head.parameters()]
-
-    def learn(self) -> None:
-        """Record what gradients need, from the next Q-values on."""
-        for _, copy in self._pairs:
-            copy.requires_grad_()
-
-    @torch.no_grad()
-    def refresh(self) -> None:
-        """Copy the weights anew, after the network's have changed."""
-        for master, copy in self._pairs:
-            copy.copy_(master)
-
-    def hand_back(self) -> None:
-        """Give the gradients of the copies to `parameters`."""
-        for master, copy in self._pairs:
-            assert copy.grad is not None
-            master.grad, copy.grad = copy.grad.float(), None
-
-    def advance(self, rows: Rows, layers: int) -> Rows:
-        """Through the next `layers` conv layers."""
-        values, indices = rows
-        first = len(CONV_NAMES) - len(indices)
-        for n in range(first, first + layers):
-            values = GatheredLayer.apply(values, indices[n - first], self.weights[n], self.biases[n])
-        return Rows(values, indices[layers:])
-
-    def q_values(self, rows: Rows) -> Tensor:
-        """Q-values of B frames, float32 [B, A].
-
-        The fully connected layers compute in float32: there the differences between actions are small.
-        """
-        return self.dueling(self.advance(rows, len(rows.indices)).values.float())

@@ -68,8 +68,8 @@ def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None
 
 
 @compiled()
-def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array) -> None:
-    """Copy the 8x8 windows, 4 apart, of what is touched into `rows`.
+def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
+    """Copy the 8x8 windows, 4 apart, of what is touched into `rows`, whose first has number `base`.
 
     Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], what a pixel is worth;
     rows [R, 8 * 8 * C] is written, in the order row, column, channel.
@@ -82,7 +82,7 @@ def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Arra
                 if row < side * side:
                     continue
                 for i in range(8):
-                    window = rows[row, 8 * i * channels : 8 * (i + 1) * channels]
+                    window = rows[row - base, 8 * i * channels : 8 * (i + 1) * channels]
                     for c in range(channels):
                         line = pixels[b, c, 4 * y + i, 4 * x : 4 * x + 8]
                         for j in range(8):
@@ -91,15 +91,22 @@ def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Arra
 
 @compiled()
 def index_windows(
-    below: Array, side_below: int, table: Array, side: int, kernel: int, stride: int, index: Array
+    below: Array,
+    side_below: int,
+    table: Array,
+    side: int,
+    kernel: int,
+    stride: int,
+    index: Array,
+    base: int,
 ) -> None:
-    """For each row of a layer, the rows below that its window holds.
+    """For each row of a layer, from number `base` on, the rows below that its window holds.
 
     Shapes: below [B, S * S] and table [B, T * T], rows of the layer below and of this one;
     index int32 [R, K * K] is written.
     """
     # Frame -1 is the still picture, whose rows are numbered by their place.
-    for b in range(-1, table.shape[0]):
+    for b in range(-1 if base == 0 else 0, table.shape[0]):
         for y in range(side):
             for x in range(side):
                 row = y * side + x if b < 0 else table[b, y * side + x]
@@ -107,7 +114,7 @@ def index_windows(
                     for i in range(kernel):
                         for j in range(kernel):
                             place = (y * stride + i) * side_below + x * stride + j
-                            index[row, i * kernel + j] = place if b < 0 else below[b, place]
+                            index[row - base, i * kernel + j] = place if b < 0 else below[b, place]
 
 
 @compiled()

@@ -68,6 +68,13 @@ class DuelingNetwork(nn.Module):
         advantage = self.advantage(x)
         return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
+    def best(self, features: Tensor) -> Tensor:
+        """The actions of the highest Q-values: features [B, 200] to int64 [B].
+
+        The value is the same for all actions, so advantages decide.
+        """
+        return self.advantage(F.relu_(self.shared(features))).argmax(-1)
+
     def _first(self, pixels: Tensor) -> Tensor:
         """conv1 as space-to-depth and a 2x2 convolution: the same function, faster on a CPU."""
         batch, channels, height, width = pixels.shape

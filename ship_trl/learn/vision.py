@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 
 from ship_trl.config import Precision
-from ship_trl.learn.delta import Cutter, Filters, Rows
+from ship_trl.learn.delta import Cutter, Rows
+from ship_trl.learn.filters import Filters
+from ship_trl.learn.glance import Glance
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
 
@@ -52,6 +54,18 @@ class Reader(Protocol):
         ...
 
 
+class Actor(Protocol):
+    """A network that decides, of a few frames at a time."""
+
+    def actions(self, frames: Tensor) -> Tensor:
+        """The best actions: uint8 [B, C, 84, 84] to int64 [B]."""
+        ...
+
+    def changed(self) -> None:
+        """The network's weights have changed."""
+        ...
+
+
 class DeltaVision:
     """On a CPU: frames as windows that differ from the still picture (see `delta`)."""
 
@@ -67,6 +81,10 @@ class DeltaVision:
         """The network as a reader of windows."""
         return Filters(network, self.dtype, frozen)
 
+    def actor(self, network: DuelingNetwork, frozen: int) -> Glance:
+        """The network as one that decides."""
+        return Glance(network, self.draw.still, frozen)
+
 
 class DenseVision:
     """On any device: frames as they are."""
@@ -80,6 +98,10 @@ class DenseVision:
 
     def reader(self, network: DuelingNetwork, frozen: int) -> Reader:
         """The network as a reader of frames."""
+        return DenseReader(network, self.dtype, frozen)
+
+    def actor(self, network: DuelingNetwork, frozen: int) -> Actor:
+        """The network as one that decides."""
         return DenseReader(network, self.dtype, frozen)
 
 
@@ -103,6 +125,14 @@ class DenseReader:
 
     def learn(self) -> None:
         """The network's own weights say what they need."""
+
+    @torch.no_grad()
+    def actions(self, frames: Tensor) -> Tensor:
+        """The best actions."""
+        return self.q_values(frames).argmax(-1)
+
+    def changed(self) -> None:
+        """Nothing is remembered."""
 
     def refresh(self) -> None:
         """Nothing is copied."""

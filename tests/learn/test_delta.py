@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Generator, Tensor
 
-from ship_trl.learn.delta import ROUND_ROWS, Cutter, Filters
+from ship_trl.learn.delta import Cutter, rounded
+from ship_trl.learn.filters import Filters
+from ship_trl.learn.glance import Glance
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
 
@@ -102,7 +104,7 @@ def test_frames_that_are_the_still_picture_cost_no_rows() -> None:
     rows = Cutter(still, torch.float32)(frames)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = (len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None))
-    assert counts == tuple(-(-p // ROUND_ROWS) * ROUND_ROWS for p in places)
+    assert counts == tuple(rounded(p) for p in places)
 
 
 def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
@@ -143,3 +145,48 @@ def test_parameters_share_the_networks_memory() -> None:
             parameter.zero_()
     for name, parameter in net.named_parameters():
         assert bool((parameter == 0).all()) == (not name.startswith(CONV_NAMES[:2])), name
+
+
+@settings(max_examples=12)
+@given(
+    batch=st.integers(1, 3),
+    channels=st.sampled_from([1, 3]),
+    patches=st.integers(0, 4),
+    frozen=st.integers(0, 4),
+    seed=st.integers(0, 1000),
+)
+def test_at_a_glance_the_network_decides_alike(
+    batch: int, channels: int, patches: int, frozen: int, seed: int
+) -> None:
+    still, frames = scene(batch, channels, patches, seed)
+    net = network(channels, frozen)
+    glance = Glance(net, still, frozen)
+    for change in (1.0, -1.3):  # what was remembered must be forgotten when weights change
+        with torch.no_grad():
+            for parameter in net.parameters():
+                if parameter.requires_grad:
+                    parameter.mul_(change)
+        glance.changed()
+        assert torch.equal(glance.actions(frames), net(frames).argmax(-1))
+        # No more rows than places that differ, and no frame depends on its neighbours.
+        one_by_one = torch.cat([glance.actions(frame.unsqueeze(0)) for frame in frames])
+        assert torch.equal(one_by_one, net(frames).argmax(-1))
+    if frozen > 2:
+        features = glance.encode(frames)
+        assert features.shape == (batch, 3136 if frozen == 3 else 200)
+        assert torch.equal(glance.actions_on(features), net(frames).argmax(-1))
+
+
+def test_a_glance_computes_only_what_differs() -> None:
+    still, frames = scene(1, 1, 2, 5)
+    cut = Cutter(still, torch.float32)
+    whole, few = cut(frames), cut(frames, still=False)
+    places = (20 * 20, 9 * 9, 7 * 7)
+    counts = [len(few.values), *(len(index) for index in few.indices[1:3] if index is not None)]
+    full = [len(whole.values), *(len(index) for index in whole.indices[1:3] if index is not None)]
+    for count, all_rows, place in zip(counts, full, places, strict=True):
+        assert 0 < count <= all_rows - place + 8
+    nothing = cut(still.unsqueeze(0), still=False)
+    assert len(nothing.values) == 0
+    net = network()
+    assert torch.equal(Glance(net, still, 0).actions(still[None]), net(still[None]).argmax(-1))

@@ -10,7 +10,7 @@ from typing import Any
 
 from ship_trl.cli import complain
 
-PARTS = ("simulator", "replay", "update", "loop", "frozen", "memory", "startup", "growth")
+PARTS = ("simulator", "replay", "update", "loop", "frozen", "memory", "cores", "startup", "growth")
 
 
 def main(arguments: list[str] | None = None) -> None:

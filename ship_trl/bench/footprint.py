@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 import types
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -22,6 +23,8 @@ from ship_trl.bench.timing import Probe
 from ship_trl.bench.work import FRAME, learn_config
 
 TRANSITIONS = 50_000
+# Of a run for its memory: enough for updates, evaluations, pictures and film.
+EPISODES = 20
 # They have attributes, but lead away from what an object holds.
 NOT_DATA = (type, types.ModuleType, types.FunctionType, types.MethodType)
 
@@ -73,18 +76,40 @@ def replay_memory(transitions: int = TRANSITIONS) -> dict[str, int]:
     return held
 
 
-def python(*arguments: str) -> Callable[[], int]:
-    """A start of a Python of its own with this package, in the working directory."""
+def surroundings() -> dict[str, str]:
+    """The environment in which another Python finds this package."""
     path = os.pathsep.join(
         filter(None, [str(Path(ship_trl.__file__).parents[1]), os.environ.get("PYTHONPATH")])
     )
-    environment = os.environ | {"PYTHONPATH": path}
+    return os.environ | {"PYTHONPATH": path}
+
+
+def python(*arguments: str) -> Callable[[], int]:
+    """A start of a Python of its own with this package, in the working directory."""
 
     def run() -> int:
-        subprocess.run([sys.executable, *arguments], env=environment, check=True, capture_output=True)
+        subprocess.run([sys.executable, *arguments], env=surroundings(), check=True, capture_output=True)
         return 1
 
     return run
+
+
+def run_memory(episodes: int) -> int:
+    """Most bytes resident in a training run of the profile quick, cut short, with a full-sized replay."""
+    with tempfile.TemporaryDirectory() as folder:
+        overrides = [f"learn.episodes={episodes}", "learn.warmup_steps=200", f"output={folder}"]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "ship_trl", "target=4", "method=scratch", *overrides],
+            env=surroundings(),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise RuntimeError("a run of the benchmark failed: python -m ship_trl target=4 method=scratch")
+    # Linux counts in KiB, macOS in bytes.
+    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def startup_probes() -> list[Probe]:

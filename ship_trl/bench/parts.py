@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ship_trl.bench import footprint, learning, report, simulator
+from ship_trl.bench import cores, footprint, learning, report, simulator
 from ship_trl.bench.machine import Machine
 from ship_trl.bench.timing import Probe, measure
 from ship_trl.bench.work import CASE, learn_config
@@ -59,13 +60,33 @@ def show(part: str, title: str, probes: list[Probe], plan: Plan) -> list[Any]:
 
 
 def memory(part: str, plan: Plan) -> list[Any]:
-    """Bytes of replays."""
+    """Bytes of replays, and of a whole run."""
     held = footprint.replay_memory()
     ours = next(iter(held.values()))
     lines = [[name, f"{size / 1e6:,.1f} MB", f"{size / ours:,.0f}x"] for name, size in held.items()]
     title = f"Memory of a replay of {footprint.TRANSITIONS:,} transitions"
     report.show(title, ("name", "memory", "of ours"), lines, plan.markdown)
+    resident = footprint.run_memory(footprint.EPISODES)
+    report.say(
+        f"A run of the profile quick has at most {resident / 2**30:.2f} GiB resident, libraries included."
+    )
+    held["ours, a whole run"] = resident
     return [{"part": part, "name": name, "unit": "byte", "median": size} for name, size in held.items()]
+
+
+def processes(part: str, plan: Plan) -> list[Any]:
+    """Trainings side by side, one a core."""
+    rates = cores.growth_with_cores(plan.rounds, max(plan.seconds, cores.LEAST_SECONDS))
+    times = cores.gains(rates)
+    lines = [
+        [str(count), report.number(statistics.median(found)), f"{times[count]:.2f}x"]
+        for count, found in rates.items()
+    ]
+    report.show("Trainings side by side", ("processes", "steps per s", "of one"), lines, plan.markdown)
+    return [
+        {"part": part, "name": f"{count} processes", "unit": "step", "rates": found, "of_one": times[count]}
+        for count, found in rates.items()
+    ]
 
 
 def growth(part: str, plan: Plan) -> list[Any]:
@@ -81,6 +102,7 @@ PARTS: dict[str, Callable[[str, Plan], list[Any]]] = {
     "loop": beside_peers("Whole training loop", learning.loop_probes),
     "frozen": beside_peers("Whole training loop with frozen layers", learning.frozen_probes),
     "memory": memory,
+    "cores": processes,
     "startup": timed("Start of Python", footprint.startup_probes),
     "growth": growth,
 }

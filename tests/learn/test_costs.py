@@ -1,0 +1,108 @@
+"""What an update, a decision and a step cost, counted: these numbers know no clock and no neighbours.
+
+A count may fall; one that rises has to be worth it. Limits are a few per cent above what was
+counted when they were set, so that another version of torch does not break them by a call or two.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils.flop_counter import FlopCounterMode
+
+from ship_trl.bench.flops import update_flops
+from ship_trl.bench.ours import Ours, network_layers
+from ship_trl.bench.work import learn_config
+from ship_trl.config import Precision
+
+COPIES = {"copy_", "_to_copy", "clone", "cat", "index_select", "index", "contiguous", "stack"}
+
+
+class Counting(TorchDispatchMode):
+    """Counts calls that compute or move something, and bytes that are copied, gathered or converted."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.calls = self.copied = 0
+
+    def __torch_dispatch__(
+        self, function: Any, types: Any, args: tuple[Any, ...] = (), kwargs: dict[str, Any] | None = None
+    ) -> Any:
+        out = function(*args, **(kwargs or {}))
+        # Views move nothing.
+        if not function.is_view:
+            self.calls += 1
+        if function.overloadpacket.__name__ in COPIES and isinstance(out, Tensor):
+            self.copied += out.numel() * out.element_size()
+        return out
+
+
+def counted(action: Callable[[], object]) -> tuple[int, float, float]:
+    """Calls, megabytes copied, and floating point operations of matrix products in millions."""
+    # What is made once is made.
+    action()
+    with Counting() as counting, FlopCounterMode(display=False) as flops:
+        action()
+    return counting.calls, counting.copied / 1e6, flops.get_total_flops() / 1e6
+
+
+def ours(arm: str) -> Ours:
+    made = Ours(arm, learn=learn_config(precision=Precision.bf16))
+    made.fill(300)
+    return made
+
+
+# Calls, megabytes, millions of operations.
+UPDATE = {
+    "scratch": (150, 14.5, 1000.0),
+    "FE2": (120, 13.0, 720.0),
+    "FE3": (80, 5.4, 177.0),
+    "FE4": (61, 0.08, 11.0),
+}
+
+
+@pytest.mark.parametrize("arm", UPDATE)
+def test_an_update(arm: str) -> None:
+    learner = ours(arm)
+    batch = learner.sample()
+    found = counted(lambda: learner.update(batch))
+    assert all(got <= limit for got, limit in zip(found, UPDATE[arm], strict=True)), found
+
+
+def test_an_update_leaves_out_almost_half_the_operations() -> None:
+    learner = ours("scratch")
+    batch = learner.sample()
+    whole = update_flops(network_layers(), 32, 0) / 1e6
+    assert counted(lambda: learner.update(batch))[2] < 0.55 * whole
+
+
+def test_a_decision() -> None:
+    learner = ours("scratch")
+    state = learner.states(1)
+    found = counted(lambda: learner.act(state))
+    assert all(got <= limit for got, limit in zip(found, (25, 0.3, 7.0), strict=True)), found
+
+
+def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
+    learner = ours("FE4")
+    found = counted(lambda: learner.act(learner.states(1)))
+    assert found[2] < 0.1, found
+
+
+@pytest.mark.parametrize(("arm", "limits"), [("scratch", (14, 0.001, 0.0)), ("FE4", (32, 0.26, 5.6))])
+def test_a_step_of_the_environment(arm: str, limits: tuple[float, ...]) -> None:
+    learner = ours(arm)
+    current = learner.env.reset().set("action", torch.tensor([3]))
+    found = counted(lambda: learner.env.step_and_maybe_reset(current.clone()))
+    assert all(got <= limit for got, limit in zip(found, limits, strict=True)), found
+
+
+def test_frozen_layers_are_computed_once_a_state() -> None:
+    learner = ours("FE3")
+    batch = learner.sample()
+    # conv4 and the heads: three passes forward, and the gradients of one.
+    layers = network_layers()
+    assert counted(lambda: learner.update(batch))[2] <= 1.01 * update_flops(layers, 32, 3) / 1e6

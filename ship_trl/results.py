@@ -26,6 +26,7 @@ HEADINGS = (
     "final by seed",
     "goal",
 )
+TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", "p, permutation")
 KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
 
 
@@ -36,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     parser.add_argument("--picture", type=Path, help="draw the learning curves beside each other, as PNG")
+    parser.add_argument("--test", action="store_true", help="test whether runs of two folders learn alike")
     options = parser.parse_args(arguments)
     folders = options.folders or [Path("outputs")]
     found: list[dict[str, Any]] = []
@@ -51,12 +53,21 @@ def main(arguments: list[str] | None = None) -> None:
     rows = list(summarise(found))
     if options.picture is not None:
         picture(options.picture, found)
-    if options.markdown:
-        sys.stdout.write(
-            "".join(f"| {' | '.join(row)} |\n" for row in (HEADINGS, ["---"] * len(HEADINGS), *rows))
-        )
+    show(HEADINGS, rows, options.markdown)
+    if options.test:
+        if len(folders) != 2:
+            complain(f"--test: two folders are needed, got {len(folders)}")
+            sys.exit(1)
+        show(TEST_HEADINGS, list(compare(found, *map(str, folders))), options.markdown)
+
+
+def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> None:
+    """Print a table."""
+    if markdown:
+        lines = (headings, ["---"] * len(headings), *rows)
+        sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
-    table = Table(*HEADINGS)
+    table = Table(*headings)
     for row in rows:
         table.add_row(*row)
     Console(highlight=False).print(table)
@@ -98,6 +109,39 @@ def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
         ]
 
 
+def read_curve(result: dict[str, Any]) -> tuple[list[float], list[int], list[float]] | None:
+    """Training returns, and episodes and returns of greedy evaluations; says so where one is not whole."""
+    try:
+        with (result["folder"] / "curve.csv").open(newline="") as file:
+            lines = list(csv.DictReader(file))
+        greedy = [line for line in lines if line["greedy_return"]]
+        return (
+            [float(line["return"]) for line in lines if line["return"]],
+            [int(line["episode"]) for line in greedy],
+            [float(line["greedy_return"]) for line in greedy],
+        )
+    except (OSError, ValueError, KeyError):
+        complain(f"{result['folder'] / 'curve.csv'} is not a whole learning curve and is left out")
+        return None
+
+
+def compare(results: list[dict[str, Any]], one: str, other: str) -> Iterable[list[str]]:
+    """For each arm of a pair: the runs' mean greedy returns in both folders, and p of their being alike."""
+    from ship_trl.study.statistics import permutation
+
+    means: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for result in sorted(results, key=lambda r: int(r["seed"])):
+        curve = read_curve(result)
+        if curve is not None:
+            by_folder = means.setdefault((str(result["pair"]), str(result["arm"])), {one: [], other: []})
+            by_folder[result["below"]].append(float(np.mean(curve[2])))
+    for (pair, arm), found in sorted(means.items()):
+        samples = [np.array(found[folder]) for folder in (one, other)]
+        enough = min(map(len, samples)) > 1
+        p = f"{permutation(samples[0], samples[1], seed=0):.2f}" if enough else "-"
+        yield [f"{pair} {arm}", *(" ".join(f"{mean:.1f}" for mean in sample) for sample in samples), p]
+
+
 def picture(path: Path, results: list[dict[str, Any]]) -> None:
     """Draw learning curves: a column for each pair, a line for each arm and folder."""
     from ship_trl.view.comparison import Curve, draw_comparison
@@ -105,19 +149,10 @@ def picture(path: Path, results: list[dict[str, Any]]) -> None:
     several = len({r["below"] for r in results}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}
     for result in results:
-        try:
-            with (result["folder"] / "curve.csv").open(newline="") as file:
-                lines = list(csv.DictReader(file))
-            trained = [float(line["return"]) for line in lines if line["return"]]
-            greedy = [line for line in lines if line["greedy_return"]]
-            curve = Curve(
-                np.array(trained),
-                np.array([int(line["episode"]) for line in greedy]),
-                np.array([float(line["greedy_return"]) for line in greedy]),
-            )
-        except (OSError, ValueError, KeyError):
-            complain(f"{result['folder'] / 'curve.csv'} is not a whole learning curve and is left out")
+        read = read_curve(result)
+        if read is None:
             continue
+        curve = Curve(*(np.array(values) for values in read))
         name = f"{result['below']}: {result['arm']}" if several else result["arm"]
         panels.setdefault(f"{result['pair']}", {}).setdefault(name, []).append(curve)
     if not panels:

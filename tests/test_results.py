@@ -88,3 +88,33 @@ def test_without_a_curve_there_is_no_picture(tmp_path: Path, capsys: pytest.Capt
     assert caught.value.code == 1
     assert "picture: no learning curve to draw" in capsys.readouterr().err
     assert not (tmp_path / "none.png").exists()
+
+
+def curve(folder: Path, seed: int, greedy: list[float]) -> None:
+    """A run with so many greedy evaluations."""
+    write(folder, seed, 30.0)
+    lines = ["episode,return,greedy_return"]
+    for episode, value in enumerate(greedy):
+        lines += [f"{episode + 1},-10.0,", f"{episode + 1},,{value}"]
+    (folder / f"4/scratch/seed={seed}/curve.csv").write_text("\n".join(lines) + "\n")
+
+
+def test_two_folders_are_tested_against_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for seed in range(4):
+        curve(tmp_path / "a", seed, [seed, seed + 2.0])
+        curve(tmp_path / "b", seed, [seed + 50.0, seed + 52.0])
+        curve(tmp_path / "c", seed, [seed + 0.5, seed + 1.5])
+    main([str(tmp_path / "a"), str(tmp_path / "b"), "--markdown", "--test"])
+    # Of the 70 ways to part eight runs, two part them so far: 2/70.
+    assert "| 4 scratch | 1.0 2.0 3.0 4.0 | 51.0 52.0 53.0 54.0 | 0.03 |" in capsys.readouterr().out
+    main([str(tmp_path / "a"), str(tmp_path / "c"), "--markdown", "--test"])
+    assert "| 4 scratch | 1.0 2.0 3.0 4.0 | 1.0 2.0 3.0 4.0 | 1.00 |" in capsys.readouterr().out
+
+
+def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    curve(tmp_path, 0, [1.0])
+    with pytest.raises(SystemExit) as caught:
+        main([str(tmp_path), "--test"])
+    assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err

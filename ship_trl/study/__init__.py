@@ -1,0 +1,1 @@
+"""From result files to verdicts: metrics, statistics, hypotheses, figures, report. No torch."""

@@ -1,0 +1,142 @@
+"""The statistics of a study: libraries' functions, put into the terms of `hypotheses`.
+
+A sample is one number a seed. Arms of a pair share their seeds, and with them their source networks,
+so a resample draws seeds, and every arm's numbers of a drawn seed go with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Sample = NDArray[np.float64]
+# Of resamples: the ends of a 95 % interval then vary by less than a hundredth of its width.
+RESAMPLES = 10_000
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its interval; `low` and `high` are the number itself where nothing varies."""
+
+    value: float
+    low: float
+    high: float
+
+
+def interquartile_mean(values: Sample, axis: int = -1) -> Any:
+    """Mean of the middle half: robust to single seeds, and it counts more of them than the median does."""
+    return stats.trim_mean(values, 0.25, axis=axis)
+
+
+def bootstrap(
+    samples: Sequence[Sample],
+    statistic: Callable[..., Any],
+    seed: int,
+    resamples: int = RESAMPLES,
+    confidence: float = CONFIDENCE,
+) -> Estimate:
+    """A statistic of one or more samples with its percentile interval over resampled seeds.
+
+    Args:
+        samples: of equal length [S], in the order of the seeds, which are drawn jointly.
+        statistic: takes the samples and `axis`, along which seeds lie.
+        seed: of the resampling.
+        resamples: how many.
+        confidence: what share of them the interval holds.
+
+    Raises:
+        ValueError: fewer than two seeds.
+    """
+    if len(samples[0]) < 2:
+        raise ValueError("a bootstrap needs at least two seeds")
+    value = float(statistic(*samples, axis=-1))
+    found = stats.bootstrap(
+        tuple(samples),
+        statistic,
+        paired=True,
+        vectorized=True,
+        n_resamples=resamples,
+        confidence_level=confidence,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+        # A few thousand at a time bound the memory.
+        batch=2_000,
+    )
+    return Estimate(value, float(found.confidence_interval.low), float(found.confidence_interval.high))
+
+
+def difference(one: Sample, other: Sample, seed: int) -> Estimate:
+    """How much higher the interquartile mean of `one` is, over jointly resampled seeds."""
+
+    def gap(a: Sample, b: Sample, axis: int) -> Any:
+        return interquartile_mean(a, axis) - interquartile_mean(b, axis)
+
+    return bootstrap((one, other), gap, seed)
+
+
+def probability_of_improvement(one: Sample, other: Sample, seed: int) -> Estimate:
+    """How often a run of `one` does better than a run of `other`, whatever their seeds; ties count half."""
+
+    def share(a: Sample, b: Sample, axis: int) -> Any:
+        # SciPy puts resamples before the last axis.
+        a, b = np.moveaxis(a, axis, -1), np.moveaxis(b, axis, -1)
+        above = np.zeros(a.shape[:-1])
+        for k in range(a.shape[-1]):
+            gap = a[..., k : k + 1] - b
+            above += ((gap > 0) + 0.5 * (gap == 0)).mean(axis=-1)
+        return above / a.shape[-1]
+
+    return bootstrap((one, other), share, seed)
+
+
+def spread_ratio(one: Sample, other: Sample, seed: int) -> Estimate:
+    """Standard deviation of `one` over that of `other`, over jointly resampled seeds."""
+
+    def ratio(a: Sample, b: Sample, axis: int) -> Any:
+        # Resamples in which a sample does not vary at all say nothing of the ratio, but must not stop it.
+        tiny = np.finfo(np.float64).tiny
+        return np.std(a, axis=axis, ddof=1) / np.maximum(np.std(b, axis=axis, ddof=1), tiny)
+
+    return bootstrap((one, other), ratio, seed)
+
+
+def brown_forsythe(one: Sample, other: Sample) -> float:
+    """P of equal spread: an analysis of variance on distances to the median."""
+    return float(stats.levene(one, other, center="median").pvalue)
+
+
+def page_trend(samples: Sequence[Sample]) -> float:
+    """P against a rise from each sample to the next, by seed (Page's L)."""
+    return float(stats.page_trend_test(np.stack(samples, axis=1)).pvalue)
+
+
+def log_rank(one: tuple[Sample, NDArray[np.bool_]], other: tuple[Sample, NDArray[np.bool_]]) -> float:
+    """P of equal times to an event; each is times [S] and which of them were seen, not censored [S]."""
+    censored = [stats.CensoredData.right_censored(times, ~seen) for times, seen in (one, other)]
+    return float(stats.logrank(*censored).pvalue)
+
+
+def permutation(one: Sample, other: Sample, seed: int) -> float:
+    """P of equal means of two independent samples, exact where they are small."""
+
+    def gap(a: Sample, b: Sample, axis: int) -> Any:
+        return np.mean(a, axis=axis) - np.mean(b, axis=axis)
+
+    return float(
+        stats.permutation_test(
+            (one, other), gap, vectorized=True, n_resamples=RESAMPLES, rng=np.random.default_rng(seed)
+        ).pvalue
+    )
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """p-values of a family of tests, adjusted by Holm's step-down method."""
+    from statsmodels.stats.multitest import multipletests
+
+    return [float(p) for p in multipletests(list(p_values), method="holm")[1]] if p_values else []

@@ -1,0 +1,95 @@
+"""Library functions in our terms: against plain re-computations, and at the rates they promise."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from ship_trl.study import statistics as s
+
+
+def sample(seed: int, mean: float = 0.0, sd: float = 1.0, count: int = 15) -> s.Sample:
+    return np.random.default_rng(seed).normal(mean, sd, count)
+
+
+def test_the_interquartile_mean_leaves_out_the_outer_quarters() -> None:
+    assert s.interquartile_mean(np.array([-900.0, 1, 2, 3, 4, 5, 6, 900.0])) == 3.5
+    rows = np.array([[0.0, 1, 2, 99], [5, 6, 7, -99]])
+    assert s.interquartile_mean(rows).tolist() == [1.5, 5.5]
+
+
+def test_the_interval_is_that_of_scipys_bootstrap_and_of_resampling_by_hand() -> None:
+    one, other = sample(1, 1.0), sample(2)
+    found = s.difference(one, other, seed=3)
+    # By hand, with draws of its own: seeds are drawn jointly.
+    draws = np.random.default_rng(4).integers(15, size=(20_000, 15))
+    gaps = stats.trim_mean(one[draws], 0.25, axis=1) - stats.trim_mean(other[draws], 0.25, axis=1)
+    low, high = np.percentile(gaps, [2.5, 97.5])
+    assert found.value == pytest.approx(stats.trim_mean(one, 0.25) - stats.trim_mean(other, 0.25))
+    assert found.low == pytest.approx(low, abs=0.05) and found.high == pytest.approx(high, abs=0.05)
+    assert s.difference(one, other, seed=3) == found != s.difference(one, other, seed=4)
+
+
+def test_what_seeds_share_cancels() -> None:
+    # A source network that is good for one arm is good for the other too.
+    shared = 10 * sample(5)
+    together = s.difference(shared + 1 + 0.1 * sample(6), shared + 0.1 * sample(7), seed=0)
+    assert 0.7 < together.low < together.high < 1.3
+
+
+def test_probability_of_improvement_counts_all_pairs_and_ties_half() -> None:
+    one, other = np.array([1.0, 2.0, 3.0]), np.array([2.0, 2.0, 0.0])
+    found = s.probability_of_improvement(one, other, seed=0)
+    wins = sum((a > b) + 0.5 * (a == b) for a in one for b in other) / 9
+    assert found.value == pytest.approx(wins) and 0 <= found.low <= wins <= found.high <= 1
+    assert s.probability_of_improvement(one + 9, other, seed=0) == s.Estimate(1.0, 1.0, 1.0)
+
+
+def test_spread_is_compared() -> None:
+    wide, narrow = sample(8, sd=5, count=40), sample(9, sd=1, count=40)
+    found = s.spread_ratio(wide, narrow, seed=0)
+    assert found.value == pytest.approx(wide.std(ddof=1) / narrow.std(ddof=1)) and found.low > 2
+    assert s.brown_forsythe(wide, narrow) < 1e-3 < s.brown_forsythe(wide, wide + 7)
+    assert np.isfinite(s.spread_ratio(np.ones(5), np.ones(5), seed=0).value)
+
+
+def test_a_trend_is_found_in_its_direction_only() -> None:
+    rising = [sample(k, 0.8 * k) for k in range(4)]
+    assert s.page_trend(rising) < 1e-3 and s.page_trend(rising[::-1]) > 0.9
+
+
+def test_times_are_compared_with_their_censoring() -> None:
+    early, late = np.arange(10.0, 25.0), np.arange(60.0, 75.0)
+    seen = np.ones(15, np.bool_)
+    assert s.log_rank((early, seen), (late, seen)) < 1e-4
+    assert s.log_rank((early, seen), (early, seen)) == pytest.approx(1.0)
+    # Agents that never get there tell as much as late ones.
+    never = (np.full(15, 100.0), np.zeros(15, np.bool_))
+    assert s.log_rank((early, seen), never) < 1e-4
+
+
+def test_small_permutations_are_exact() -> None:
+    assert s.permutation(np.arange(5.0), np.arange(5.0) + 100, seed=0) == pytest.approx(2 / 252)
+
+
+def test_holm_is_the_step_down_method() -> None:
+    p = [0.01, 0.04, 0.03, 0.005]
+    assert s.holm(p) == pytest.approx([0.03, 0.06, 0.06, 0.02]) and s.holm([]) == []
+
+
+def test_a_single_seed_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least two seeds"):
+        s.difference(np.ones(1), np.ones(1), seed=0)
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
+    # Percentile intervals of 15 are known to be somewhat too narrow.
+    held = 0
+    for seed in range(200):
+        found = s.bootstrap(
+            (sample(seed, 0.5), sample(10_000 + seed)),
+            lambda a, b, axis: s.interquartile_mean(a, axis) - s.interquartile_mean(b, axis),
+            seed,
+            resamples=400,
+        )
+        held += found.low <= 0.5 <= found.high
+    assert 0.87 <= held / 200 <= 0.99

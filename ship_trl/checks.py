@@ -111,7 +111,10 @@ def check_arm(config: Config) -> None:
     if config.method is Method.scratch:
         require(layers is None, "layers", "left out with method=scratch", layers)
         require(config.source_file is None, "source_file", "left out with method=scratch", config.source_file)
+        require(not config.random_source, "random_source", "false with method=scratch", "true")
         return
+    both = config.random_source and config.source_file is not None
+    require(not both, "random_source", "false with a source_file", "true")
     require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
     numbers = "1, 2, 3, 4" if config.method is Method.feature_extraction else "1, 2, 3, 4 or all"
     known = type(layers) is int and 1 <= layers <= CONV_LAYERS

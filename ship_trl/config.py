@@ -106,6 +106,7 @@ class Config:
     source: str | None
     target: str | None
     source_file: str | None
+    random_source: bool
     method: Method
     layers: Any
     seed: int
@@ -122,10 +123,11 @@ class Config:
 
     @property
     def arm(self) -> str:
-        """The curve's name in the paper's figures: scratch, FE1-4, FT1-4 or FTW."""
+        """The curve's name in the paper's figures: scratch, FE1-4, FT1-4 or FTW; `-random` is a control."""
         if self.method is Method.scratch:
             return "scratch"
-        return ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))
+        arm = ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))
+        return f"{arm}-random" if self.random_source else arm
 
     @property
     def label(self) -> str:

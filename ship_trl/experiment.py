@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import platform
@@ -24,6 +25,7 @@ from ship_trl.plan import RESULT, Run
 from ship_trl.process import settle
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.planner import best_plan
+from ship_trl.sim.random_policy import random_return
 from ship_trl.sim.render import Rasteriser
 from ship_trl.tracking import Tracker
 from ship_trl.transfer.casebase import POLICY, CaseBase, Entry
@@ -144,8 +146,11 @@ def train_run(
             "recipe": run.recipe,
             "source_network": None
             if transfer is None
+            else "random"
+            if config.random_source
             else str(source.policy if source else config.source_file),
             "best_known_return": known,
+            "random_return": random_return(run.target, config.world, run.stream("random policy")),
             "scratch": score(scratch, 0),
             "before": score(evaluated[0].sailed, 0),
             "best": score(best.sailed, best.episode),
@@ -173,6 +178,11 @@ def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Tr
     config = run.config
     if config.method is Method.scratch:
         return None
+    if config.random_source:
+        # A network like the target's before it learns, drawn from a stream of its own.
+        drawn = copy.deepcopy(network)
+        drawn.reset(Generator().manual_seed(run.stream("random source")))
+        return Transfer(drawn.state_dict(), config.layers, config.method is Method.feature_extraction)
     path = source.policy if source else Path(str(config.source_file))
     weights = load_weights(path, network, "source_file" if source is None else "case_base")
     return Transfer(weights, config.layers, config.method is Method.feature_extraction)

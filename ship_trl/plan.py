@@ -74,12 +74,12 @@ def make_run(config: Config) -> Run:
     source = None
     if config.method is not Method.scratch:
         load_case(str(config.source), world, "source")
-        if config.source_file is None:
+        if config.source_file is None and not config.random_source:
             alone = dataclasses.replace(
                 config, pair=None, source=None, target=config.source, method=Method.scratch, layers=None
             )
             source = make_run(alone)
-        elif not Path(config.source_file).is_file():
+        elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
     run = Run(config, target, source, folder_of(config), recipe_of(config, target, source))
     check_folder(run)
@@ -94,7 +94,9 @@ def folder_of(config: Config) -> Path:
 def recipe_of(config: Config, target: Case, source: Run | None) -> str:
     """Twelve hex digits over all that decides the outcome; names and folders do not."""
     origin = source.recipe if source else None
-    if config.method is not Method.scratch and config.source_file is not None:
+    if config.random_source:
+        origin = "random"
+    elif config.method is not Method.scratch and config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
     values = {
         "target": target.fingerprint,

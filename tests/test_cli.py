@@ -118,6 +118,25 @@ def test_frozen_layers_are_the_source_s_bytes(trained: Path) -> None:
             assert same == key.startswith(("conv1", "conv2", "conv3")), key
 
 
+def test_a_random_source_is_copied_and_frozen(tmp_path: Path) -> None:
+    from safetensors.torch import load_file
+    from torch import Generator
+
+    from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+    from ship_trl.plan import make_run
+    from tests.test_config import composed
+
+    line = ("+pair=high", "+arm=FE3-random", "profile=smoke")
+    ship_trl(*line, folder=tmp_path)
+    folder = tmp_path / "outputs/smoke/high/FE3-random/seed=0"
+    assert json.loads((folder / "result.json").read_text())["source_network"] == "random"
+    assert not (tmp_path / "outputs/smoke/1").exists()
+    drawn = DuelingNetwork(1, 7, Generator().manual_seed(make_run(composed(*line)).stream("random source")))
+    for key, value in load_file(folder / "policy_last.safetensors").items():
+        same = bool((value == drawn.state_dict()[key]).all())
+        assert same == key.startswith(CONV_NAMES[:3]), key
+
+
 def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:
     done = ship_trl(
         "-m", "profile=smoke", "target=1", "method=scratch", "seed=1,-1,2", folder=trained, code=1

@@ -91,6 +91,8 @@ WRONG = {
     "+pair=high method=feature_extraction": "layers: must be 1, 2, 3, 4 with",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
     "+pair=high method=scratch source_file=x": "source_file: must be left out with method=scratch",
+    "+pair=high method=scratch random_source=true": "random_source: must be false with method=scratch",
+    "+pair=high layers=3 source_file=x random_source=true": "random_source: must be false with a source_file",
     "target=2 layers=2": "source: must be a case",
     "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
     "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb]",

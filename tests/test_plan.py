@@ -23,6 +23,14 @@ def test_source_is_the_scratch_run_of_the_source_case() -> None:
     assert all(transfer.source.stream(name) == scratch.stream(name) for name in ("weights", "replay"))
 
 
+def test_a_random_source_is_not_trained_and_else_the_same() -> None:
+    random, trained = run("+pair=high", "+arm=FE3-random"), run("+pair=high", "+arm=FE3")
+    assert random.source is None and trained.source is not None
+    assert random.folder != trained.folder
+    # The two arms differ in the copied layers alone.
+    assert all(random.stream(name) == trained.stream(name) for name in ("weights", "exploration", "replay"))
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -33,6 +41,7 @@ def test_source_is_the_scratch_run_of_the_source_case() -> None:
         "learn.lr=0.5",
         "learn.episodes=7",
         "source=3",
+        "random_source=true",
     ],
 )
 def test_recipe_tells_runs_apart(change: str) -> None:

@@ -54,7 +54,7 @@ def test_help_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert "+pair=high method=finetune layers=3" in done.stdout
-    assert "FE1, FE2, FE3, FE4, FT1, FT2, FT3, FT4, FTW, scratch" in done.stdout
+    assert "FE1, FE2, FE3, FE3-random, FE4, FT1, FT2, FT3, FT4, FTW, scratch" in done.stdout
 
 
 def test_main_command_leaves_a_whole_result(trained: Path) -> None:

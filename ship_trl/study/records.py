@@ -1,0 +1,175 @@
+"""Finished runs as the study reads them: result and learning curve, whole or named as broken."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ship_trl.plan import RESULT
+
+CURVE = "curve.csv"
+TEXTS = ("pair", "target", "arm", "profile", "recipe")
+NUMBERS = ("seed", "episodes", "best_known_return", "random_return")
+
+
+class BrokenRunError(Exception):
+    """A run that cannot be counted; its text says why, in a few words."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """Training episodes, in order: all [E]. `dcpa` is not a number without target ships."""
+
+    total: NDArray[np.float64]
+    goal: NDArray[np.bool_]
+    collision: NDArray[np.bool_]
+    dcpa: NDArray[np.float64]
+    epsilon: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Greedy:
+    """Greedy evaluations, in order, the first before training: all [G]."""
+
+    episode: NDArray[np.int64]
+    total: NDArray[np.float64]
+    goal: NDArray[np.bool_]
+    collision: NDArray[np.bool_]
+    dcpa: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One finished run. `part` is the share of the study that it belongs to: its folder in it."""
+
+    folder: Path
+    part: str
+    pair: str
+    source: str | None
+    target: str
+    arm: str
+    seed: int
+    profile: str
+    recipe: str
+    best_known: float
+    random: float
+    scratch: float
+    before: float
+    training: Training
+    greedy: Greedy
+
+    def score(self, values: Any) -> Any:
+        """Returns as a share of the way from random actions to the best known: 0 to 1, less if worse."""
+        return (values - self.random) / (self.best_known - self.random)
+
+
+def read_run(folder: Path, part: str = "") -> Record:
+    """Read a run's folder.
+
+    Raises:
+        BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
+    """
+    result = read_json(folder / RESULT)
+    for key in (*TEXTS, *NUMBERS, "scratch", "before"):
+        if key not in result:
+            raise BrokenRunError(f"{RESULT} has no {key}")
+    numbers = [result[key] for key in NUMBERS] + [result["scratch"]["return"], result["before"]["return"]]
+    if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+        raise BrokenRunError(f"{RESULT} holds what is no number")
+    if result["best_known_return"] <= result["random_return"]:
+        raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
+    training, greedy = read_curve(folder / CURVE, int(result["episodes"]))
+    return Record(
+        folder=folder,
+        part=part,
+        pair=str(result["pair"]),
+        source=result.get("source"),
+        target=str(result["target"]),
+        arm=str(result["arm"]),
+        seed=int(result["seed"]),
+        profile=str(result["profile"]),
+        recipe=str(result["recipe"]),
+        best_known=float(result["best_known_return"]),
+        random=float(result["random_return"]),
+        scratch=float(result["scratch"]["return"]),
+        before=float(result["before"]["return"]),
+        training=training,
+        greedy=greedy,
+    )
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """An object of JSON; its `scratch` and `before` have a return."""
+    try:
+        found = json.loads(path.read_text())
+        whole = isinstance(found, dict) and all("return" in found.get(k, {}) for k in ("scratch", "before"))
+    except FileNotFoundError:
+        raise BrokenRunError(f"{path.name} is missing") from None
+    except (OSError, ValueError, TypeError):
+        raise BrokenRunError(f"{path.name} cannot be read") from None
+    if not whole:
+        raise BrokenRunError(f"{path.name} is not a result of this program")
+    return dict(found)
+
+
+def read_curve(path: Path, episodes: int) -> tuple[Training, Greedy]:
+    """`curve.csv`: episodes 1 to `episodes`, and greedy evaluations from 0 to the last."""
+    try:
+        text = path.read_text()
+        lines = list(csv.DictReader(text.splitlines()))
+        trained = [line for line in lines if line["return"]]
+        judged = [line for line in lines if line["greedy_return"]]
+        numbers = [int(line["episode"]) for line in trained]
+        training = Training(
+            column(trained, "return"),
+            words(trained, "outcome", "goal"),
+            words(trained, "outcome", "collision"),
+            column(trained, "dcpa"),
+            column(trained, "epsilon"),
+        )
+        greedy = Greedy(
+            np.array([int(line["episode"]) for line in judged]),
+            column(judged, "greedy_return"),
+            words(judged, "greedy_outcome", "goal"),
+            words(judged, "greedy_outcome", "collision"),
+            column(judged, "greedy_dcpa"),
+        )
+    except FileNotFoundError:
+        raise BrokenRunError(f"{path.name} is missing") from None
+    except (OSError, ValueError, KeyError, TypeError, csv.Error):
+        raise BrokenRunError(f"{path.name} cannot be read") from None
+    if text and not text.endswith("\n"):
+        raise BrokenRunError(f"{path.name} ends within a line")
+    if numbers != list(range(1, episodes + 1)):
+        raise BrokenRunError(f"{path.name} has not the {episodes} episodes of {RESULT}")
+    if len(judged) < 2 or greedy.episode[0] != 0 or greedy.episode[-1] != episodes:
+        raise BrokenRunError(f"{path.name} lacks greedy evaluations")
+    if not (np.isfinite(training.total).all() and np.isfinite(greedy.total).all()):
+        raise BrokenRunError(f"{path.name} holds what is no number")
+    return training, greedy
+
+
+def column(lines: list[dict[str, str]], key: str) -> NDArray[np.float64]:
+    """Numbers of a column; an empty field is not a number."""
+    return np.array([float(line[key] or "nan") for line in lines])
+
+
+def words(lines: list[dict[str, str]], key: str, word: str) -> NDArray[np.bool_]:
+    """Where a column has this word."""
+    return np.array([line[key] == word for line in lines], np.bool_)
+
+
+def find_runs(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Folders of finished or unfinished runs below a study's, each with the part it belongs to."""
+    for path in sorted(folder.glob("**/seed=*")):
+        inside = path.relative_to(folder).parts
+        if path.is_dir() and inside[0] != "case_base":
+            yield path, "/".join(inside[:-3])

@@ -1,0 +1,74 @@
+"""Runs with a known truth, written as a training would."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+BEST, RANDOM = 80.0, -320.0
+
+
+def returns_of(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns of these scores."""
+    return RANDOM + scores * (BEST - RANDOM)
+
+
+def learning(
+    rng: np.random.Generator, episodes: int = 200, end: float = 0.9, half: float = 40.0, noise: float = 0.1
+) -> NDArray[np.float64]:
+    """Scores that rise from 0 to `end`, half of it after `half` episodes: [episodes]."""
+    t = np.arange(1, episodes + 1)
+    return end * t / (t + half) + rng.normal(0, noise, episodes)
+
+
+def write_run(
+    folder: Path,
+    scores: NDArray[np.float64],
+    *,
+    pair: str = "high",
+    arm: str = "scratch",
+    seed: int = 0,
+    before: float = 0.0,
+    every: int = 20,
+    **changes: Any,
+) -> Path:
+    """A run's folder below `folder`; greedy evaluations score like the episodes they follow."""
+    place = folder / pair / arm / f"seed={seed}"
+    place.mkdir(parents=True)
+    totals = returns_of(scores)
+    first = float(returns_of(np.array(before)))
+    lines: list[dict[str, Any]] = [{"episode": 0, "greedy_return": first, "greedy_outcome": "timeout"}]
+    for episode, total in enumerate(totals.tolist(), 1):
+        outcome = "goal" if total > 0 else "collision"
+        lines.append({"episode": episode, "return": total, "outcome": outcome, "dcpa": 50.0, "epsilon": 0.1})
+        if episode % every == 0 or episode == len(totals):
+            lines.append(
+                {"episode": episode, "greedy_return": total, "greedy_outcome": outcome, "greedy_dcpa": 60.0}
+            )
+    keys = ("episode", "epsilon", "return", "outcome", "dcpa")
+    greedy = ("greedy_return", "greedy_outcome", "greedy_dcpa")
+    with (place / "curve.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, (*keys, *greedy), restval="")
+        writer.writeheader()
+        writer.writerows(lines)
+    result = {
+        "pair": pair,
+        "source": "1",
+        "target": "2",
+        "arm": arm,
+        "seed": seed,
+        "profile": "quick",
+        "recipe": f"{pair}{arm}{seed}",
+        "episodes": len(totals),
+        "best_known_return": BEST,
+        "random_return": RANDOM,
+        "scratch": {"return": RANDOM},
+        "before": {"return": first},
+    }
+    (place / "result.json").write_text(json.dumps(result | changes))
+    return place

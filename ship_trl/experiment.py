@@ -44,12 +44,15 @@ def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
     device = torch.device(run.config.device)
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
-    result = run.result()
-    if result is None:
-        source = find_source(run, one_of_many)
-        result = train_run(run, device, source, one_of_many)
-    else:
-        console.say(f"{run.folder} holds this run already; overwrite=true and another seed= train anew")
+    # Of two processes that are asked for the same run, as after a study was killed and started again,
+    # the second waits and finds it done.
+    with run.lock():
+        result = run.result()
+        if result is None:
+            source = find_source(run, one_of_many)
+            result = train_run(run, device, source, one_of_many)
+        else:
+            console.say(f"{run.folder} holds this run already; overwrite=true and another seed= train anew")
     retain(run, result)
     (console.say_result if one_of_many else console.show_result)(result, run.folder)
     return result

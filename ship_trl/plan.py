@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock
+
 from ship_trl.config import Config, ConfigError, Method, plain
 from ship_trl.sim.cases import Case, load_case
 
@@ -46,6 +48,16 @@ class Run:
         source = self.config.source if self.config.method is not Method.scratch else ""
         words = (self.config.seed, source, self.target.fingerprint, purpose)
         return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
+
+    def lock(self) -> FileLock:
+        """Held while the run's folder is written; its file stays, below `.locks` of the output."""
+        locks = Path(self.config.output) / ".locks"
+        try:
+            locks.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"output: {locks} cannot be made: {error.strerror}") from None
+        config = self.config
+        return FileLock(locks / f"{config.label}-{config.arm}-{config.seed}.lock")
 
     def result(self) -> dict[str, Any] | None:
         """What a finished run of this recipe found, or None."""

@@ -26,7 +26,7 @@ ALLOWED = {
     "vector_env": SIM,
     "tracking": SIM | {"learn", "plan", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
-    "study": BELOW | {"cli", "plan"},
+    "study": BELOW | {"checks", "cli", "plan"},
     "results": {"cli", "plan", "study", "view"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},

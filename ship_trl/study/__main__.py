@@ -1,0 +1,76 @@
+"""`python -m ship_trl.study profile=quick`: all runs of the paper's figures and our controls."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from ship_trl.cli import complain
+from ship_trl.config import ConfigError
+from ship_trl.study.launch import LOG, run_jobs, write_jobs
+from ship_trl.study.pace import in_words, processes, seconds_per_run
+from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
+from ship_trl.study.progress import Display, say
+from ship_trl.study.settled import episodes_of, settle
+
+HELP = """\
+python -m ship_trl.study: every run of figures 5 to 7 and 9, and our controls.
+
+  python -m ship_trl.study profile=quick
+  python -m ship_trl.study profile=smoke pairs=[high] seeds=2
+
+Stopped and started again it goes on where it was. Keys, with their values in conf/study.yaml:
+
+  profile=NAME      smoke, quick or paper      seeds=N          0 to N - 1
+  pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
+  output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
+  launcher=NAME     joblib, submitit_local, submitit_slurm, ray
+  overrides=[..]    of every run, as overrides=[learn.episodes=1000]
+"""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Plan, say how long it will take, run what is missing."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if {"--help", "-h"} & set(given):
+        sys.stdout.write(HELP)
+        return
+    try:
+        config = to_study(given)
+        jobs = plan_jobs(config)
+        settle(jobs, config)
+        left = study(jobs, config)
+    except ConfigError as error:
+        complain(str(error))
+        sys.exit(1)
+    except KeyboardInterrupt:
+        complain("interrupted; the same command goes on where it was")
+        sys.exit(130)
+    if left:
+        complain(
+            f"{len(left)} of {len(jobs)} runs have no result ({left[0].name} ...); see {config.folder / LOG}"
+        )
+        sys.exit(1)
+
+
+def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
+    """Run everything that is missing; returns what is missing even so."""
+    write_jobs(jobs, config)
+    with Display(jobs, config, episodes_of(config)) as display:
+        missing = display.missing()
+        if missing and config.launcher == "joblib":
+            try:
+                seconds, how = seconds_per_run(jobs, config, display.episodes)
+            except RuntimeError as error:
+                raise ConfigError(f"overrides: {error}") from None
+            total = in_words(len(missing) * seconds / processes())
+            say(f"{len(missing)} of {len(jobs)} runs to do, about {total} on {processes()} cores, by {how}")
+        elif missing:
+            say(f"{len(missing)} of {len(jobs)} runs to do, by {config.launcher}")
+        left = run_jobs(missing, config, display.show)
+    say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
+    return left
+
+
+if __name__ == "__main__":
+    main()

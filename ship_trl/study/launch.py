@@ -1,0 +1,104 @@
+"""Runs a study's jobs through Hydra's launchers: each a file, each stage one multirun."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ship_trl.paths import replacing
+from ship_trl.plan import read_result
+from ship_trl.study.plan import Job, StudyConfig
+
+LOG = "log.txt"
+JOBS = "jobs"
+# Of Linux's prctl: a signal when the parent dies.
+PR_SET_PDEATHSIG = 1
+
+
+def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
+    """A file for each job, `<study>/jobs/job/NAME.yaml`.
+
+    `python -m ship_trl --config-dir <study>/jobs +job=NAME profile=PROFILE` runs it alone.
+    """
+    folder = config.folder / JOBS / "job"
+    folder.mkdir(parents=True, exist_ok=True)
+    for job in jobs:
+        values: dict[str, Any] = job.values | {
+            "output": str(config.folder / job.part),
+            "case_base": str(config.folder / "case_base"),
+        }
+        with replacing(folder / f"{job.name}.yaml") as draft:
+            draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
+
+
+def finished(job: Job, config: StudyConfig) -> dict[str, Any] | None:
+    """The result of a job that is done, or None."""
+    found = read_result(job.folder(config.folder))
+    return found if found and found.get("arm") == job.arm and found.get("seed") == job.seed else None
+
+
+def command(jobs: list[Job], config: StudyConfig) -> list[str]:
+    """The multirun of these jobs."""
+    return [
+        *(sys.executable, "-m", "ship_trl", "--multirun"),
+        *("--config-dir", str((config.folder / JOBS).absolute())),
+        *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir={config.folder}"),
+        f"profile={config.profile}",
+        *config.overrides,
+        f"+job={','.join(job.name for job in jobs)}",
+    ]
+
+
+def die_with_parent() -> None:
+    """In a child: end when the study ends, however it does. Linux only; elsewhere locks must do."""
+    try:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    except (AttributeError, OSError):
+        return
+
+
+@contextmanager
+def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A child with its words in `log`, ended when the block is left."""
+    with log.open("ab") as words:
+        child = subprocess.Popen(
+            arguments,
+            stdout=words,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            preexec_fn=die_with_parent,
+        )
+        try:
+            yield child
+        finally:
+            child.terminate()
+            child.wait()
+
+
+def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> list[Job]:
+    """Run what is not finished, stage by stage, with retries; returns what has no result even so.
+
+    `watch` is called about once a second.
+    """
+    for stage in sorted({job.stage for job in jobs}):
+        for _ in range(1 + config.retries):
+            left = [job for job in jobs if job.stage == stage and finished(job, config) is None]
+            if not left:
+                break
+            with started(command(left, config), config.folder / LOG) as child:
+                while child.poll() is None:
+                    watch()
+                    try:
+                        child.wait(1.0)
+                    except subprocess.TimeoutExpired:
+                        continue
+            watch()
+    return [job for job in jobs if finished(job, config) is None]

@@ -1,0 +1,76 @@
+"""What a study's folder was begun with, so that nothing else is mixed in."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+
+from ship_trl.checks import to_config
+from ship_trl.cli import explain_hydra
+from ship_trl.config import Config, ConfigError, plain
+from ship_trl.paths import conf_dir, replacing
+from ship_trl.study.plan import Job, StudyConfig
+
+PLAN = "study.json"
+
+
+def run_config(config: StudyConfig) -> Config:
+    """The configuration that all runs share, checked.
+
+    Raises:
+        ConfigError: an override that is not right.
+    """
+    from hydra.errors import HydraException
+
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+            line = ["target=1", "method=scratch", f"profile={config.profile}", *config.overrides]
+            return to_config(compose("config", overrides=line))
+    except HydraException as error:
+        raise ConfigError(f"overrides: {explain_hydra(error)}") from None
+
+
+def episodes_of(config: StudyConfig) -> int:
+    """Training episodes of a run."""
+    return run_config(config).learn.episodes
+
+
+def settle(jobs: list[Job], config: StudyConfig) -> None:
+    """Make the study's folder and write down what is planned; more seeds or arms may be added later.
+
+    Raises:
+        ConfigError: the folder cannot be written, or holds a study of other settings.
+    """
+    shared = run_config(config)
+    settings: dict[str, Any] = {
+        "profile": config.profile,
+        "learn": plain(shared.learn),
+        "world": plain(shared.world),
+        "colour": shared.colour,
+    }
+    path = config.folder / PLAN
+    try:
+        before = json.loads(path.read_text())["settings"]
+    except FileNotFoundError:
+        before = None
+    except (OSError, ValueError, KeyError, TypeError):
+        raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
+    if before is not None and before != settings:
+        differ = ", ".join(sorted(key for key in settings if settings[key] != before.get(key)))
+        holds = f"output: {config.folder} holds a study of other settings ({differ})"
+        raise ConfigError(f"{holds}; allowed: another output=FOLDER")
+    try:
+        config.folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(config.folder, os.W_OK | os.X_OK):
+            raise PermissionError(13, "Permission denied")
+        with replacing(path) as draft:
+            listed = [dataclasses.asdict(job) for job in jobs]
+            draft.write_text(json.dumps({"settings": settings, "jobs": listed}, indent=1))
+    except OSError as error:
+        raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None

@@ -1,0 +1,109 @@
+"""Which runs a study has."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config import ConfigError
+from ship_trl.plan import make_run
+from ship_trl.study.launch import write_jobs
+from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
+from tests.test_config import composed
+
+
+def jobs(*overrides: str) -> list[Job]:
+    return plan_jobs(to_study(list(overrides)))
+
+
+def test_the_quick_study_has_every_arm_pair_and_control() -> None:
+    planned = jobs("profile=quick")
+    arms = {"scratch", "FTW", *(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5))}
+    for pair in ("high", "low", "lowest"):
+        found = {(j.arm, j.seed) for j in planned if j.part == "pairs" and j.label == pair}
+        assert found == {(arm, seed) for arm in arms for seed in range(5)}
+        assert sum(j.arm == "FE3-random" and j.label == pair for j in planned) == 5
+    self_transfer = Counter(j.arm for j in planned if j.label == "self")
+    assert self_transfer == dict.fromkeys(arms - {"scratch", "FTW"}, 5)
+    places = [j.folder(Path()) for j in planned]
+    assert len(set(places)) == len(places) == len({j.name for j in planned})
+    assert [j.stage for j in planned] == sorted(j.stage for j in planned)
+
+
+def test_the_paper_has_fifteen_seeds() -> None:
+    assert {j.seed for j in jobs("profile=paper")} == set(range(15))
+    assert {j.seed for j in jobs("seeds=3")} == {0, 1, 2}
+
+
+def test_reuse_is_two_networks_by_two_epsilons_and_other_sources() -> None:
+    found = {(j.part, j.label): j for j in jobs() if j.part.startswith("reuse") and j.seed == 0}
+    low = {"new", "2-new", "1-new", "3-new", "5-new"}
+    assert found.keys() == {("reuse/epsilon_low", label) for label in low} | {
+        ("reuse/epsilon_1", "new"),
+        ("reuse/epsilon_1", "2-new"),
+    }
+    for (part, label), job in found.items():
+        epsilon = job.values.get("learn", {}).get("epsilon_start")
+        assert epsilon == (0.1 if part.endswith("low") else None)
+        assert (label == "new") == ("source_file" not in job.values)
+    reused = found["reuse/epsilon_low", "2-new"]
+    assert reused.values["source_file"].endswith("pairs/high/FTW/seed=0/policy.safetensors")
+
+
+def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:
+    config = to_study([])
+    made = {job.folder(config.folder): job.stage for job in plan_jobs(config)}
+    for job in plan_jobs(config):
+        if "source_file" in job.values:
+            assert made[Path(job.values["source_file"]).parent] < job.stage
+
+
+@pytest.mark.parametrize("overrides", [(), ("pairs=[low]", "reuse=false"), ("arms=[FE2]", "reuse=false")])
+def test_nothing_is_trained_twice(
+    overrides: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    config = to_study([*overrides, "seeds=2", "profile=smoke"])
+    planned = plan_jobs(config)
+    for job in planned:
+        if "source_file" in job.values:
+            Path(job.values["source_file"]).parent.mkdir(parents=True, exist_ok=True)
+            Path(job.values["source_file"]).write_text(job.values["source_file"])
+    write_jobs(planned, config)
+    recipes: dict[str, Job] = {}
+    for job in planned:
+        place = f"hydra.searchpath=[file://{(config.folder / 'jobs').absolute()}]"
+        run = make_run(composed(f"+job={job.name}", "profile=smoke", place))
+        assert run.recipe not in recipes, (job, recipes[run.recipe])
+        recipes[run.recipe] = job
+        assert run.folder == job.folder(config.folder)
+        # What it copies from is one of the study's runs, of an earlier stage.
+        if run.source is not None:
+            assert recipes[run.source.recipe].stage < job.stage
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("profile=long", "profile: no long; allowed: paper, quick, smoke"),
+        ("pairs=[high,highest]", "pairs: no highest; allowed: high, low"),
+        ("arms=[FE3,FE3]", "arms: each at most once"),
+        ("arms=[]", "arms: each at most once and at least one"),
+        ("seeds=1", "seeds: must be at least 2, got 1"),
+        ("seeds=many", "seeds: Value 'many'"),
+        ("retries=-1", "retries: must be at least 0, got -1"),
+        ("launcher=condor", "launcher: no condor; allowed: joblib"),
+        ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
+        ("pairs=[low]", "reuse: needs pair high with arm FTW"),
+    ],
+)
+def test_what_is_wrong_is_said(override: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        to_study([override])
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_the_folder_follows_the_profile() -> None:
+    assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
+    config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
+    assert config.folder == Path("elsewhere")

@@ -1,0 +1,125 @@
+"""The real command: a small study, one that is killed and goes on, and what it refuses."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from ship_trl.study import pace
+from ship_trl.study.progress import last_episode
+from tests.test_cli import ROOT, files
+
+SMALL = ("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false", "retries=1")
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
+
+
+def study(*overrides: str, folder: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "ship_trl.study", *overrides],
+        cwd=folder,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+def learned(folder: Path) -> dict[str, bytes]:
+    """What was learned: curves and weights of all runs."""
+    found = files(folder / "outputs/smoke_study")
+    return {name: data for name, data in found.items() if name.endswith(("curve.csv", ".safetensors"))}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    done = study(*SMALL, folder=folder)
+    assert "6 of 6 runs to do, about" in done.stdout
+    return folder
+
+
+def test_a_study_ends_with_all_its_results(whole: Path) -> None:
+    place = whole / "outputs/smoke_study"
+    found = sorted(str(p.parent.relative_to(place)) for p in place.rglob("result.json"))
+    assert found == [
+        *(f"pairs/high/{arm}/seed={seed}" for arm in ("FTW", "scratch") for seed in (0, 1)),
+        *(f"sources/1/scratch/seed={seed}" for seed in (0, 1)),
+    ]
+    assert len(json.loads((place / "study.json").read_text())["jobs"]) == 6
+
+
+def test_started_again_it_trains_nothing(whole: Path) -> None:
+    before = files(whole)
+    started = time.monotonic()
+    done = study(*SMALL, folder=whole)
+    assert '"missing": 0' in done.stdout and time.monotonic() - started < 30
+    assert files(whole) == before
+
+
+def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
+    child = subprocess.Popen(
+        [sys.executable, "-m", "ship_trl.study", *SMALL],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL,
+    )
+    # Anywhere in it: the time is not important, and printed if it ever is.
+    after = random.uniform(2, 25)
+    try:
+        child.wait(after)
+    except subprocess.TimeoutExpired:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    study(*SMALL, folder=tmp_path)
+    assert learned(tmp_path) == learned(whole), f"killed after {after} s"
+
+
+def test_other_settings_are_refused_and_lose_nothing(whole: Path) -> None:
+    before = files(whole)
+    done = study(*SMALL, "overrides=[learn.lr=0.1]", folder=whole, code=1)
+    assert done.stderr.strip() == (
+        "ship_trl: output: outputs/smoke_study holds a study of other settings (learn); "
+        "allowed: another output=FOLDER"
+    )
+    assert files(whole) == before
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("overrides=[learn.typo=1]", "learn.typo: unknown key"),
+        ("overrides=[learn.lr=-1]", "learn.lr: must be above 0"),
+        ("profile=long", "profile: no long"),
+        ("output=/proc/nowhere", "output: /proc/nowhere cannot be written"),
+    ],
+)
+def test_bad_input_is_one_line(override: str, said: str, tmp_path: Path) -> None:
+    done = study(override, folder=tmp_path, code=1)
+    assert done.stderr.startswith("ship_trl: ") and said in done.stderr and done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_needs_no_torch(tmp_path: Path) -> None:
+    assert "python -m ship_trl.study profile=quick" in study("--help", folder=tmp_path).stdout
+
+
+def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    assert last_episode(path) == 0
+    path.write_text("episode,return\n")
+    assert last_episode(path) == 0
+    path.write_text("episode,return\n1,2.0\n2,3.0\n34")
+    assert last_episode(path) == 2
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(5.2, "5 s"), (600, "10 min"), (9000, "2 h 30 min")])
+def test_times_in_words(seconds: float, words: str) -> None:
+    assert pace.in_words(seconds) == words

@@ -22,11 +22,15 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its interval; `low` and `high` are the number itself where nothing varies."""
+    """A number with its interval; `low` and `high` are the number itself where nothing varies.
+
+    `p` is of no effect, two-sided, from the same resamples.
+    """
 
     value: float
     low: float
     high: float
+    p: float = 1.0
 
 
 def interquartile_mean(values: Sample, axis: int = -1) -> Any:
@@ -40,6 +44,7 @@ def bootstrap(
     seed: int,
     resamples: int = RESAMPLES,
     confidence: float = CONFIDENCE,
+    nothing: float = 0.0,
 ) -> Estimate:
     """A statistic of one or more samples with its percentile interval over resampled seeds.
 
@@ -49,6 +54,7 @@ def bootstrap(
         seed: of the resampling.
         resamples: how many.
         confidence: what share of them the interval holds.
+        nothing: the statistic where there is no effect, for `p`.
 
     Raises:
         ValueError: fewer than two seeds.
@@ -68,7 +74,11 @@ def bootstrap(
         # A few thousand at a time bound the memory.
         batch=2_000,
     )
-    return Estimate(value, float(found.confidence_interval.low), float(found.confidence_interval.high))
+    drawn = found.bootstrap_distribution
+    # No resample beyond says that p is below one in so many, not that it is zero.
+    tails = [(1 + np.count_nonzero(side)) / (1 + drawn.size) for side in (drawn <= nothing, drawn >= nothing)]
+    interval = found.confidence_interval
+    return Estimate(value, float(interval.low), float(interval.high), float(min(1.0, 2 * min(tails))))
 
 
 def difference(one: Sample, other: Sample, seed: int) -> Estimate:
@@ -92,7 +102,7 @@ def probability_of_improvement(one: Sample, other: Sample, seed: int) -> Estimat
             above += ((gap > 0) + 0.5 * (gap == 0)).mean(axis=-1)
         return above / a.shape[-1]
 
-    return bootstrap((one, other), share, seed)
+    return bootstrap((one, other), share, seed, nothing=0.5)
 
 
 def spread_ratio(one: Sample, other: Sample, seed: int) -> Estimate:
@@ -103,7 +113,7 @@ def spread_ratio(one: Sample, other: Sample, seed: int) -> Estimate:
         tiny = np.finfo(np.float64).tiny
         return np.std(a, axis=axis, ddof=1) / np.maximum(np.std(b, axis=axis, ddof=1), tiny)
 
-    return bootstrap((one, other), ratio, seed)
+    return bootstrap((one, other), ratio, seed, nothing=1.0)
 
 
 def brown_forsythe(one: Sample, other: Sample) -> float:

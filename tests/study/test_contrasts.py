@@ -1,0 +1,76 @@
+"""Each verdict comes out where the truth is known, and a null study gives false ones at the stated rate."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from ship_trl.study.contrasts import Finding, Verdict, adjust, contrast, judge, together
+from ship_trl.study.statistics import Estimate, Sample
+
+
+def arms(seed: int, means: Mapping[str, float], count: int = 15, sd: float = 0.1) -> dict[str, Sample]:
+    rng = np.random.default_rng(seed)
+    return {name: mean + rng.normal(0, sd, count) for name, mean in means.items()}
+
+
+def measured(sd: float = 0.1, seed: int = 0, **means: float) -> Finding:
+    return contrast("H", "a above b", arms(seed, means, sd=sd), {"a": 1, "b": -1}, seed)
+
+
+def test_each_verdict_comes_out() -> None:
+    assert measured(a=0.9, b=0.5).verdict is Verdict.supported
+    assert measured(a=0.5, b=0.9).verdict is Verdict.contradicted
+    assert measured(a=0.5, b=0.5, sd=0.01).verdict is Verdict.equivalent
+    assert measured(a=0.5, b=0.5, sd=0.5).verdict is Verdict.inconclusive
+
+
+def test_a_contrast_is_the_weighted_sum_of_interquartile_means() -> None:
+    samples = arms(1, {"FE1": 0.9, "FE2": 0.2, "FE3": 0.7})
+    found = contrast("H5c", "FE2 dips", samples, {"FE1": 0.5, "FE3": 0.5, "FE2": -1}, 0)
+    assert found.estimate.value == pytest.approx(0.6, abs=0.1) and found.verdict is Verdict.supported
+    assert found.improvement.value == 1.0 and found.seeds == 15
+
+
+def test_a_small_difference_of_no_matter_is_equivalent_not_supported() -> None:
+    # Beyond zero and within the margin: what is measured is the difference.
+    found = measured(a=0.52, b=0.5, sd=0.005)
+    assert found.verdict is Verdict.supported and found.estimate.high < 0.05
+
+
+def test_many_claims_need_more() -> None:
+    # The same spread on both sides, and a shift of a little more than two standard errors.
+    spread = np.linspace(-0.2, 0.2, 15)
+    samples = {"a": 0.68 + spread, "b": 0.5 + np.roll(spread, 7)}
+    one = contrast("H", "a above b", samples, {"a": 1, "b": -1}, 0)
+    assert one.verdict is Verdict.supported and 0.002 < one.p < 0.05
+    others = [measured(a=0.5, b=0.5, seed=k) for k in range(30, 60)]
+    adjusted = adjust([one, *others])
+    assert adjusted[0].adjusted > one.p and adjusted[0].verdict is Verdict.inconclusive
+    assert adjust([one]) == [one] and adjust([]) == []
+
+
+def test_both_intervals_must_agree() -> None:
+    above, half = Estimate(0.2, 0.1, 0.3), Estimate(0.6, 0.45, 0.7)
+    assert judge(above, half, 0.01) is Verdict.inconclusive
+    assert judge(above, Estimate(0.8, 0.6, 0.9), 0.01) is Verdict.supported
+    assert judge(above, Estimate(0.8, 0.6, 0.9), 0.2) is Verdict.inconclusive
+
+
+def test_parts_of_a_claim() -> None:
+    yes, no, open_ = Verdict.supported, Verdict.contradicted, Verdict.inconclusive
+    assert together([yes, yes]) is yes and together([no, no]) is no and together([]) is open_
+    assert together([yes, open_]) is open_ and together([yes, no, open_]) is no
+
+
+def test_a_null_study_gives_false_verdicts_at_the_stated_rate() -> None:
+    # Nine arms that are all like scratch: in how many studies is any of them said to differ?
+    false = 0
+    for study in range(60):
+        names = [f"arm{k}" for k in range(9)]
+        samples = arms(1000 + study, dict.fromkeys([*names, "scratch"], 0.5), sd=0.3)
+        found = [contrast("H", name, samples, {name: 1, "scratch": -1}, study) for name in names]
+        verdicts = {finding.verdict for finding in adjust(found)}
+        false += bool(verdicts & {Verdict.supported, Verdict.contradicted})
+    # 5 % stated; percentile intervals of 15 seeds are somewhat narrow. 60 studies allow 12 % at most for 5.
+    assert false / 60 <= 0.12

@@ -13,6 +13,7 @@ Loop = Callable[..., Any]
 def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:
     """Compile a function at its first call, and keep that for later processes where a folder can be written.
 
+    numba knows a change of the loop's own file, not of this one: after editing this, delete the caches.
     Division by zero gives what it gives in NumPy: a check would keep loops from being vectorised.
 
     Args:

@@ -62,10 +62,19 @@ def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool) -> None
 
 def test_what_was_returned_stays_as_it_was() -> None:
     envs = ShipCollisionVectorEnv(3, "4")
-    first, infos = envs.reset()
-    kept = first.copy(), infos["state"].copy()
-    envs.step(np.array([0, 3, 6]))
-    assert np.array_equal(first, kept[0]) and np.array_equal(infos["state"], kept[1])
+    first, _ = envs.reset()
+    kept = first.copy()
+    _, _, _, _, infos = envs.step(np.array([0, 3, 6]))
+    assert np.array_equal(first, kept)
+    # And what is done to it does not reach the ships.
+    mine, other = ShipCollisionVectorEnv(3, "4"), infos["state"].copy()
+    mine.reset()
+    infos["state"][:], infos["dcpa"][:] = 0.0, 0.0
+    mine.step(np.array([0, 3, 6]))
+    _, _, _, _, after = envs.step(np.array([1, 1, 1]))
+    _, _, _, _, wanted = mine.step(np.array([1, 1, 1]))
+    assert np.array_equal(after["state"], wanted["state"]) and np.array_equal(after["dcpa"], wanted["dcpa"])
+    assert not np.array_equal(after["state"], other)
 
 
 def test_it_is_made_by_name() -> None:

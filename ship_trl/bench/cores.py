@@ -42,17 +42,25 @@ def side_by_side(processes: int, seconds: float) -> float:
             assert process.stdin is not None
             process.stdin.write("go\n")
             process.stdin.flush()
-        return sum(float(process.communicate()[0]) for process in started)
+        said = [process.communicate()[0] for process in started]
+        if not all(said):
+            raise RuntimeError("a training of the benchmark ended early")
+        return sum(map(float, said))
 
 
 def growth_with_cores(rounds: int, seconds: float) -> dict[int, list[float]]:
     """Steps a second by number of processes, 1 and one a core, in turn."""
-    counts = sorted({1, len(os.sched_getaffinity(0))})
+    counts = sorted({1, cores()})
     rates: dict[int, list[float]] = {count: [] for count in counts}
     for _ in range(rounds):
         for count in counts:
             rates[count].append(side_by_side(count, seconds))
     return rates
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def gains(rates: dict[int, list[float]]) -> dict[int, float]:

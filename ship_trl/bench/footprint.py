@@ -30,7 +30,7 @@ NOT_DATA = (type, types.ModuleType, types.FunctionType, types.MethodType)
 
 
 def held_bytes(thing: object, seen: set[int] | None = None) -> int:
-    """Bytes of every tensor and array that an object holds, each memory counted once."""
+    """Bytes of every tensor and array that an object holds: tensors by memory, arrays one by one."""
     seen = set() if seen is None else seen
     if isinstance(thing, torch.Tensor):
         storage = thing.untyped_storage()
@@ -55,13 +55,15 @@ def held_bytes(thing: object, seen: set[int] | None = None) -> int:
 
 def replay_memory(transitions: int = TRANSITIONS) -> dict[str, int]:
     """Bytes of replays for so many transitions; ours with all that it needs to draw them."""
-    ours = Ours(learn=learn_config(replay_size=transitions))
-    # The storage is allocated whole when the first transition is stored, which counting them does.
-    ours.fill(ours.learn.num_envs)
-    assert len(ours.replay) > 0
+    held = {}
+    for arm, kept in (("scratch", "states"), ("FE4", "200 features"), ("FE3", "3,136 features")):
+        ours = Ours(arm, learn=learn_config(replay_size=transitions))
+        # The storage is allocated whole when the first transition is stored, which counting them does.
+        ours.fill(ours.learn.num_envs)
+        assert len(ours.replay) > 0
+        held[f"ours, {kept} ({arm})"] = held_bytes([ours.replay, ours.agent.draw])
     pictures = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
     actions = gymnasium.spaces.Discrete(ours.num_actions)
-    held = {"ours, states": held_bytes(ours.replay)}
     for name, thrifty in (("SB3, pixels", False), ("SB3, pixels, each picture once", True)):
         # NumPy's zeros take no memory before something is written, so this is quick.
         buffer = ReplayBuffer(
@@ -116,6 +118,6 @@ def startup_probes() -> list[Probe]:
     """Starts of Python: help, and everything that a training imports."""
     return [
         Probe("import stable_baselines3", python("-c", "import stable_baselines3"), "start"),
-        Probe("python -m ship_trl --help", python("-m", "ship_trl", "--help"), "start", ours=True),
         Probe("import ship_trl.experiment", python("-c", "import ship_trl.experiment"), "start", ours=True),
+        Probe("python -m ship_trl --help", python("-m", "ship_trl", "--help"), "start", "help", ours=True),
     ]

@@ -79,15 +79,17 @@ def loop_probes(make_env: MakeEnv) -> list[Probe]:
 
 
 def frozen_probes(make_env: MakeEnv) -> list[Probe]:
-    """Our arms beside Stable-Baselines3 with as many frozen layers; a unit is an environment step."""
+    """Our arms beside two peers with as many frozen layers; a unit is an environment step."""
     learn, probes = learn_config(), []
     for arm in ARMS:
         frozen = frozen_layers(arm)
-        peer = warmed(Sb3Loop(make_env(), learn, frozen=frozen))
-        name = f"SB3, {frozen} layers frozen"
+        flops = step_flops(learn, frozen)
+        slow = warmed(Sb3Loop(make_env(), learn, frozen=frozen))
+        quick = warmed(TunedLoop(make_env(), learn, frozen=frozen, bf16=True))
         probes += [
             our_loop(f"ours, {arm}", arm, group=arm),
-            Probe(name, peer, group=arm, flops=step_flops(learn, frozen)),
+            Probe(f"SB3, {frozen} layers frozen", slow, group=arm, flops=flops),
+            Probe(f"{TUNED_BF16}, {frozen} frozen", quick, group=arm, flops=flops, precision="bf16"),
         ]
     return probes
 
@@ -144,7 +146,8 @@ def update_probes(make_env: MakeEnv) -> list[Probe]:
     acting = forward_flops(layers, ACTING)
     run = one(partial(ours.act, states))
     name = f"ours, drawing and network on {ACTING}"
-    probes.append(Probe(name, run, "call", "acting", True, acting, ours.precision))
+    # Decisions are made in float32, whatever learning computes in.
+    probes.append(Probe(name, run, "call", "acting", True, acting, "fp32"))
     return [*probes, our_loop(OUR_LOOP, group="whole loop")]
 
 

@@ -15,9 +15,14 @@ def conv_layers(network: DuelingNetwork) -> list[nn.Conv2d]:
 
 
 def as_matrices(layer: nn.Conv2d) -> tuple[Tensor, Tensor]:
-    """Views of a layer's channels-last filters [O, C, H, W] as a matrix [O, H W C], and of its biases [O]."""
+    """Views of a layer's filters [O, C, H, W] as a matrix [O, H W C], and of its biases [O].
+
+    Raises:
+        RuntimeError: the filters do not lie channels last, so that only a copy could be given.
+    """
     assert layer.bias is not None
-    return layer.weight.detach().permute(0, 2, 3, 1).flatten(1), layer.bias.detach()
+    weight = layer.weight.detach().permute(0, 2, 3, 1)
+    return weight.view(len(weight), -1), layer.bias.detach()
 
 
 class Filters:

@@ -52,15 +52,18 @@ class DuelingNetwork(nn.Module):
     def forward(self, pixels: Tensor) -> Tensor:
         """Q-values of all actions: uint8 [..., C, 84, 84] to float32 [..., A]."""
         shape = pixels.shape[:-3]
-        x = pixels.reshape(-1, *pixels.shape[-3:])
-        x = F.relu_(self._first(x))
+        features = self.features(pixels.reshape(-1, *pixels.shape[-3:]))
+        return self.dueling(features).reshape(*shape, self.advantage.out_features)
+
+    def features(self, pixels: Tensor) -> Tensor:
+        """Conv layers: uint8 [B, C, 84, 84] to [B, 200]."""
+        x = F.relu_(self._first(pixels))
         x = F.relu_(self.conv2(x))
         x = F.relu_(self.conv3(x))
         # A 7x7 convolution of a 7x7 map is a linear layer: the same function, faster.
         # Both sides lie channels last, so these are views.
         weight = self.conv4.weight.permute(0, 2, 3, 1).flatten(1)
-        x = F.relu_(F.linear(x.permute(0, 2, 3, 1).flatten(1), weight, self.conv4.bias))
-        return self.dueling(x).reshape(*shape, -1)
+        return F.relu_(F.linear(x.permute(0, 2, 3, 1).flatten(1), weight, self.conv4.bias))
 
     def dueling(self, features: Tensor) -> Tensor:
         """Fully connected layers: features [B, 200] to Q-values [B, A]."""

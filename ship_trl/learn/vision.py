@@ -106,7 +106,7 @@ class DenseVision:
 
 
 class DenseReader:
-    """The network itself, under autocast where the precision is bfloat16."""
+    """The network itself; its conv layers under autocast where the precision is bfloat16."""
 
     def __init__(self, network: DuelingNetwork, dtype: torch.dtype, frozen: int) -> None:
         self.network, self.dtype = network, dtype
@@ -117,7 +117,9 @@ class DenseReader:
     def q_values(self, seen: Tensor) -> Tensor:
         """Q-values of frames."""
         with torch.autocast(seen.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            return self.network(seen).float()
+            features = self.network.features(seen)
+        # Where values are large, actions differ by less than bfloat16 can tell.
+        return self.network.dueling(features.float())
 
     def advance(self, seen: Tensor, layers: int) -> Tensor:
         """Frames stay frames: the whole network reads them."""

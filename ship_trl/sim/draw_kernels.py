@@ -46,8 +46,9 @@ def strip(dx: Number, dy: Number, reach: Number, size: int, cover: Array, place:
     side by side at each place; place int32 [size / 2], the first pixel of each. Both are written.
     Returns how many places there are, and how far apart pixels lie that are side by side.
     """
-    if dx == 0 and dy == 0:
-        dx = float32(1e-6)
+    # On the goal itself there is no direction; nor where squares vanish.
+    if dx * dx + dy * dy < float32(1e-12):
+        dx, dy = float32(1e-6), ZERO
     length = math.sqrt(dx * dx + dy * dy)
     ux, uy = dx / length, dy / length
     steep = abs(dy) > abs(dx)

@@ -123,7 +123,8 @@ class Rasteriser:
         dx = away[:, 0] * rotate_x - away[:, 1] * rotate_y
         dy = -(away[:, 0] * rotate_y + away[:, 1] * rotate_x)
         # On the goal itself there is no direction; the shortest of lines stands in.
-        dx = torch.where((dx == 0) & (dy == 0), 1e-6, dx)
+        nowhere = dx * dx + dy * dy < 1e-12
+        dx, dy = torch.where(nowhere, 1e-6, dx), torch.where(nowhere, 0.0, dy)
         length = torch.hypot(dx, dy)
         ux, uy = dx / length, dy / length
         # Walk pixel by pixel along the longer axis, four pixels wide across it.

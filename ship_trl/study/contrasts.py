@@ -36,14 +36,15 @@ class Verdict(StrEnum):
 class Finding:
     """A contrast measured: positive is the claimed direction.
 
-    `improvement` is the probability that the claimed better side is better, `p` that of no difference,
-    within its figure adjusted by Holm's method once all are known.
+    `improvement` is the probability that the claimed better side is better, None where the contrast is
+    not one of levels (spread, trend, time); `p` is that of no difference, `adjusted` the same within
+    its figure by Holm's method, once all are known.
     """
 
     claim: str
     what: str
     estimate: Estimate
-    improvement: Estimate
+    improvement: Estimate | None
     p: float
     adjusted: float
     seeds: int
@@ -79,16 +80,23 @@ def contrast(
         side = better if share > 0 else worse
         side += abs(share) * values
     improvement = probability_of_improvement(better, worse, seed)
-    p = estimate.p
-    verdict = judge(estimate, improvement, p)
-    return Finding(claim, what, estimate, improvement, p, p, len(chosen[0]), verdict)
+    return found(claim, what, estimate, improvement, estimate.p, len(chosen[0]))
 
 
-def judge(estimate: Estimate, improvement: Estimate, adjusted: float) -> Verdict:
+def found(
+    claim: str, what: str, estimate: Estimate, improvement: Estimate | None, p: float, seeds: int
+) -> Finding:
+    """A finding with the verdict that it would have if it were the only one."""
+    return Finding(claim, what, estimate, improvement, p, p, seeds, judge(estimate, improvement, p))
+
+
+def judge(estimate: Estimate, improvement: Estimate | None, adjusted: float) -> Verdict:
     """The rule: an interval beyond zero, and one of the probability of improvement beyond a half."""
-    if adjusted <= LEVEL and estimate.low > 0 and improvement.low > 0.5:
+    above = improvement is None or improvement.low > 0.5
+    below = improvement is None or improvement.high < 0.5
+    if adjusted <= LEVEL and estimate.low > 0 and above:
         return Verdict.supported
-    if adjusted <= LEVEL and estimate.high < 0 and improvement.high < 0.5:
+    if adjusted <= LEVEL and estimate.high < 0 and below:
         return Verdict.contradicted
     if estimate.low >= -MARGIN and estimate.high <= MARGIN:
         return Verdict.equivalent

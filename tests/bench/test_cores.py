@@ -17,7 +17,7 @@ def test_one_process_and_one_a_core_take_turns(monkeypatch: pytest.MonkeyPatch) 
         return 100.0 * processes**0.9 + len(asked)
 
     monkeypatch.setattr(cores, "side_by_side", pretend)
-    monkeypatch.setattr(cores.os, "sched_getaffinity", lambda pid: {0, 1, 5})
+    monkeypatch.setattr(cores, "cores", lambda: 3)
     rates = cores.growth_with_cores(2, 1.5)
     assert asked == [(1, 1.5), (3, 1.5)] * 2 and {k: len(v) for k, v in rates.items()} == {1: 2, 3: 2}
 

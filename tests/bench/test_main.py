@@ -28,10 +28,13 @@ def test_a_part_runs(tmp_path: Path) -> None:
         timeout=120,
     )
     assert done.returncode == 0, done.stderr
-    assert "GFLOP/s fp32" in done.stdout and "ours, states" in done.stdout
+    assert "GFLOP/s fp32" in done.stdout and "ours, states (scratch)" in done.stdout
     assert max(map(len, done.stdout.splitlines())) <= 100
-    machine, ours, pixels, _, run = map(json.loads, (tmp_path / "out.json").read_text().splitlines())
+    machine, ours, _, features, pixels, _, run = map(
+        json.loads, (tmp_path / "out.json").read_text().splitlines()
+    )
     assert machine["fp32"] > 0
+    assert features["median"] < pixels["median"]
     # What a run may take: a study has one on each core.
     assert 2**27 < run["median"] < 1.2 * 2**30
     assert pixels["median"] > 2 * 50_000 * 84 * 84 > 100 * ours["median"] > 100 * 50_000 * 2 * 4 * 4

@@ -86,6 +86,44 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
         assert torch.equal(slow[name], before[name])
 
 
+@pytest.mark.parametrize("frozen", [("conv2",), ("conv1", "conv3"), ("shared",), ("conv1", "value")])
+def test_only_the_first_conv_layers_can_be_frozen(frozen: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match="only whole conv layers can be frozen"):
+        agent(frozen=frozen)
+
+
+def test_a_part_of_a_layer_cannot_be_frozen() -> None:
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
+    network.conv1.bias.requires_grad_(False)  # type: ignore[union-attr]
+    with pytest.raises(ValueError, match="only whole conv layers can be frozen"):
+        Agent(network, draw, 7, schedule(), Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("frozen", [0, 2, 3, 4])
+def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
+    # Grey all over, with biases: what the still picture gives is not zero, and changes with the weights.
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
+    with torch.no_grad():
+        for name, parameter in network.named_parameters():
+            parameter.requires_grad_(not name.startswith(CONV_NAMES[:frozen]))
+            if name.endswith("bias"):
+                parameter.uniform_(-0.3, 0.3, generator=Generator().manual_seed(1))
+    grey = lambda state: draw(state) // 2 + 100  # noqa: E731
+    grey.still = draw.still // 2 + 100  # type: ignore[attr-defined]
+    learner = Agent(network, grey, 7, schedule(lr=0.01), Generator().manual_seed(2))  # type: ignore[arg-type]
+    state = torch.rand(200, 2) * 8 - 4
+    data, chosen = batch(), []
+    if learner.observes == "features":
+        data["observed"], data["later"] = learner.encode(data["observed"]), learner.encode(data["later"])
+    for _ in range(4):
+        seen = learner.encode(state) if learner.observes == "features" else state
+        chosen.append(learner.act(seen, 0.0))
+        wanted = learner.network(grey(state)).argmax(-1)
+        assert (chosen[-1] == wanted).float().mean() > 0.98  # ties are rounded either way
+        learner.update(data)
+    assert not torch.equal(chosen[0], chosen[-1])
+
+
 def test_it_is_judged_by_the_average_of_what_it_learned() -> None:
     learner = agent()
     slow = copy.deepcopy(learner.network)

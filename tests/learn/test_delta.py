@@ -137,6 +137,13 @@ def test_copies_follow_the_network_when_refreshed(dtype: torch.dtype) -> None:
     torch.testing.assert_close(filters.q_values(rows), Filters(net, dtype, 0).q_values(rows))
 
 
+def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
+    net = network()
+    net.conv2.weight.data = net.conv2.weight.data.contiguous()
+    with pytest.raises(RuntimeError, match="view"):
+        Filters(net, torch.float32, 0)
+
+
 def test_parameters_share_the_networks_memory() -> None:
     net = network(frozen=2)
     filters = Filters(net, torch.float32, 2)

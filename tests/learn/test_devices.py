@@ -33,7 +33,7 @@ def elsewhere() -> Iterator[None]:
     try:
         yield
     finally:
-        torch.set_default_device("cpu")
+        torch.set_default_device(None)
 
 
 def as_on_a_gpu(env: ShipEnv) -> ShipEnv:

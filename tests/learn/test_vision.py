@@ -34,6 +34,18 @@ def test_dense_bfloat16_is_close_to_float32() -> None:
     assert (exact - rounded).abs().max() < 0.03 * exact.abs().max()
 
 
+def test_fully_connected_layers_stay_float32_where_values_are_large() -> None:
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
+    state = torch.rand(40, 2) * 8 - 4
+    reader = DenseVision(draw, torch.bfloat16).reader(network, 0)
+    before = reader.q_values(draw(state))
+    with torch.no_grad():
+        network.value.bias.add_(1000.0)
+    after = reader.q_values(draw(state))
+    # bfloat16 knows no number between 1000 and 1004.
+    torch.testing.assert_close(after - 1000.0, before, atol=2e-4, rtol=0)
+
+
 @pytest.mark.parametrize(
     ("precision", "able", "wanted"),
     [

@@ -81,8 +81,9 @@ def test_odd_layouts_of_states_are_drawn_alike() -> None:
     assert torch.equal(draw(state.double()), draw(state))
 
 
-def test_on_the_goal_itself_the_line_is_a_dot() -> None:
-    state = torch.tensor([[0.0, 600.0, 1.0, 5.0]])
+@pytest.mark.parametrize("off", [0.0, 1e-38, 1e-25, 3e-22, 1e-10, 1e-6, 1e-3])
+def test_on_the_goal_itself_the_line_is_a_dot(off: float) -> None:
+    state = torch.tensor([[off, 600.0, 1.0, 5.0]])
     draw = DRAW["1", False]
     away = draw(state).int() - draw.reference(state).int().view(1, 1, 84, 84)
     assert away.abs().max() <= 1

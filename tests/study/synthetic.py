@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ship_trl.study.measured import Study
+from ship_trl.study.records import Greedy, Record, Training
 
 BEST, RANDOM = 80.0, -320.0
 
@@ -72,3 +76,30 @@ def write_run(
     }
     (place / "result.json").write_text(json.dumps(result | changes))
     return place
+
+
+def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, seed: int) -> Record:
+    """A run that never was a file; one greedy evaluation an episode, and one before."""
+    totals = returns_of(scores)
+    goal = scores > 0.5
+    training = Training(totals, goal, ~goal, np.full(len(scores), 50.0), np.full(len(scores), 0.1))
+    judged = np.concatenate([returns_of(np.zeros(1)), totals])
+    there = np.concatenate([[False], goal])
+    greedy = Greedy(np.arange(len(judged)), judged, there, ~there, np.full(len(judged), 50.0))
+    return Record(
+        Path(part, pair, arm), part, pair, None, "2", arm, seed, "quick", "", BEST, RANDOM, RANDOM, RANDOM,
+        training, greedy,
+    )  # fmt: skip
+
+
+def make_study(
+    ends: Mapping[tuple[str, str, str], float], seeds: int = 15, sd: float = 0.02, episodes: int = 120
+) -> Study:
+    """Runs of each (part, pair, arm), which all learn towards the given score."""
+    records = {}
+    for k, (place, end) in enumerate(ends.items()):
+        for seed in range(seeds):
+            rng = np.random.default_rng([k, seed])
+            scores = learning(rng, episodes, end + rng.normal(0, sd), half=10.0, noise=0.02)
+            records[(*place, seed)] = make_record(scores, *place, seed)
+    return Study(records)

@@ -29,7 +29,7 @@ def test_a_contrast_is_the_weighted_sum_of_interquartile_means() -> None:
     samples = arms(1, {"FE1": 0.9, "FE2": 0.2, "FE3": 0.7})
     found = contrast("H5c", "FE2 dips", samples, {"FE1": 0.5, "FE3": 0.5, "FE2": -1}, 0)
     assert found.estimate.value == pytest.approx(0.6, abs=0.1) and found.verdict is Verdict.supported
-    assert found.improvement.value == 1.0 and found.seeds == 15
+    assert found.improvement is not None and found.improvement.value == 1.0 and found.seeds == 15
 
 
 def test_a_small_difference_of_no_matter_is_equivalent_not_supported() -> None:

@@ -1,0 +1,103 @@
+"""Kinds of claim about arms, each as a test that measures it on a study; positive is as claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ship_trl.study.contrasts import Finding
+from ship_trl.study.measured import Places, Study, levels, rises, sooner, steadier
+from ship_trl.study.plan import CONTROLS, PAIRS, RANDOM_ARM, REUSE, SELF_CASE, SELF_PAIR
+
+FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
+TRANSFERS = (*FE, *FT, "FTW")
+Test = Callable[[Study, str], list[Finding]]
+
+
+def of(pair: str, *arms: str) -> Places:
+    """Arms of a pair by their names."""
+    return {arm: (PAIRS, pair, arm) for arm in arms}
+
+
+def beats(pair: str, better: str, worse: str, metric: str = "area") -> Test:
+    """One arm is better than another."""
+    weights = {better: 1.0, worse: -1.0}
+    what = f"{pair}: {better} above {worse}"
+    return lambda study, claim: levels(study, claim, what, of(pair, better, worse), weights, metric)
+
+
+def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
+    """The mean of some arms is better than that of others."""
+    weights = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
+    what = f"{pair}: mean of {', '.join(better)} above {', '.join(worse)}"
+    return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, metric)
+
+
+def steady(pair: str, arm: str, other: str, metric: str = "area") -> Test:
+    """An arm varies less over seeds."""
+    return lambda study, claim: steadier(study, claim, of(pair, arm, other), arm, other, metric)
+
+
+def trend(pair: str, *order: str, metric: str = "area") -> Test:
+    """Arms rise in this order."""
+    return lambda study, claim: rises(study, claim, of(pair, *order), order, metric)
+
+
+def early(pair: str, arm: str, other: str) -> Test:
+    """An arm reaches the threshold sooner."""
+    return lambda study, claim: sooner(study, claim, of(pair, arm, other), arm, other)
+
+
+def at(places: Places, better: str, worse: Sequence[str], metric: str = "area") -> Test:
+    """One arm is better than the mean of others, wherever each lies."""
+    weights = {better: 1.0} | {arm: -1 / len(worse) for arm in worse}
+    what = f"{better} above {', '.join(worse)}"
+    compared = {name: places[name] for name in weights}
+    return lambda study, claim: levels(study, claim, what, compared, weights, metric)
+
+
+SELF: Places = {"scratch": (PAIRS, "high", "scratch")} | {
+    arm: (CONTROLS, SELF_PAIR, arm) for arm in (*FE, *FT)
+}
+
+
+def frozen_random(pair: str) -> Test:
+    """FE3 is better than the same with layers that have learned nothing."""
+    places = {"FE3": (PAIRS, pair, "FE3"), "FE3-random": (CONTROLS, pair, RANDOM_ARM)}
+    return at(places, "FE3", ["FE3-random"])
+
+
+def reuse(epsilon: str, case: str = SELF_CASE) -> tuple[str, str, str]:
+    """Where the runs of a reused network lie."""
+    return (f"{REUSE}/epsilon_{epsilon}", f"{case}-new", "FTW")
+
+
+REUSED: Places = {
+    "reused, low": reuse("low"),
+    "reused, 1": reuse("1"),
+    "scratch, low": (f"{REUSE}/epsilon_low", "new", "scratch"),
+    "scratch, 1": (f"{REUSE}/epsilon_1", "new", "scratch"),
+    **{f"case {case}": reuse("low", case) for case in ("1", "2", "3", "5")},
+}
+
+
+def some(*names: str) -> Places:
+    """These of the runs on the new case."""
+    return {name: REUSED[name] for name in names}
+
+
+def network_effect(study: Study, claim: str) -> list[Finding]:
+    """The main effect of the network in the 2 x 2 of network and starting epsilon."""
+    names = ("reused, low", "reused, 1", "scratch, low", "scratch, 1")
+    weights = dict(zip(names, (0.5, 0.5, -0.5, -0.5), strict=True))
+    what = "reused above scratch, mean of both epsilons"
+    return levels(study, claim, what, some(*names), weights, "area")
+
+
+def confounded(study: Study, claim: str) -> list[Finding]:
+    """The paper's comparison, which changes network and epsilon at once."""
+    return sooner(study, claim, some("reused, low", "scratch, 1"), "reused, low", "scratch, 1")
+
+
+def best_source(other: str) -> Test:
+    """Case 2 is a better source than another."""
+    return at(some("case 2", f"case {other}"), "case 2", [f"case {other}"])

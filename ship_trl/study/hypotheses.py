@@ -1,0 +1,164 @@
+"""The paper's claims as contrasts that are measured: figures 5 to 7 and 9, and the five conclusions.
+
+A claim has a name (H5a ...), a sentence, and the contrasts that it stands on; positive is as claimed.
+What a figure tests is one family, within which p-values are adjusted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ship_trl.study.claims import (
+    FE,
+    FT,
+    SELF,
+    TRANSFERS,
+    Test,
+    at,
+    beats,
+    best_source,
+    confounded,
+    early,
+    means,
+    network_effect,
+    steady,
+    trend,
+)
+from ship_trl.study.contrasts import Finding, Verdict, adjust, together
+from ship_trl.study.measured import Study
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A claim: its name, the figure it belongs to, a sentence, and how it is measured."""
+
+    name: str
+    figure: str
+    sentence: str
+    tests: Sequence[Test]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A claim measured."""
+
+    hypothesis: Hypothesis
+    findings: list[Finding]
+    verdict: Verdict
+
+
+NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
+HYPOTHESES = [
+    Hypothesis(
+        "H5a",
+        "5",
+        "Every arm but FE2 and FT1 beats scratch.",
+        [beats("high", arm, "scratch") for arm in NOT_DIPPING]
+        + [early("high", arm, "scratch") for arm in NOT_DIPPING],
+    ),
+    Hypothesis(
+        "H5b",
+        "5",
+        "Those arms vary less across seeds.",
+        [steady("high", arm, "scratch") for arm in NOT_DIPPING],
+    ),
+    Hypothesis(
+        "H5c",
+        "5",
+        "FE2 dips below its neighbours and below scratch.",
+        [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")],
+    ),
+    Hypothesis(
+        "H5d",
+        "5",
+        "FT1 is below scratch and below FT2.",
+        [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")],
+    ),
+    Hypothesis("H5e", "5", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
+    Hypothesis(
+        "H5f",
+        "5",
+        "FTW beats all other arms.",
+        [beats("high", "FTW", arm) for arm in ("scratch", *FE, *FT)],
+    ),
+    Hypothesis(
+        "H5g",
+        "5",
+        "Feature extraction is above finetuning of as many layers.",
+        [means("high", FE, FT), means("high", FE[2:], FT[2:])],
+    ),
+    Hypothesis("H5h", "5", "FT2 < FT3 < FT4 < FTW.", [trend("high", "FT2", "FT3", "FT4", "FTW")]),
+    Hypothesis(
+        "H5i",
+        "5",
+        "FE3 is above FE4, sooner and steadier.",
+        [beats("high", "FE3", "FE4"), early("high", "FE3", "FE4"), steady("high", "FE3", "FE4")],
+    ),
+    Hypothesis(
+        "H5j",
+        "5",
+        "The dip is co-adaptation: from a case to itself FE2 dips too.",
+        [at(SELF, "scratch", ["FE2"]), at(SELF, "FE1", ["FE2"]), at(SELF, "FE3", ["FE2"])],
+    ),
+    Hypothesis(
+        "H6a",
+        "6",
+        "All arms but FE4 beat scratch.",
+        [beats("low", arm, "scratch") for arm in TRANSFERS if arm != "FE4"],
+    ),
+    Hypothesis(
+        "H6c",
+        "6",
+        "Finetuning is above feature extraction, and steadier.",
+        [means("low", FT, FE), *(steady("low", t, e) for t, e in zip(FT, FE, strict=True))],
+    ),
+    Hypothesis(
+        "H6d",
+        "6",
+        "FE4 is the worst arm.",
+        [beats("low", arm, "FE4") for arm in ("scratch", *TRANSFERS) if arm != "FE4"],
+    ),
+    Hypothesis(
+        "H6e",
+        "6",
+        "FTW is best early, from its first greedy evaluation on.",
+        [beats("low", "FTW", arm, m) for m in ("early area", "jumpstart") for arm in (*FE, *FT)],
+    ),
+    Hypothesis(
+        "H6f",
+        "6",
+        "FT1 reaches the threshold first.",
+        [early("low", "FT1", arm) for arm in ("scratch", *TRANSFERS) if arm != "FT1"],
+    ),
+    Hypothesis(
+        "H7a",
+        "7",
+        "Arms of one and two layers beat scratch.",
+        [beats("lowest", arm, "scratch") for arm in ("FE1", "FE2", "FT1", "FT2")],
+    ),
+    Hypothesis("H7b", "7", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
+    Hypothesis(
+        "H7c",
+        "7",
+        "The score falls as more layers are transferred.",
+        [trend("lowest", *FE[::-1]), trend("lowest", *FT[::-1])],
+    ),
+    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", "scratch", "FE4")]),
+    Hypothesis("H9a", "9", "A reused network is sooner than a new one.", [confounded, network_effect]),
+    Hypothesis("H9b", "9", "Case 2 is the best source.", [best_source(case) for case in ("1", "3", "5")]),
+]
+
+
+def answer(study: Study, hypotheses: Sequence[Hypothesis] = HYPOTHESES) -> list[Answer]:
+    """Measure all claims; within a figure p-values are adjusted together."""
+    answers = []
+    for figure in dict.fromkeys(h.figure for h in hypotheses):
+        family = [h for h in hypotheses if h.figure == figure]
+        measured = {h.name: [f for test in h.tests for f in test(study, h.name)] for h in family}
+        adjusted = iter(adjust([finding for found in measured.values() for finding in found]))
+        for hypothesis in family:
+            findings = [next(adjusted) for _ in measured[hypothesis.name]]
+            verdict = together([finding.verdict for finding in findings])
+            answers.append(Answer(hypothesis, findings, verdict))
+    return answers

@@ -1,0 +1,103 @@
+"""Every claim comes out as the truth is: where the paper is right, where it is wrong, and where runs lack."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.study.contrasts import Verdict
+from ship_trl.study.hypotheses import HYPOTHESES, answer
+from ship_trl.study.measured import read_study
+from tests.study.synthetic import learning, make_study, write_run
+
+ARMS = ("scratch", *(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5)), "FTW")
+# Scores at the end as the paper's words have them.
+HIGH = {"scratch": 0.6, "FE1": 0.75, "FE2": 0.5, "FE3": 0.9, "FE4": 0.8, "FT1": 0.4, "FT2": 0.65, "FT3": 0.7}
+HIGH |= {"FT4": 0.78, "FTW": 0.98}
+LOW = {
+    "scratch": 0.5,
+    "FE4": 0.3,
+    **{f"FE{n}": 0.6 for n in (1, 2, 3)},
+    **{f"FT{n}": 0.8 for n in range(1, 5)},
+}
+LOW |= {"FTW": 0.95}
+LOWEST = {"scratch": 0.6, **{f"FE{n}": 0.8 - 0.1 * n for n in range(1, 5)}, "FE2": 0.68}
+LOWEST |= {f"FT{n}": 0.98 - 0.08 * n for n in range(1, 5)} | {"FTW": 0.6}
+
+
+def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
+    """Truths by place; with sign -1 everything is the other way round."""
+    found: dict[tuple[str, str, str], float] = {}
+    for pair, scores in (("high", HIGH), ("low", LOW), ("lowest", LOWEST)):
+        found |= {("pairs", pair, arm): 0.6 + sign * (score - 0.6) for arm, score in scores.items()}
+    self_transfer = {"FE1": 0.8, "FE2": 0.4, "FE3": 0.8}
+    found |= {("controls", "self", arm): 0.6 + sign * (score - 0.6) for arm, score in self_transfer.items()}
+    low, one = "reuse/epsilon_low", "reuse/epsilon_1"
+    places: dict[tuple[str, str, str], float] = {
+        (low, "2-new", "FTW"): 0.9,
+        (one, "2-new", "FTW"): 0.8,
+        (low, "new", "scratch"): 0.5,
+    }
+    places |= {(one, "new", "scratch"): 0.4, **{(low, f"{case}-new", "FTW"): 0.6 for case in "135"}}
+    found |= {place: 0.65 + sign * (score - 0.65) for place, score in places.items()}
+    return found
+
+
+# Claims about spread and time are not made true by levels alone.
+LEVELS = ["H5c", "H5d", "H5e", "H5f", "H5g", "H5h", "H5j", "H6a", "H6d", "H7a", "H7b", "H7c", "H7d", "H9b"]
+
+
+@pytest.fixture(scope="module")
+def verdicts() -> dict[float, dict[str, Verdict]]:
+    return {
+        sign: {a.hypothesis.name: a.verdict for a in answer(make_study(ends(sign)))} for sign in (1.0, -1.0)
+    }
+
+
+@pytest.mark.parametrize("name", LEVELS)
+def test_a_true_claim_is_supported_and_a_false_one_contradicted(
+    name: str, verdicts: dict[float, dict[str, Verdict]]
+) -> None:
+    assert verdicts[1.0][name] is Verdict.supported
+    assert verdicts[-1.0][name] is Verdict.contradicted
+
+
+def test_without_runs_there_is_no_verdict() -> None:
+    answers = answer(make_study({("pairs", "high", "scratch"): 0.5}))
+    assert len(answers) == len(HYPOTHESES)
+    assert all(a.verdict is Verdict.inconclusive and a.findings == [] for a in answers)
+
+
+def test_only_seeds_that_both_arms_have_are_compared() -> None:
+    study = make_study({("pairs", "high", arm): 0.5 for arm in ("FE1", "FT1")}, seeds=6)
+    for seed in (2, 4):
+        del study.records["pairs", "high", "FT1", seed]
+    (found,) = (a.findings[0] for a in answer(study) if a.hypothesis.name == "H5e")
+    assert found.seeds == 4
+
+
+def test_spread_and_time_are_measured_too() -> None:
+    wide = make_study({("pairs", "high", "FE4"): 0.6}, sd=0.2)
+    study = make_study({("pairs", "high", "FE3"): 0.95}, sd=0.01)
+    study.records.update(wide.records)
+    (h5i,) = (a for a in answer(study) if a.hypothesis.name == "H5i")
+    assert h5i.verdict is Verdict.supported and len(h5i.findings) == 3
+
+
+def test_a_study_is_read_from_its_folder_and_what_is_broken_is_named(tmp_path: Path) -> None:
+    scores = learning(np.random.default_rng(0), 30)
+    for seed in range(3):
+        write_run(tmp_path / "pairs", scores, seed=seed)
+    (tmp_path / "pairs/high/scratch/seed=1/curve.csv").unlink()
+    (tmp_path / "pairs/high/scratch/seed=2").rename(tmp_path / "pairs/high/scratch/seed=9")
+    study = read_study(tmp_path)
+    assert list(study.records) == [("pairs", "high", "scratch", 0)]
+    assert [(path.name, reason) for path, reason in study.broken] == [
+        ("seed=1", "curve.csv is missing"),
+        ("seed=9", "result.json is of another run"),
+    ]
+
+
+def test_names_are_unique_and_in_the_order_of_the_figures() -> None:
+    names = [h.name for h in HYPOTHESES]
+    assert len(set(names)) == len(names) and names == sorted(names)

@@ -27,6 +27,7 @@ ALLOWED = {
     "tracking": SIM | {"learn", "plan", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
     "study": BELOW | {"checks", "cli", "plan"},
+    "report": {"cli", "paths", "study"},
     "results": {"cli", "plan", "study", "view"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},

@@ -50,6 +50,7 @@ def test_spread_is_compared() -> None:
     found = s.spread_ratio(wide, narrow, seed=0)
     assert found.value == pytest.approx(wide.std(ddof=1) / narrow.std(ddof=1)) and found.low > 2
     assert s.brown_forsythe(wide, narrow) < 1e-3 < s.brown_forsythe(wide, wide + 7)
+    assert s.brown_forsythe(wide[:2], narrow[:2]) == s.brown_forsythe(np.ones(5), np.zeros(5)) == 1.0
     assert np.isfinite(s.spread_ratio(np.ones(5), np.ones(5), seed=0).value)
 
 

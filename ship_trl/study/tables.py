@@ -1,0 +1,113 @@
+"""The study's numbers as tables: a row for each run, arm, claim and contrast; CSV beside the report."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ship_trl.paths import replacing
+from ship_trl.study.hypotheses import Answer
+from ship_trl.study.measured import SEED, Study
+from ship_trl.study.metrics import METRICS, time_to_threshold
+from ship_trl.study.records import Record
+from ship_trl.study.statistics import Estimate, bootstrap, interquartile_mean
+
+Row = dict[str, Any]
+
+
+def run_rows(study: Study) -> list[Row]:
+    """Every number of every run."""
+    rows = []
+    for (part, pair, arm, seed), record in sorted(study.records.items()):
+        row: Row = {"part": part, "pair": pair, "arm": arm, "seed": seed}
+        row |= {name: measure(record) for name, measure in METRICS.items()}
+        row["time to threshold"], row["reached"] = time_to_threshold(record)
+        rows.append(row)
+    return rows
+
+
+def arm_rows(study: Study) -> list[Row]:
+    """Each metric of each arm: interquartile mean over seeds with its interval, and the transfer ratio."""
+    rows = []
+    places = sorted({key[:3] for key in study.records})
+    for part, pair, arm in places:
+        runs = list(study.arm(part, pair, arm).values())
+        row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
+        for name, measure in METRICS.items():
+            row |= columns(name, estimate([measure(run) for run in runs]))
+        times = [time_to_threshold(run) for run in runs]
+        row |= columns("time to threshold", estimate([time for time, _ in times]))
+        row["reached"] = sum(there for _, there in times)
+        row |= columns("transfer ratio", transfer_ratio(study, part, pair, arm))
+        rows.append(row)
+    return rows
+
+
+def columns(name: str, found: Estimate | None) -> Row:
+    """A value and the ends of its interval; empty where there is none."""
+    values = ("", "", "") if found is None else (found.value, found.low, found.high)
+    return dict(zip((name, f"{name} low", f"{name} high"), values, strict=True))
+
+
+def estimate(values: Sequence[float]) -> Estimate | None:
+    """The interquartile mean with its interval; None where a number is missing, bare with one seed."""
+    if not values or not np.isfinite(values).all():
+        return None
+    if len(values) == 1:
+        return Estimate(values[0], values[0], values[0])
+    return bootstrap([np.array(values)], interquartile_mean, SEED)
+
+
+def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | None:
+    """How much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
+    runs = study.together({"arm": (part, pair, arm), "scratch": (part, pair, "scratch")})
+    if arm == "scratch" or len(runs["arm"]) < 2:
+        return None
+    areas = [np.array([METRICS["area"](run) for run in runs[name]]) for name in ("arm", "scratch")]
+
+    def ratio(one: Any, scratch: Any, axis: int) -> Any:
+        base = interquartile_mean(scratch, axis)
+        return (interquartile_mean(one, axis) - base) / np.maximum(np.abs(base), 1e-9)
+
+    return bootstrap(areas, ratio, SEED)
+
+
+def claim_rows(answers: Sequence[Answer]) -> list[Row]:
+    """Every contrast of every claim, with the claim's verdict."""
+    return [
+        {
+            "claim": answer.hypothesis.name,
+            "figure": answer.hypothesis.figure,
+            "sentence": answer.hypothesis.sentence,
+            "claim's verdict": answer.verdict.value,
+            "contrast": finding.what,
+            **columns("estimate", finding.estimate),
+            **columns("improvement", finding.improvement),
+            "p": finding.p,
+            "p adjusted": finding.adjusted,
+            "seeds": finding.seeds,
+            "verdict": finding.verdict.value,
+        }
+        for answer in answers
+        for finding in answer.findings
+    ]
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows beside and rename; without rows nothing is written."""
+    if not rows:
+        return
+    with replacing(path) as draft, draft.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def gain(study: Study, record: Record) -> float | None:
+    """How much more area a run has than the one from scratch of its pair and seed."""
+    scratch = study.records.get((record.part, record.pair, "scratch", record.seed))
+    return None if scratch is None else METRICS["area"](record) - METRICS["area"](scratch)

@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> None:
 def report(folder: Path, output: Path) -> None:
     """Write the report of a study's folder."""
     from ship_trl.study import figures, tables
-    from ship_trl.study.hypotheses import answer
+    from ship_trl.study.answers import answer
     from ship_trl.study.measured import read_study
     from ship_trl.study.page import render
 

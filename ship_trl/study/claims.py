@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from ship_trl.study.contrasts import Finding
 from ship_trl.study.measured import Places, Study, levels, rises, sooner, steadier
@@ -11,6 +12,16 @@ from ship_trl.study.plan import CONTROLS, PAIRS, RANDOM_ARM, REUSE, SELF_CASE, S
 FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
 TRANSFERS = (*FE, *FT, "FTW")
 Test = Callable[[Study, str], list[Finding]]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A claim: its name, the figure it belongs to, a sentence, and how it is measured."""
+
+    name: str
+    figure: str
+    sentence: str
+    tests: Sequence[Test]
 
 
 def of(pair: str, *arms: str) -> Places:
@@ -30,6 +41,38 @@ def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = 
     weights = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
     what = f"{pair}: mean of {', '.join(better)} above {', '.join(worse)}"
     return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, metric)
+
+
+def like_neighbours(pair: str, arm: str, neighbours: Sequence[str]) -> Test:
+    """An arm does not differ from the mean of its neighbours, within the margin."""
+    weights = {arm: 1.0} | {other: -1 / len(neighbours) for other in neighbours}
+    what = f"{pair}: {arm} like the mean of {', '.join(neighbours)}"
+    return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, "area", alike=True)
+
+
+def positive(pair: str, arm: str, metric: str) -> Test:
+    """A metric of an arm is above zero."""
+    what = f"{pair}: {arm} above zero"
+    return lambda study, claim: levels(study, claim, what, of(pair, arm), {arm: 1.0}, metric)
+
+
+def none_of(pair: str, arm: str, metric: str) -> Test:
+    """A metric of an arm is zero, within the margin."""
+    what = f"{pair}: {arm} zero"
+    return lambda study, claim: levels(study, claim, what, of(pair, arm), {arm: 1.0}, metric, alike=True)
+
+
+def interaction(pair: str, other: str, better: Sequence[str], worse: Sequence[str]) -> Test:
+    """The difference of two groups of arms is larger in one pair than in another."""
+    places: dict[str, tuple[str, str, str]] = {}
+    weights: dict[str, float] = {}
+    for name, sign in ((pair, 1), (other, -1)):
+        for arms, side in ((better, 1), (worse, -1)):
+            for arm in arms:
+                places[f"{name} {arm}"] = (PAIRS, name, arm)
+                weights[f"{name} {arm}"] = sign * side / len(arms)
+    what = f"mean of {', '.join(better)} above {', '.join(worse)}: more in {pair} than in {other}"
+    return lambda study, claim: levels(study, claim, what, places, weights, "area")
 
 
 def steady(pair: str, arm: str, other: str, metric: str = "area") -> Test:

@@ -38,7 +38,7 @@ class Finding:
 
     `improvement` is the probability that the claimed better side is better, None where the contrast is
     not one of levels (spread, trend, time); `p` is that of no difference, `adjusted` the same within
-    its figure by Holm's method, once all are known.
+    its figure by Holm's method, once all are known. With `alike` the claim is that there is none.
     """
 
     claim: str
@@ -49,6 +49,7 @@ class Finding:
     adjusted: float
     seeds: int
     verdict: Verdict
+    alike: bool = False
 
 
 def weighted(samples: Mapping[str, Sample], weights: Mapping[str, float]) -> tuple[list[Sample], list[float]]:
@@ -58,7 +59,12 @@ def weighted(samples: Mapping[str, Sample], weights: Mapping[str, float]) -> tup
 
 
 def contrast(
-    claim: str, what: str, samples: Mapping[str, Sample], weights: Mapping[str, float], seed: int
+    claim: str,
+    what: str,
+    samples: Mapping[str, Sample],
+    weights: Mapping[str, float],
+    seed: int,
+    alike: bool = False,
 ) -> Finding:
     """Measure a weighted sum of arms' interquartile means, above zero as claimed.
 
@@ -68,6 +74,7 @@ def contrast(
         samples: numbers by arm, [S] each, in the order of the seeds.
         weights: by arm; those of the claimed better side are positive.
         seed: of the resampling.
+        alike: the claim is that the sum is zero, within the margin.
     """
     chosen, shares = weighted(samples, weights)
 
@@ -80,14 +87,36 @@ def contrast(
         side = better if share > 0 else worse
         side += abs(share) * values
     improvement = probability_of_improvement(better, worse, seed)
-    return found(claim, what, estimate, improvement, estimate.p, len(chosen[0]))
+    return found(claim, what, estimate, improvement, estimate.p, len(chosen[0]), alike)
 
 
 def found(
-    claim: str, what: str, estimate: Estimate, improvement: Estimate | None, p: float, seeds: int
+    claim: str,
+    what: str,
+    estimate: Estimate,
+    improvement: Estimate | None,
+    p: float,
+    seeds: int,
+    alike: bool = False,
 ) -> Finding:
     """A finding with the verdict that it would have if it were the only one."""
-    return Finding(claim, what, estimate, improvement, p, p, seeds, judge(estimate, improvement, p))
+    return judged(Finding(claim, what, estimate, improvement, p, p, seeds, Verdict.inconclusive, alike))
+
+
+def judged(finding: Finding) -> Finding:
+    """The finding with its verdict."""
+    if finding.alike:
+        return replace(finding, verdict=judge_alike(finding.estimate, finding.adjusted))
+    return replace(finding, verdict=judge(finding.estimate, finding.improvement, finding.adjusted))
+
+
+def judge_alike(estimate: Estimate, adjusted: float) -> Verdict:
+    """The rule for a claim of no difference: within the margin, or beyond it."""
+    if estimate.low >= -MARGIN and estimate.high <= MARGIN:
+        return Verdict.supported
+    if adjusted <= LEVEL and (estimate.low > MARGIN or estimate.high < -MARGIN):
+        return Verdict.contradicted
+    return Verdict.inconclusive
 
 
 def judge(estimate: Estimate, improvement: Estimate | None, adjusted: float) -> Verdict:
@@ -106,10 +135,7 @@ def judge(estimate: Estimate, improvement: Estimate | None, adjusted: float) -> 
 def adjust(findings: Sequence[Finding]) -> list[Finding]:
     """Judge the findings of one figure anew, with p-values adjusted for their number."""
     adjusted = holm([finding.p for finding in findings])
-    return [
-        replace(f, adjusted=p, verdict=judge(f.estimate, f.improvement, p))
-        for f, p in zip(findings, adjusted, strict=True)
-    ]
+    return [judged(replace(f, adjusted=p)) for f, p in zip(findings, adjusted, strict=True)]
 
 
 def together(verdicts: Sequence[Verdict]) -> Verdict:

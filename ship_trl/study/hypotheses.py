@@ -1,52 +1,29 @@
-"""The paper's claims as contrasts that are measured: figures 5 to 7 and 9, and the five conclusions.
+"""The paper's claims of figures 5 to 7 and 9 as contrasts that are measured.
 
 A claim has a name (H5a ...), a sentence, and the contrasts that it stands on; positive is as claimed.
-What a figure tests is one family, within which p-values are adjusted.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ship_trl.study.claims import (
     FE,
     FT,
     SELF,
     TRANSFERS,
-    Test,
+    Hypothesis,
     at,
     beats,
     best_source,
     confounded,
     early,
+    like_neighbours,
     means,
     network_effect,
+    none_of,
+    positive,
     steady,
     trend,
 )
-from ship_trl.study.contrasts import Finding, Verdict, adjust, together
-from ship_trl.study.measured import Study
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """A claim: its name, the figure it belongs to, a sentence, and how it is measured."""
-
-    name: str
-    figure: str
-    sentence: str
-    tests: Sequence[Test]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A claim measured."""
-
-    hypothesis: Hypothesis
-    findings: list[Finding]
-    verdict: Verdict
-
 
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
 HYPOTHESES = [
@@ -108,6 +85,16 @@ HYPOTHESES = [
         [beats("low", arm, "scratch") for arm in TRANSFERS if arm != "FE4"],
     ),
     Hypothesis(
+        "H6b",
+        "6",
+        "There are no dips.",
+        [
+            like_neighbours("low", f"{kind}{n}", (f"{kind}{n - 1}", f"{kind}{n + 1}"))
+            for kind in ("FE", "FT")
+            for n in (2, 3)
+        ],
+    ),
+    Hypothesis(
         "H6c",
         "6",
         "Finetuning is above feature extraction, and steadier.",
@@ -145,20 +132,18 @@ HYPOTHESES = [
         [trend("lowest", *FE[::-1]), trend("lowest", *FT[::-1])],
     ),
     Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", "scratch", "FE4")]),
+    Hypothesis(
+        "H7e",
+        "7",
+        "FT1 to FT4 dip when exploration ends, and collide more.",
+        [positive("lowest", arm, metric) for metric in ("dip", "collision rise") for arm in FT],
+    ),
+    Hypothesis(
+        "H7f",
+        "7",
+        "FTW does not dip, and gains less late than the others.",
+        [none_of("lowest", "FTW", "dip"), means("lowest", FT, ("FTW",), "late gain")],
+    ),
     Hypothesis("H9a", "9", "A reused network is sooner than a new one.", [confounded, network_effect]),
     Hypothesis("H9b", "9", "Case 2 is the best source.", [best_source(case) for case in ("1", "3", "5")]),
 ]
-
-
-def answer(study: Study, hypotheses: Sequence[Hypothesis] = HYPOTHESES) -> list[Answer]:
-    """Measure all claims; within a figure p-values are adjusted together."""
-    answers = []
-    for figure in dict.fromkeys(h.figure for h in hypotheses):
-        family = [h for h in hypotheses if h.figure == figure]
-        measured = {h.name: [f for test in h.tests for f in test(study, h.name)] for h in family}
-        adjusted = iter(adjust([finding for found in measured.values() for finding in found]))
-        for hypothesis in family:
-            findings = [next(adjusted) for _ in measured[hypothesis.name]]
-            verdict = together([finding.verdict for finding in findings])
-            answers.append(Answer(hypothesis, findings, verdict))
-    return answers

@@ -20,6 +20,7 @@ from ship_trl.study.statistics import (
     interquartile_mean,
     log_rank,
     page_trend,
+    steadiness,
 )
 
 # Of all resampling: the same study gives the same report.
@@ -77,13 +78,19 @@ def enough(values: Mapping[str, Any]) -> bool:
 
 
 def levels(
-    study: Study, claim: str, what: str, places: Places, weights: Mapping[str, float], metric: str
+    study: Study,
+    claim: str,
+    what: str,
+    places: Places,
+    weights: Mapping[str, float],
+    metric: str,
+    alike: bool = False,
 ) -> list[Finding]:
-    """A weighted sum of levels is above zero; nothing where runs are missing."""
+    """A weighted sum of levels is above zero, or with `alike` is zero; nothing where runs are missing."""
     found_samples = samples(study, places, METRICS[metric])
     if not enough(found_samples):
         return []
-    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED)]
+    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED, alike)]
 
 
 def steadier(study: Study, claim: str, places: Places, steady: str, other: str, metric: str) -> list[Finding]:
@@ -91,13 +98,7 @@ def steadier(study: Study, claim: str, places: Places, steady: str, other: str, 
     values = samples(study, places, METRICS[metric])
     if not enough(values):
         return []
-    tiny = np.finfo(np.float64).tiny
-
-    def logarithm(a: Sample, b: Sample, axis: int) -> Any:
-        spread = [np.maximum(np.std(v, axis=axis, ddof=1), tiny) for v in (a, b)]
-        return np.log(spread[1] / spread[0])
-
-    estimate = bootstrap((values[steady], values[other]), logarithm, SEED)
+    estimate = steadiness(values[steady], values[other], SEED)
     p = brown_forsythe(values[steady], values[other])
     what = f"{steady} varies less than {other} ({metric}; log of the ratio of standard deviations)"
     return [found(claim, what, estimate, None, p, len(values[steady]))]

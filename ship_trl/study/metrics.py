@@ -102,6 +102,27 @@ def time_to_threshold(record: Record) -> tuple[float, bool]:
     return (float(total - len(scores) + 1 + reached[0]), True) if reached.size else (float(total), False)
 
 
+def around_annealed(record: Record) -> tuple[slice, slice]:
+    """The tenth of the episodes before exploration has ended, and the one after."""
+    count = len(record.training.total)
+    ended = np.flatnonzero(record.training.epsilon <= record.training.epsilon.min())
+    end, tenth = int(ended[0]) if ended.size else count, share(record, LAST)
+    return slice(max(0, end - tenth), max(1, end)), slice(min(end, count - 1), min(end + tenth, count))
+
+
+def dip(record: Record) -> float:
+    """How much the score falls from the tenth before exploration has ended to the tenth after."""
+    before, after = around_annealed(record)
+    scores = record.score(record.training.total)
+    return float(np.mean(scores[before]) - np.mean(scores[after]))
+
+
+def collision_rise(record: Record) -> float:
+    """How much the share of collisions rises between the same tenths."""
+    before, after = around_annealed(record)
+    return float(np.mean(record.training.collision[after]) - np.mean(record.training.collision[before]))
+
+
 # Everything of a run that is one number, by the report's names.
 METRICS: dict[str, Callable[[Record], float]] = {
     "area": area,
@@ -115,5 +136,7 @@ METRICS: dict[str, Callable[[Record], float]] = {
     "success": success,
     "collisions": collisions,
     "early collisions": early_collisions,
+    "dip": dip,
+    "collision rise": collision_rise,
     "DCPA": smallest_dcpa,
 }

@@ -10,8 +10,8 @@ from typing import Any
 
 import jinja2
 
+from ship_trl.study.answers import Answer
 from ship_trl.study.contrasts import MARGIN
-from ship_trl.study.hypotheses import Answer
 from ship_trl.study.measured import Study
 from ship_trl.study.statistics import Estimate
 from ship_trl.study.tables import Row

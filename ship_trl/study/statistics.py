@@ -105,15 +105,16 @@ def probability_of_improvement(one: Sample, other: Sample, seed: int) -> Estimat
     return bootstrap((one, other), share, seed, nothing=0.5)
 
 
-def spread_ratio(one: Sample, other: Sample, seed: int) -> Estimate:
-    """Standard deviation of `one` over that of `other`, over jointly resampled seeds."""
+def steadiness(one: Sample, other: Sample, seed: int) -> Estimate:
+    """How much less `one` varies: logarithm of the ratio of standard deviations."""
+    tiny = np.finfo(np.float64).tiny
 
-    def ratio(a: Sample, b: Sample, axis: int) -> Any:
-        # Resamples in which a sample does not vary at all say nothing of the ratio, but must not stop it.
-        tiny = np.finfo(np.float64).tiny
-        return np.std(a, axis=axis, ddof=1) / np.maximum(np.std(b, axis=axis, ddof=1), tiny)
+    def logarithm(a: Sample, b: Sample, axis: int) -> Any:
+        # Resamples that do not vary at all say nothing of the ratio, but must not stop it.
+        spread = [np.maximum(np.std(v, axis=axis, ddof=1), tiny) for v in (a, b)]
+        return np.log(spread[1] / spread[0])
 
-    return bootstrap((one, other), ratio, seed, nothing=1.0)
+    return bootstrap((one, other), logarithm, seed)
 
 
 def brown_forsythe(one: Sample, other: Sample) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ship_trl.paths import replacing
-from ship_trl.study.hypotheses import Answer
+from ship_trl.study.answers import Answer
 from ship_trl.study.measured import SEED, Study
 from ship_trl.study.metrics import METRICS, time_to_threshold
 from ship_trl.study.records import Record

@@ -57,6 +57,16 @@ def test_both_intervals_must_agree() -> None:
     assert judge(above, Estimate(0.8, 0.6, 0.9), 0.2) is Verdict.inconclusive
 
 
+def test_a_claim_of_no_difference_is_supported_by_equivalence() -> None:
+    def alike(sd: float, **means: float) -> Verdict:
+        samples = arms(0, means, sd=sd)
+        return contrast("H", "a like b", samples, {"a": 1, "b": -1}, 0, alike=True).verdict
+
+    assert alike(0.01, a=0.5, b=0.51) is Verdict.supported
+    assert alike(0.05, a=0.5, b=0.8) is alike(0.05, a=0.8, b=0.5) is Verdict.contradicted
+    assert alike(0.4, a=0.5, b=0.5) is alike(0.05, a=0.5, b=0.55) is Verdict.inconclusive
+
+
 def test_parts_of_a_claim() -> None:
     yes, no, open_ = Verdict.supported, Verdict.contradicted, Verdict.inconclusive
     assert together([yes, yes]) is yes and together([no, no]) is no and together([]) is open_

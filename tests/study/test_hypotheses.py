@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ship_trl.study.answers import ALL, answer
 from ship_trl.study.contrasts import Verdict
-from ship_trl.study.hypotheses import HYPOTHESES, answer
+from ship_trl.study.hypotheses import HYPOTHESES
 from ship_trl.study.measured import read_study
 from tests.study.synthetic import learning, make_study, write_run
 
@@ -31,6 +32,7 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
     for pair, scores in (("high", HIGH), ("low", LOW), ("lowest", LOWEST)):
         found |= {("pairs", pair, arm): 0.6 + sign * (score - 0.6) for arm, score in scores.items()}
     self_transfer = {"FE1": 0.8, "FE2": 0.4, "FE3": 0.8}
+    found["controls", "high", "FE3-random"] = 0.6 - sign * 0.2
     found |= {("controls", "self", arm): 0.6 + sign * (score - 0.6) for arm, score in self_transfer.items()}
     low, one = "reuse/epsilon_low", "reuse/epsilon_1"
     places: dict[tuple[str, str, str], float] = {
@@ -44,7 +46,23 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
 
 
 # Claims about spread and time are not made true by levels alone.
-LEVELS = ["H5c", "H5d", "H5e", "H5f", "H5g", "H5h", "H5j", "H6a", "H6d", "H7a", "H7b", "H7c", "H7d", "H9b"]
+LEVELS = [
+    "C1",
+    "H5c",
+    "H5d",
+    "H5e",
+    "H5f",
+    "H5g",
+    "H5h",
+    "H5j",
+    "H6a",
+    "H6d",
+    "H7a",
+    "H7b",
+    "H7c",
+    "H7d",
+    "H9b",
+]
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +82,7 @@ def test_a_true_claim_is_supported_and_a_false_one_contradicted(
 
 def test_without_runs_there_is_no_verdict() -> None:
     answers = answer(make_study({("pairs", "high", "scratch"): 0.5}))
-    assert len(answers) == len(HYPOTHESES)
+    assert len(answers) == len(ALL)
     assert all(a.verdict is Verdict.inconclusive and a.findings == [] for a in answers)
 
 
@@ -101,3 +119,4 @@ def test_a_study_is_read_from_its_folder_and_what_is_broken_is_named(tmp_path: P
 def test_names_are_unique_and_in_the_order_of_the_figures() -> None:
     names = [h.name for h in HYPOTHESES]
     assert len(set(names)) == len(names) and names == sorted(names)
+    assert [a.hypothesis.name for a in answer(make_study({}))] == [h.name for h in ALL]

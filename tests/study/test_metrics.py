@@ -64,3 +64,17 @@ def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
 def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
     run = record(tmp_path, [0.2, 0.4, 0.6])
     assert all(np.isfinite(measure(run)) for measure in metrics.METRICS.values())
+
+
+def test_a_dip_lies_where_exploration_ends() -> None:
+    from dataclasses import replace
+
+    from tests.study.synthetic import make_record
+
+    scores = np.array([0.8] * 60 + [0.3] * 10 + [0.8] * 30)
+    run = make_record(scores, "pairs", "lowest", "FT1", 0)
+    epsilon = np.maximum(0.1, 1 - np.arange(100) / 60)
+    run = replace(run, training=replace(run.training, epsilon=np.maximum(0.0001, 1 - np.arange(100) / 60)))
+    assert metrics.dip(run) == pytest.approx(0.5) and metrics.collision_rise(run) == 1.0
+    flat = replace(run, training=replace(run.training, epsilon=epsilon, total=run.training.total * 0 - 5))
+    assert metrics.dip(flat) == pytest.approx(0.0)

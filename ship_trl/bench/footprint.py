@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 import types
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -106,12 +107,26 @@ def run_memory(episodes: int) -> int:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
+        most = 0
+        while process.poll() is None:
+            most = max(most, peak_bytes(process.pid))
+            time.sleep(0.05)
     if process.returncode != 0:
         raise RuntimeError("a run of the benchmark failed: python -m ship_trl target=4 method=scratch")
-    # Linux counts in KiB, macOS in bytes.
-    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return most
+
+
+def peak_bytes(process: int) -> int:
+    """Most bytes that a process had resident so far; 0 where the system does not tell.
+
+    Not `ru_maxrss`: that begins with what the parent had when it made the process.
+    """
+    try:
+        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    except OSError:
+        return 0
+    sizes = [int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM")]
+    return sizes[0] if sizes else 0
 
 
 def startup_probes() -> list[Probe]:

@@ -12,7 +12,7 @@ import torch
 
 from ship_trl.bench import __main__ as command
 from ship_trl.bench import parts
-from ship_trl.bench.footprint import held_bytes
+from ship_trl.bench.footprint import held_bytes, peak_bytes
 
 ROOT = Path(__file__).parents[2]
 
@@ -80,3 +80,16 @@ def test_bytes_are_counted_once() -> None:
             self.me = self
 
     assert held_bytes(Holder()) == 43
+
+
+def test_a_runs_memory_is_not_that_of_who_starts_it() -> None:
+    ballast = np.ones(2**27)  # a gibibyte
+    code = "print(1, flush=True); input()"
+    child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        # Until it is a Python of its own, it is a copy of this one.
+        assert child.stdout is not None and child.stdout.readline()
+        assert 2**20 < peak_bytes(child.pid) < 2**29 < ballast.nbytes
+    finally:
+        child.communicate(b"\n")
+    assert peak_bytes(2**22 + 1) == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,13 @@ PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
 OTHER_SOURCES = ("1", "3", "5")
 LOW_EPSILON = 0.1
+# Hydra's launchers and the plugins that bring them.
+LAUNCHERS = {
+    "joblib": "hydra_joblib_launcher",
+    "submitit_local": "hydra_submitit_launcher",
+    "submitit_slurm": "hydra_submitit_launcher",
+    "ray": "hydra_ray_launcher",
+}
 RANDOM_ARM = "FE3-random"
 SELF_PAIR, SELF_CASE = "self", "2"
 SELF_ARMS = ("FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4")
@@ -101,7 +109,11 @@ def check(config: StudyConfig) -> None:
     one_of("profile", [config.profile], names("profile"))
     one_of("pairs", config.pairs, names("pair"))
     one_of("arms", config.arms, names("arm"))
-    one_of("launcher", [config.launcher], ["joblib", "submitit_local", "submitit_slurm", "ray"])
+    one_of("launcher", [config.launcher], list(LAUNCHERS))
+    plugin = LAUNCHERS[config.launcher]
+    if find_spec(f"hydra_plugins.{plugin}") is None:
+        package = plugin.replace("_", "-")
+        raise ConfigError(f"launcher: {config.launcher} is not installed; pip install {package} brings it")
     if config.count < 2:
         raise ConfigError(f"seeds: must be at least 2, got {config.count}")
     if config.retries < 0:

@@ -103,6 +103,12 @@ def test_what_is_wrong_is_said(override: str, said: str) -> None:
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ship_trl.study.plan.find_spec", lambda name: None)
+    with pytest.raises(ConfigError, match="ray is not installed; pip install hydra-ray-launcher brings it"):
+        to_study(["launcher=ray"])
+
+
 def test_the_folder_follows_the_profile() -> None:
     assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
     config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])

@@ -21,6 +21,8 @@ from ship_trl.study.statistics import (
 # Of a score: less than a twentieth of the way from random to best is called no difference.
 MARGIN = 0.05
 LEVEL = 0.05
+# Resampling two or three seeds cannot show how seeds vary: below this there is no verdict.
+LEAST_SEEDS = 5
 
 
 class Verdict(StrEnum):
@@ -105,6 +107,8 @@ def found(
 
 def judged(finding: Finding) -> Finding:
     """The finding with its verdict."""
+    if finding.seeds < LEAST_SEEDS:
+        return replace(finding, verdict=Verdict.inconclusive)
     if finding.alike:
         return replace(finding, verdict=judge_alike(finding.estimate, finding.adjusted))
     return replace(finding, verdict=judge(finding.estimate, finding.improvement, finding.adjusted))

@@ -11,7 +11,7 @@ from typing import Any
 import jinja2
 
 from ship_trl.study.answers import Answer
-from ship_trl.study.contrasts import MARGIN
+from ship_trl.study.contrasts import LEAST_SEEDS, MARGIN
 from ship_trl.study.measured import Study
 from ship_trl.study.statistics import Estimate
 from ship_trl.study.tables import Row
@@ -113,6 +113,7 @@ def render(
         seeds=seeds,
         missing=missing,
         margin=MARGIN,
+        least=LEAST_SEEDS,
         power=POWER.format(seeds=seeds),
         answers=[
             {

@@ -67,6 +67,13 @@ def test_a_claim_of_no_difference_is_supported_by_equivalence() -> None:
     assert alike(0.4, a=0.5, b=0.5) is alike(0.05, a=0.5, b=0.55) is Verdict.inconclusive
 
 
+@pytest.mark.parametrize("count", [2, 4, 5])
+def test_a_few_seeds_give_no_verdict(count: int) -> None:
+    verdict = Verdict.supported if count == 5 else Verdict.inconclusive
+    samples = arms(0, {"a": 0.9, "b": 0.1}, count=count, sd=0.01)
+    assert contrast("H", "a above b", samples, {"a": 1, "b": -1}, 0).verdict is verdict
+
+
 def test_parts_of_a_claim() -> None:
     yes, no, open_ = Verdict.supported, Verdict.contradicted, Verdict.inconclusive
     assert together([yes, yes]) is yes and together([no, no]) is no and together([]) is open_

@@ -31,7 +31,7 @@ def write_study(folder: Path, seeds: int, episodes: int = 60, pairs: tuple[str, 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
-    write_study(folder, seeds=4)
+    write_study(folder, seeds=5)
     main([str(folder)])
     return folder
 
@@ -57,14 +57,14 @@ def test_the_page_is_whole_and_needs_nothing_else(study: Path) -> None:
     page, text = Page(), (study / "report/index.html").read_text()
     page.feed(text)
     assert page.open == [] and all(link.startswith("data:") for link in page.fetched)
-    assert "40 runs of the profile quick, 60 episodes each, 4 seeds" in text
+    assert "50 runs of the profile quick, 60 episodes each, 5 seeds" in text
     assert text.count("<h2>Verdicts</h2>") == 1 and 'class="verdict supported"' in text
 
 
 def test_tables_and_figures_lie_beside_it(study: Path) -> None:
     with (study / "report/runs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 40 and 0 < float(rows[0]["area"]) < 1
+    assert len(rows) == 50 and 0 < float(rows[0]["area"]) < 1
     with (study / "report/arms.csv").open(newline="") as file:
         arms = {row["arm"]: row for row in csv.DictReader(file)}
     assert (

@@ -44,6 +44,10 @@ def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
     device = torch.device(run.config.device)
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
+    if run.config.source_file is not None:
+        # Refused before anything is written.
+        network = DuelingNetwork(3 if run.config.colour else 1, len(run.config.world.actions), Generator())
+        load_weights(Path(run.config.source_file), network)
     # Of two processes that are asked for the same run, as after a study was killed and started again,
     # the second waits and finds it done.
     with run.lock():

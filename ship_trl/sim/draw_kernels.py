@@ -27,6 +27,8 @@ NUMBERS_ONLY = RELAXED | {"nnan"}
 FARTHEST = np.float32(1e9)
 # Plain numbers would make every sum a float64.
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+# Metres. Nearer the line has no direction, and squares vanish.
+AT_GOAL = np.float32(1e-4)
 # Pixels across the strip that holds the line: at 45 degrees it covers 2.83 pixels.
 STRIP = 3
 
@@ -46,9 +48,8 @@ def strip(dx: Number, dy: Number, reach: Number, size: int, cover: Array, place:
     side by side at each place; place int32 [size / 2], the first pixel of each. Both are written.
     Returns how many places there are, and how far apart pixels lie that are side by side.
     """
-    # On the goal itself there is no direction; nor where squares vanish.
-    if dx * dx + dy * dy < float32(1e-12):
-        dx, dy = float32(1e-6), ZERO
+    if dx == 0 and dy == 0:  # on the goal itself
+        dx = float32(1e-6)
     length = math.sqrt(dx * dx + dy * dy)
     ux, uy = dx / length, dy / length
     steep = abs(dy) > abs(dx)
@@ -195,6 +196,8 @@ def draw(
         turn = float32(math.pi / 2) - heading
         across, ahead = math.cos(turn) * scale, math.sin(turn) * scale
         east, north = goal[0] - x, goal[1] - y
+        if abs(east) + abs(north) < AT_GOAL:
+            east, north = ZERO, ZERO
         right, up = east * across - north * ahead, -(east * ahead + north * across)
         count, aside = strip(right, up, reach, size, along, place)
         lay_line(image, picture, background, line_ink, along, place[:count], aside)

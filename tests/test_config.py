@@ -61,9 +61,17 @@ def test_every_other_group_composes(group: str) -> None:
         composed(*HIGH, f"{group}={name}")
 
 
+@pytest.mark.parametrize("launcher", options("hydra/launcher"))
+def test_every_launcher_composes(launcher: str) -> None:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        line = [*HIGH, f"hydra/launcher={launcher}"]
+        chosen = compose("config", line, return_hydra_config=True).hydra.launcher
+    assert launcher.split("_")[0] in str(chosen).lower()
+
+
 def test_every_group_is_covered() -> None:
-    groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
-    assert groups == {"pair", "arm", "case", "profile", "world", "learn"}
+    groups = {str(path.parent.relative_to(conf_dir())) for path in conf_dir().glob("*/**/*.yaml")}
+    assert groups == {"pair", "arm", "case", "profile", "world", "learn", "hydra/launcher"}
 
 
 def test_any_two_cases_are_a_pair() -> None:

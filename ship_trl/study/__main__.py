@@ -7,8 +7,8 @@ import sys
 
 from ship_trl.cli import complain
 from ship_trl.config import ConfigError
-from ship_trl.study.launch import LOG, run_jobs, write_jobs
-from ship_trl.study.pace import in_words, processes, seconds_per_run
+from ship_trl.study.launch import LOG, processes, run_jobs, write_jobs
+from ship_trl.study.pace import in_words, seconds_per_run
 from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
 from ship_trl.study.progress import Display, say
 from ship_trl.study.settled import episodes_of, settle
@@ -24,7 +24,7 @@ Stopped and started again it goes on where it was. Keys, with their values in co
   profile=NAME      smoke, quick or paper      seeds=N          0 to N - 1
   pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
   output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
-  launcher=NAME     joblib, submitit_local, submitit_slurm, ray
+  launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster
   overrides=[..]    of every run, as overrides=[learn.episodes=1000]
 """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import subprocess
 import sys
@@ -17,8 +18,7 @@ from ship_trl.paths import replacing
 from ship_trl.plan import read_result
 from ship_trl.study.plan import Job, StudyConfig
 
-LOG = "log.txt"
-JOBS = "jobs"
+LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
 # Of Linux's prctl: a signal when the parent dies.
 PR_SET_PDEATHSIG = 1
 
@@ -30,10 +30,12 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
     """
     folder = config.folder / JOBS / "job"
     folder.mkdir(parents=True, exist_ok=True)
+    # Absolute, because a node of a cluster starts its processes wherever it likes.
+    place = config.folder.absolute()
     for job in jobs:
         values: dict[str, Any] = job.values | {
-            "output": str(config.folder / job.part),
-            "case_base": str(config.folder / "case_base"),
+            "output": str(place / job.part),
+            "case_base": str(place / BASE),
         }
         with replacing(folder / f"{job.name}.yaml") as draft:
             draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
@@ -47,10 +49,12 @@ def finished(job: Job, config: StudyConfig) -> dict[str, Any] | None:
 
 def command(jobs: list[Job], config: StudyConfig) -> list[str]:
     """The multirun of these jobs."""
+    # Quoted: a path may hold what Hydra's grammar takes for its own.
+    sweep = str(config.folder.absolute()).replace("'", "\\'")
     return [
         *(sys.executable, "-m", "ship_trl", "--multirun"),
         *("--config-dir", str((config.folder / JOBS).absolute())),
-        *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir={config.folder}"),
+        *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
         f"profile={config.profile}",
         *config.overrides,
         f"+job={','.join(job.name for job in jobs)}",
@@ -93,12 +97,24 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
             left = [job for job in jobs if job.stage == stage and finished(job, config) is None]
             if not left:
                 break
-            with started(command(left, config), config.folder / LOG) as child:
-                while child.poll() is None:
-                    watch()
-                    try:
-                        child.wait(1.0)
-                    except subprocess.TimeoutExpired:
-                        continue
-            watch()
+            for batch in batches(left, config):
+                with started(command(batch, config), config.folder / LOG) as child:
+                    while child.poll() is None:
+                        watch()
+                        try:
+                            child.wait(1.0)
+                        except subprocess.TimeoutExpired:
+                            continue
+                watch()
     return [job for job in jobs if finished(job, config) is None]
+
+
+def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:
+    """What is given to the launcher at once: everything, if the launcher waits for a free core."""
+    most = processes() if config.launcher == "slurm_local" else len(jobs)
+    return [jobs[k : k + most] for k in range(0, len(jobs), most)]
+
+
+def processes() -> int:
+    """How many runs go on at once on this machine: one a core."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -11,19 +10,14 @@ import tempfile
 from pathlib import Path
 
 from ship_trl.plan import RESULT
-from ship_trl.study.launch import finished
+from ship_trl.study.launch import finished, processes
 from ship_trl.study.plan import Job, StudyConfig
 
 # Results that say how long a run takes, if there are so many.
 ENOUGH = 4
 # Episodes of the two short runs whose times make a line.
-SHORT, LONG = 8, 24
+SHORT, LONG = 8, 40
 CASE = "4"
-
-
-def processes() -> int:
-    """How many runs go on at once with the joblib launcher: one a core."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tuple[float, str]:
@@ -33,6 +27,8 @@ def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tupl
         return statistics.mean(known), f"the {len(known)} finished runs"
     if episodes <= LONG:
         return timed(config, episodes), f"runs of {episodes} episodes"
+    # The first of all compiles what a fresh installation has not yet compiled.
+    timed(config, 1)
     short, long = timed(config, SHORT), timed(config, LONG)
     each = max(0.0, (long - short) / (LONG - SHORT))
     return short + each * (episodes - SHORT), f"runs of {SHORT} and {LONG} episodes"
@@ -47,7 +43,7 @@ def timed(config: StudyConfig, episodes: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         children = []
         for k in range(processes()):
-            line = (f"target={CASE}", "method=scratch", f"profile={config.profile}", *config.overrides)
+            line = (f"target={CASE}", "method=scratch", f"profile={config.profile}", *config.of_runs)
             short = (
                 f"learn.episodes={episodes}",
                 "learn.warmup_steps=100",

@@ -20,12 +20,13 @@ PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
 OTHER_SOURCES = ("1", "3", "5")
 LOW_EPSILON = 0.1
-# Hydra's launchers and the plugins that bring them.
+# Hydra's launchers (conf/hydra/launcher) and the plugins that bring them.
 LAUNCHERS = {
     "joblib": "hydra_joblib_launcher",
-    "submitit_local": "hydra_submitit_launcher",
-    "submitit_slurm": "hydra_submitit_launcher",
-    "ray": "hydra_ray_launcher",
+    "slurm": "hydra_submitit_launcher",
+    "slurm_local": "hydra_submitit_launcher",
+    "ray_local": "hydra_ray_launcher",
+    "ray_cluster": "hydra_ray_launcher",
 }
 RANDOM_ARM = "FE3-random"
 SELF_PAIR, SELF_CASE = "self", "2"
@@ -57,6 +58,11 @@ class StudyConfig:
     def folder(self) -> Path:
         """Where everything lies."""
         return Path(self.output or f"outputs/{self.profile}_study")
+
+    @property
+    def of_runs(self) -> list[str]:
+        """Overrides that are of the runs; the others are of Hydra and its launcher."""
+        return [line for line in self.overrides if not line.startswith("hydra.")]
 
 
 @dataclass(frozen=True)
@@ -112,8 +118,8 @@ def check(config: StudyConfig) -> None:
     one_of("launcher", [config.launcher], list(LAUNCHERS))
     plugin = LAUNCHERS[config.launcher]
     if find_spec(f"hydra_plugins.{plugin}") is None:
-        package = plugin.replace("_", "-")
-        raise ConfigError(f"launcher: {config.launcher} is not installed; pip install {package} brings it")
+        extra = config.launcher.split("_")[0]
+        raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
     if config.count < 2:
         raise ConfigError(f"seeds: must be at least 2, got {config.count}")
     if config.retries < 0:

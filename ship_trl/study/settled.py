@@ -30,7 +30,7 @@ def run_config(config: StudyConfig) -> Config:
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            line = ["target=1", "method=scratch", f"profile={config.profile}", *config.overrides]
+            line = ["target=1", "method=scratch", f"profile={config.profile}", *config.of_runs]
             return to_config(compose("config", overrides=line))
     except HydraException as error:
         raise ConfigError(f"overrides: {explain_hydra(error)}") from None

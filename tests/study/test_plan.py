@@ -105,8 +105,10 @@ def test_what_is_wrong_is_said(override: str, said: str) -> None:
 
 def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ship_trl.study.plan.find_spec", lambda name: None)
-    with pytest.raises(ConfigError, match="ray is not installed; pip install hydra-ray-launcher brings it"):
-        to_study(["launcher=ray"])
+    with pytest.raises(
+        ConfigError, match=r"launcher: ray_cluster is not installed; ship_trl\[ray\] brings it"
+    ):
+        to_study(["launcher=ray_cluster"])
 
 
 def test_the_folder_follows_the_profile() -> None:

@@ -1,7 +1,6 @@
 """The real command: a small study, one that is killed and goes on, and what it refuses."""
 
 import json
-import os
 import random
 import signal
 import subprocess
@@ -13,37 +12,8 @@ import pytest
 
 from ship_trl.study import pace
 from ship_trl.study.progress import last_episode
-from tests.test_cli import ROOT, files
-
-SMALL = ("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false", "retries=1")
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
-
-
-def study(*overrides: str, folder: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "ship_trl.study", *overrides],
-        cwd=folder,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done
-
-
-def learned(folder: Path) -> dict[str, bytes]:
-    """What was learned: curves and weights of all runs."""
-    found = files(folder / "outputs/smoke_study")
-    return {name: data for name, data in found.items() if name.endswith(("curve.csv", ".safetensors"))}
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("whole")
-    done = study(*SMALL, folder=folder)
-    assert "6 of 6 runs to do, about" in done.stdout
-    return folder
+from tests.study.commands import ENVIRONMENT, SMALL, learned, study
+from tests.test_cli import files
 
 
 def test_a_study_ends_with_all_its_results(whole: Path) -> None:

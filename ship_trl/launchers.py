@@ -1,0 +1,39 @@
+"""What Hydra's launchers leave open: Ray's token, which lets its holder run code on the cluster."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from pathlib import Path
+from typing import Any
+
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+
+TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
+RAY = "hydra_plugins.hydra_ray_launcher"
+
+
+class PrivateToken(Callback):
+    """Keeps Ray's token from other users of the machine, whichever way its launcher was chosen.
+
+    Ray would write the token of a cluster that it starts itself into `~/.ray/auth_token`, readable for
+    all. Such a cluster ends with the grid, so its token need not be in a file at all; and a file that
+    is there already is closed.
+    """
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Before the launcher starts."""
+        launcher = config.hydra.launcher
+        if str(launcher.get("_target_")).startswith(RAY):
+            close_token(own_cluster=OmegaConf.select(launcher, "ray.init.address") in (None, "local"))
+
+
+def close_token(own_cluster: bool) -> None:
+    """Give our own cluster a token of its own, in memory; take a file's rights for others away."""
+    path = Path.home() / ".ray" / "auth_token"
+    if path.is_file() and path.stat().st_mode & 0o077:
+        path.chmod(0o600)
+    elif own_cluster and not path.exists() and not {TOKEN, TOKEN_PATH} & os.environ.keys():
+        os.environ.setdefault(MODE, "token")
+        os.environ[TOKEN] = secrets.token_hex(32)

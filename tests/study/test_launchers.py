@@ -1,0 +1,145 @@
+"""Slurm's launcher and Ray's: the same study, and a worker that is killed costs a run a retry."""
+
+import os
+import secrets
+import signal
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from ship_trl.launchers import close_token
+from ship_trl.study.launch import batches, command, processes
+from ship_trl.study.plan import LAUNCHERS, plan_jobs, to_study
+from tests.study.commands import ENVIRONMENT, SMALL, learned, study
+from tests.test_cli import ship_trl
+from tests.test_config import options
+
+
+def test_every_launcher_of_ours_is_a_studys() -> None:
+    assert {*options("hydra/launcher"), "joblib"} == LAUNCHERS.keys()
+
+
+def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None:
+    config = to_study(["launcher=slurm_local", "profile=smoke"])
+    jobs = plan_jobs(config)
+    parts = batches(jobs, config)
+    assert [job for part in parts for job in part] == jobs
+    assert max(map(len, parts)) == processes()
+    assert batches(jobs, to_study(["profile=smoke"])) == [jobs]
+
+
+def test_launchers_overrides_are_not_of_the_runs() -> None:
+    config = to_study(["launcher=slurm", "overrides=[hydra.launcher.partition=gpu,learn.lr=0.1]"])
+    assert config.of_runs == ["learn.lr=0.1"]
+    assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
+
+
+@pytest.mark.parametrize("launcher", ["slurm_local", "ray_local"])
+def test_a_study_is_the_same_by_another_launcher(launcher: str, whole: Path, tmp_path: Path) -> None:
+    # A name that Hydra's grammar would not take unquoted.
+    place = tmp_path / "a study, (its) folder=here's"
+    place.mkdir()
+    study(*SMALL, f"launcher={launcher}", folder=place)
+    assert learned(place) == learned(whole)
+
+
+@contextmanager
+def cluster() -> Iterator[tuple[str, int]]:
+    """A cluster of two nodes; gives its address and process."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.study.cluster"],
+        env=ENVIRONMENT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdin is not None and process.stdout is not None
+    try:
+        yield process.stdout.readline().strip(), process.pid
+    finally:
+        process.stdin.close()
+        process.wait(60)
+        process.stdout.close()
+
+
+def workers(ancestor: int) -> list[int]:
+    """Descendants of a process that run a job of Ray."""
+    parents, busy = {}, []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            # The fourth field, counted from behind the name, which may hold anything.
+            parents[int(place.name)] = int(place.joinpath("stat").read_text().rpartition(")")[2].split()[1])
+            if place.joinpath("cmdline").read_bytes().startswith(b"ray::_run_job"):
+                busy.append(int(place.name))
+        except OSError:
+            continue
+    return [process for process in busy if ancestor in ancestors(process, parents)]
+
+
+def ancestors(process: int, parents: dict[int, int]) -> Iterator[int]:
+    while process in parents:
+        process = parents[process]
+        yield process
+
+
+def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = secrets.token_hex(32)
+    monkeypatch.setitem(ENVIRONMENT, "RAY_AUTH_MODE", "token")
+    monkeypatch.setitem(ENVIRONMENT, "RAY_AUTH_TOKEN", token)
+    with cluster() as (address, nodes):
+        where = f"overrides=[hydra.launcher.ray.init.address='{address}']"
+        line = [sys.executable, "-m", "ship_trl.study", *SMALL, "retries=0", "launcher=ray_cluster", where]
+        child = subprocess.Popen(line, cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
+        try:
+            deadline = time.monotonic() + 120
+            while not (list(tmp_path.rglob("curve.csv")) and workers(nodes)):
+                assert time.monotonic() < deadline and child.poll() is None
+                time.sleep(0.1)
+            os.kill(workers(nodes)[0], signal.SIGKILL)
+            # No retry of the study's own: Ray's has to do.
+            assert child.wait(300) == 0
+        finally:
+            child.kill()
+            child.wait()
+    assert learned(tmp_path) == learned(whole)
+
+
+def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    grid = ("target=1", "method=scratch", "profile=smoke", "seed=0,1")
+    ship_trl("-m", "hydra/launcher=ray_local", *grid, folder=tmp_path)
+    assert len(list(tmp_path.rglob("result.json"))) == 2
+    assert not list((tmp_path / "home").rglob("*token*"))
+
+
+def test_a_token_file_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pathlib.Path.home", lambda: tmp_path)
+    for name in ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"):
+        monkeypatch.delenv(name, raising=False)
+    path = tmp_path / ".ray" / "auth_token"
+    path.parent.mkdir()
+    path.write_text("secret")
+    path.chmod(0o644)
+    close_token(own_cluster=False)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600 and path.read_text() == "secret"
+    close_token(own_cluster=True)
+    assert "RAY_AUTH_TOKEN" not in os.environ  # the user's own holds
+
+
+def test_only_a_cluster_of_our_own_gets_a_token_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pathlib.Path.home", lambda: tmp_path)
+    monkeypatch.setattr("os.environ", {})
+    close_token(own_cluster=False)
+    assert os.environ == {}
+    close_token(own_cluster=True)
+    assert os.environ["RAY_AUTH_MODE"] == "token" and len(os.environ["RAY_AUTH_TOKEN"]) == 64

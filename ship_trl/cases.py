@@ -15,7 +15,7 @@ from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.transfer.casebase import CaseBase, rank
-from ship_trl.transfer.similarity import distance, rules, similarity
+from ship_trl.transfer.similarity import distance, in_words, similarity
 
 console = Console(highlight=False)
 
@@ -80,9 +80,7 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
         table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
     for (source, target), pair in named.items():
         base, case = cases[source], cases[target]
-        found = rules(base, case)
-        common = " + ".join(f"{r.common:g} {r.what}" for r in found if r.common) or "0"
-        different = " + ".join(f"{r.different:g} {r.what}" for r in found if r.different) or "0"
+        common, different = in_words(base, case)
         value, apart = similarity(base, case), distance(base, case, world)
         table.add_row(pair, source, target, f"{value:.2f}", f"{apart:.2f}", common, different)
     console.print(table)

@@ -10,12 +10,17 @@ from typing import Any
 import numpy as np
 
 from ship_trl.study.statistics import (
+    RESAMPLES,
+    SAME,
     Estimate,
     Sample,
     bootstrap,
     holm,
     interquartile_mean,
+    no_effect,
     probability_of_improvement,
+    seen_effect,
+    within,
 )
 
 # Of a score: less than a twentieth of the way from random to best is called no difference.
@@ -40,7 +45,10 @@ class Finding:
 
     `improvement` is the probability that the claimed better side is better, None where the contrast is
     not one of levels (spread, trend, time); `p` is that of no difference, `adjusted` the same within
-    its figure by Holm's method, once all are known. With `alike` the claim is that there is none.
+    its figure by Holm's method, once all are known; `beyond` is the p of a difference beyond the margin,
+    one where that has no meaning. With `alike` the claim is that there is none; `between` says that
+    arms are compared, and not one of them with zero. `seen` is the least difference that so many seeds
+    would show four times in five, if it were the only contrast; not a number for spread.
     """
 
     claim: str
@@ -51,7 +59,10 @@ class Finding:
     adjusted: float
     seeds: int
     verdict: Verdict
+    beyond: float = 1.0
     alike: bool = False
+    between: bool = True
+    seen: float = np.nan
 
 
 def weighted(samples: Mapping[str, Sample], weights: Mapping[str, float]) -> tuple[list[Sample], list[float]]:
@@ -67,6 +78,7 @@ def contrast(
     weights: Mapping[str, float],
     seed: int,
     alike: bool = False,
+    resamples: int = RESAMPLES,
 ) -> Finding:
     """Measure a weighted sum of arms' interquartile means, above zero as claimed.
 
@@ -77,19 +89,22 @@ def contrast(
         weights: by arm; those of the claimed better side are positive.
         seed: of the resampling.
         alike: the claim is that the sum is zero, within the margin.
+        resamples: how many, of the intervals.
     """
     chosen, shares = weighted(samples, weights)
 
     def total(*values: Sample, axis: int) -> Any:
         return sum(w * interquartile_mean(v, axis) for w, v in zip(shares, values, strict=True))
 
-    estimate = bootstrap(chosen, total, seed)
+    estimate = bootstrap(chosen, total, seed, resamples)
     better, worse = np.zeros_like(chosen[0]), np.zeros_like(chosen[0])
     for share, values in zip(shares, chosen, strict=True):
         side = better if share > 0 else worse
         side += abs(share) * values
-    improvement = probability_of_improvement(better, worse, seed)
-    return found(claim, what, estimate, improvement, estimate.p, len(chosen[0]), alike)
+    improvement = probability_of_improvement(better, worse, seed, resamples)
+    p = no_effect(better - worse)
+    between = abs(sum(shares)) < SAME
+    return found(claim, what, estimate, improvement, p, better - worse, alike, between)
 
 
 def found(
@@ -98,42 +113,56 @@ def found(
     estimate: Estimate,
     improvement: Estimate | None,
     p: float,
-    seeds: int,
+    differences: Sample,
     alike: bool = False,
+    between: bool = True,
 ) -> Finding:
-    """A finding with the verdict that it would have if it were the only one."""
-    return judged(Finding(claim, what, estimate, improvement, p, p, seeds, Verdict.inconclusive, alike))
+    """A finding with the verdict that it would have if it were the only one.
+
+    `differences` are the contrast by seed; not numbers where it is none of single seeds (spread).
+    """
+    beyond = within(differences, MARGIN) if np.isfinite(differences).all() else 1.0
+    seeds = len(differences)
+    seen = float(seen_effect(seeds) * np.std(differences, ddof=1))
+    open_ = Verdict.inconclusive
+    return judged(
+        Finding(claim, what, estimate, improvement, p, p, seeds, open_, beyond, alike, between, seen)
+    )
 
 
 def judged(finding: Finding) -> Finding:
     """The finding with its verdict."""
     if finding.seeds < LEAST_SEEDS:
         return replace(finding, verdict=Verdict.inconclusive)
-    if finding.alike:
-        return replace(finding, verdict=judge_alike(finding.estimate, finding.adjusted))
-    return replace(finding, verdict=judge(finding.estimate, finding.improvement, finding.adjusted))
+    return replace(finding, verdict=judge_alike(finding) if finding.alike else judge(finding))
 
 
-def judge_alike(estimate: Estimate, adjusted: float) -> Verdict:
+def inside(finding: Finding) -> bool:
+    """Whether a difference beyond the margin is ruled out."""
+    estimate = finding.estimate
+    return estimate.low >= -MARGIN and estimate.high <= MARGIN and finding.beyond <= LEVEL
+
+
+def judge_alike(finding: Finding) -> Verdict:
     """The rule for a claim of no difference: within the margin, or beyond it."""
-    if estimate.low >= -MARGIN and estimate.high <= MARGIN:
+    estimate = finding.estimate
+    if inside(finding):
         return Verdict.supported
-    if adjusted <= LEVEL and (estimate.low > MARGIN or estimate.high < -MARGIN):
+    if finding.adjusted <= LEVEL and (estimate.low > MARGIN or estimate.high < -MARGIN):
         return Verdict.contradicted
     return Verdict.inconclusive
 
 
-def judge(estimate: Estimate, improvement: Estimate | None, adjusted: float) -> Verdict:
+def judge(finding: Finding) -> Verdict:
     """The rule: an interval beyond zero, and one of the probability of improvement beyond a half."""
+    estimate, improvement = finding.estimate, finding.improvement
     above = improvement is None or improvement.low > 0.5
     below = improvement is None or improvement.high < 0.5
-    if adjusted <= LEVEL and estimate.low > 0 and above:
+    if finding.adjusted <= LEVEL and estimate.low > 0 and above:
         return Verdict.supported
-    if adjusted <= LEVEL and estimate.high < 0 and below:
+    if finding.adjusted <= LEVEL and estimate.high < 0 and below:
         return Verdict.contradicted
-    if estimate.low >= -MARGIN and estimate.high <= MARGIN:
-        return Verdict.equivalent
-    return Verdict.inconclusive
+    return Verdict.equivalent if inside(finding) else Verdict.inconclusive
 
 
 def adjust(findings: Sequence[Finding]) -> list[Finding]:

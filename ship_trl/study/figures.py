@@ -1,4 +1,4 @@
-"""Figures 5 to 7 and 9 in the paper's form, and a heat map of what transfer gains: PNG and PDF."""
+"""Figures 5 to 7 and 9 in the paper's form, with greedy returns below: PNG and PDF."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,8 +13,7 @@ from numpy.typing import NDArray
 
 from ship_trl.paths import replacing
 from ship_trl.study.measured import Study
-from ship_trl.study.metrics import METRICS
-from ship_trl.study.plan import NEW_CASE, PAIRS, REUSE
+from ship_trl.study.plan import NEW_CASE, PAIRS, REUSE, read
 from ship_trl.study.records import Record
 
 # Okabe and Ito's colours, which are told apart without colour vision; dashes do it in print.
@@ -53,18 +51,24 @@ def draw_pair(study: Study, pair: str) -> Figure | None:
         return None
     figure = Figure(figsize=(11, 7), dpi=110, layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey="row")
-    for column, (title, names) in enumerate(SIDES.items()):
+    for column, (side, names) in enumerate(SIDES.items()):
         for name in names:
             if arms[name]:
                 lines(axes[:, column], name, arms[name], style(name))
-        axes[0, column].set_title(title)
+        axes[0, column].set_title(side)
         axes[1, column].set_xlabel("training episodes")
-        axes[0, column].legend(loc="lower right", fontsize=8, ncols=2)
+        if axes[0, column].lines:
+            axes[0, column].legend(loc="lower right", fontsize=8, ncols=2)
     axes[0, 0].set_ylabel("training return")
     axes[1, 0].set_ylabel("greedy return")
-    number = f"As figure {NUMBERS[pair]}: " if pair in NUMBERS else ""
-    figure.suptitle(f"{number}pair {pair}")
+    figure.suptitle(title(pair))
     return figure
+
+
+def title(pair: str) -> str:
+    """Of a pair's figure: the paper's number, source and target."""
+    values = read("pair", pair)
+    return f"Figure {NUMBERS[pair]}: pair {pair}, case {values['source']} to case {values['target']}"
 
 
 def draw_reuse(study: Study) -> Figure | None:
@@ -86,16 +90,18 @@ def draw_reuse(study: Study) -> Figure | None:
     figure = Figure(figsize=(11, 7), dpi=110, layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey="row")
     looks = list(STYLES.values())
-    for column, (title, panel) in enumerate(zip(("reuse", "sources"), found, strict=True)):
+    sides = ("network and starting epsilon", "sources, epsilon from 0.1")
+    for column, (side, panel) in enumerate(zip(sides, found, strict=True)):
         for k, (name, runs) in enumerate(panel.items()):
             if runs:
                 lines(axes[:, column], name, runs, looks[k])
-        axes[0, column].set_title(title)
+        axes[0, column].set_title(side)
         axes[1, column].set_xlabel("training episodes")
-        axes[0, column].legend(loc="lower right", fontsize=8)
+        if axes[0, column].lines:
+            axes[0, column].legend(loc="lower right", fontsize=8)
     axes[0, 0].set_ylabel("training return")
     axes[1, 0].set_ylabel("greedy return")
-    figure.suptitle("As figure 9: the new case")
+    figure.suptitle("Figure 9: reuse on the new case")
     return figure
 
 
@@ -120,33 +126,6 @@ def lines(axes: Sequence[Axes], name: str, runs: Sequence[Record], look: tuple[s
         axis.fill_between(x, mean - spread, mean + spread, color=look[0], alpha=0.12, linewidth=0)
         axis.grid(color="#8888", linewidth=0.4)
         axis.spines[["top", "right"]].set_visible(False)
-
-
-def draw_gains(study: Study) -> Figure | None:
-    """A heat map: how much more area than scratch each arm has, by source and target."""
-    arms = [arm for side in SIDES.values() for arm in side if arm != "scratch"]
-    pairs = [pair for pair in NUMBERS if study.arm(PAIRS, pair, "scratch")]
-    if not pairs:
-        return None
-    values = np.full((len(pairs), len(arms)), np.nan)
-    for row, pair in enumerate(pairs):
-        for column, arm in enumerate(arms):
-            runs = study.together({"arm": (PAIRS, pair, arm), "scratch": (PAIRS, pair, "scratch")})
-            areas = {name: [METRICS["area"](run) for run in found] for name, found in runs.items()}
-            if areas["arm"]:
-                values[row, column] = np.mean(areas["arm"]) - np.mean(areas["scratch"])
-    figure = Figure(figsize=(9, 1.6 + 0.7 * len(pairs)), dpi=110, layout="constrained")
-    axes = figure.subplots()
-    most = max(0.05, float(np.nanmax(np.abs(values), initial=0.0)))
-    picture = axes.imshow(values, cmap=mpl.colormaps["PuOr"], vmin=-most, vmax=most, aspect="auto")
-    axes.set_xticks(range(len(arms)), arms)
-    axes.set_yticks(range(len(pairs)), pairs)
-    for (row, column), value in np.ndenumerate(values):
-        if np.isfinite(value):
-            colour = "white" if abs(value) > 0.6 * most else "black"
-            axes.text(column, row, f"{value:+.2f}", ha="center", va="center", color=colour)
-    figure.colorbar(picture, ax=axes, label="area above scratch (score)")
-    return figure
 
 
 def save(figure: Figure, path: Path) -> list[Path]:

@@ -13,6 +13,7 @@ from ship_trl.study.contrasts import Finding, contrast, found
 from ship_trl.study.metrics import METRICS, time_to_threshold
 from ship_trl.study.records import BrokenRunError, Record, find_runs, read_run
 from ship_trl.study.statistics import (
+    RESAMPLES,
     Estimate,
     Sample,
     bootstrap,
@@ -29,10 +30,14 @@ SEED = 2022
 
 @dataclass(frozen=True)
 class Study:
-    """The runs of a folder; `broken` are those that could not be read, with the reason."""
+    """The runs of a folder; `broken` are those that could not be read, with the reason.
+
+    `resamples` is how often its seeds are drawn anew for an interval.
+    """
 
     records: dict[tuple[str, str, str, int], Record]
     broken: list[tuple[Path, str]] = field(default_factory=list)
+    resamples: int = RESAMPLES
 
     def arm(self, part: str, pair: str, arm: str) -> dict[int, Record]:
         """The runs of an arm by seed."""
@@ -90,7 +95,7 @@ def levels(
     found_samples = samples(study, places, METRICS[metric])
     if not enough(found_samples):
         return []
-    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED, alike)]
+    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED, alike, study.resamples)]
 
 
 def steadier(study: Study, claim: str, places: Places, steady: str, other: str, metric: str) -> list[Finding]:
@@ -98,10 +103,10 @@ def steadier(study: Study, claim: str, places: Places, steady: str, other: str, 
     values = samples(study, places, METRICS[metric])
     if not enough(values):
         return []
-    estimate = steadiness(values[steady], values[other], SEED)
+    estimate = steadiness(values[steady], values[other], SEED, study.resamples)
     p = brown_forsythe(values[steady], values[other])
     what = f"{steady} varies less than {other} ({metric}; log of the ratio of standard deviations)"
-    return [found(claim, what, estimate, None, p, len(values[steady]))]
+    return [found(claim, what, estimate, None, p, np.full(len(values[steady]), np.nan))]
 
 
 def rises(study: Study, claim: str, places: Places, order: Iterable[str], metric: str) -> list[Finding]:
@@ -115,11 +120,12 @@ def rises(study: Study, claim: str, places: Places, order: Iterable[str], metric
         return (interquartile_mean(arms[-1], axis) - interquartile_mean(arms[0], axis)) / (len(arms) - 1)
 
     ordered = [values[name] for name in names]
-    estimate = bootstrap(ordered, step, SEED)
+    estimate = bootstrap(ordered, step, SEED, study.resamples)
     # Two-sided: a fall contradicts.
     p = min(1.0, 2 * min(page_trend(ordered), page_trend(ordered[::-1])))
     what = f"{' < '.join(names)} ({metric}; mean step)"
-    return [found(claim, what, estimate, None, p, len(ordered[0]))]
+    steps = (ordered[-1] - ordered[0]) / (len(ordered) - 1)
+    return [found(claim, what, estimate, None, p, steps)]
 
 
 def sooner(study: Study, claim: str, places: Places, early: str, late: str) -> list[Finding]:
@@ -131,24 +137,16 @@ def sooner(study: Study, claim: str, places: Places, early: str, late: str) -> l
     length = len(runs[early][0].training.total)
     spent = {name: np.array([t for t, _ in found_times]) / length for name, found_times in times.items()}
     seen = {name: np.array([there for _, there in found_times]) for name, found_times in times.items()}
+    difference = spent[late] - spent[early]
     if not (seen[early].any() or seen[late].any()):
         # Nobody got there: there is nothing to compare.
-        estimate = Estimate(0.0, -1.0, 1.0)
-        return [
-            found(
-                claim,
-                f"{early} sooner than {late} (neither gets there)",
-                estimate,
-                None,
-                1.0,
-                len(seen[early]),
-            )
-        ]
+        what = f"{early} sooner than {late} (neither gets there)"
+        return [found(claim, what, Estimate(0.0, -1.0, 1.0), None, 1.0, difference)]
 
     def saved(a: Sample, b: Sample, axis: int) -> Any:
         return np.mean(b, axis=axis) - np.mean(a, axis=axis)
 
-    estimate = bootstrap((spent[early], spent[late]), saved, SEED)
+    estimate = bootstrap((spent[early], spent[late]), saved, SEED, study.resamples)
     p = log_rank((spent[early], seen[early]), (spent[late], seen[late]))
     what = f"{early} sooner at the threshold than {late} (share of the episodes; censored at the end)"
-    return [found(claim, what, estimate, None, p, len(seen[early]))]
+    return [found(claim, what, estimate, None, p, difference)]

@@ -5,14 +5,19 @@ from __future__ import annotations
 import base64
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
 from ship_trl.study.answers import Answer
-from ship_trl.study.contrasts import LEAST_SEEDS, MARGIN
+from ship_trl.study.conclusions import FIGURE as CONCLUSIONS
+from ship_trl.study.contrasts import LEAST_SEEDS, MARGIN, Finding
 from ship_trl.study.measured import Study
+from ship_trl.study.placebo import Placebo
+from ship_trl.study.similarities import EQUATION
 from ship_trl.study.statistics import Estimate
 from ship_trl.study.tables import Row
 
@@ -28,10 +33,15 @@ ARM_METRICS = (
     "best",
     "DCPA",
 )
-POWER = (
-    "With {seeds} seeds only large differences can be seen: inconclusive says that none was seen, "
-    "not that there is none."
-)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure: its title, what it shows, and its PNG."""
+
+    title: str
+    caption: str
+    png: Path
 
 
 def number(value: Any, digits: int = 2) -> str:
@@ -44,22 +54,20 @@ def interval(found: Estimate | None) -> str:
     return "" if found is None else f"{found.low:+.3f} to {found.high:+.3f}"
 
 
-def contrast_rows(answers: Sequence[Answer]) -> list[dict[str, Any]]:
-    """A row for each contrast."""
-    return [
-        {
-            "claim": answer.hypothesis.name,
-            "what": finding.what,
-            "estimate": f"{finding.estimate.value:+.3f}",
-            "interval": interval(finding.estimate),
-            "improvement": "" if finding.improvement is None else f"{finding.improvement.value:.2f}",
-            "p": f"{finding.adjusted:.3f}",
-            "seeds": finding.seeds,
-            "verdict": finding.verdict.value,
-        }
-        for answer in answers
-        for finding in answer.findings
-    ]
+def contrast_row(claim: str, finding: Finding) -> dict[str, Any]:
+    """A contrast as words."""
+    improvement = finding.improvement
+    return {
+        "claim": claim,
+        "what": finding.what,
+        "estimate": f"{finding.estimate.value:+.3f}",
+        "interval": interval(finding.estimate),
+        "improvement": "" if improvement is None else f"{improvement.value:.2f}",
+        "p": f"{finding.adjusted:.3f}",
+        "seeds": finding.seeds,
+        "seen": number(finding.seen, 3) if isfinite(finding.seen) else "",
+        "verdict": finding.verdict.value,
+    }
 
 
 def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
@@ -75,17 +83,39 @@ def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
     return cells
 
 
-def counts(answer: Answer) -> str:
-    """How many contrasts came out how."""
-    found = Counter(finding.verdict.value for finding in answer.findings)
-    return ", ".join(f"{count} {verdict}" for verdict, count in found.items()) or "no runs"
+def in_a_sentence(answer: Answer) -> str:
+    """What was measured of a claim: its number, or how its contrasts came out and between which."""
+    findings = answer.findings
+    if not findings:
+        return "No runs."
+    if len(findings) == 1:
+        (one,) = findings
+        value, ends = f"{one.estimate.value:+.3f}", interval(one.estimate)
+        return f"{one.what}: {value} ({ends}), adjusted p {one.adjusted:.3f}."
+    found = Counter(finding.verdict.value for finding in findings)
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
+    values = [finding.estimate.value for finding in findings]
+    return f"{len(findings)} contrasts: {counts}; estimates {min(values):+.3f} to {max(values):+.3f}."
+
+
+def claim(answer: Answer) -> dict[str, str]:
+    """A claim as words."""
+    return {
+        "name": answer.hypothesis.name,
+        "figure": answer.hypothesis.figure,
+        "sentence": answer.hypothesis.sentence,
+        "verdict": answer.verdict.value,
+        "measured": in_a_sentence(answer),
+    }
 
 
 def render(
     study: Study,
     answers: Sequence[Answer],
     arms: Sequence[Row],
-    figures: Sequence[tuple[str, str, Path]],
+    similar: Sequence[Row],
+    figures: Sequence[Drawn],
+    shuffled: Placebo | None,
     missing: int,
 ) -> str:
     """The page.
@@ -94,43 +124,40 @@ def render(
         study: what was read.
         answers: the claims measured.
         arms: rows of `tables.arm_rows`.
-        figures: title, caption and PNG of each.
+        similar: rows of `similarities.table_2`.
+        figures: what was drawn.
+        shuffled: what the rules found where there is nothing; None with too few seeds for verdicts.
         missing: how many planned runs there are not.
     """
     records = list(study.records.values())
-    seeds = len({key[3] for key in study.records})
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
+        lstrip_blocks=True,
     )
     return environment.get_template("page.html").render(
-        title="Work process transfer in ship collision avoidance: a study",
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.total)) for r in records})),
-        seeds=seeds,
+        seeds=len({key[3] for key in study.records}),
         missing=missing,
         margin=MARGIN,
         least=LEAST_SEEDS,
-        power=POWER.format(seeds=seeds),
-        answers=[
-            {
-                "name": a.hypothesis.name,
-                "figure": a.hypothesis.figure,
-                "sentence": a.hypothesis.sentence,
-                "verdict": a.verdict.value,
-                "counts": counts(a),
-            }
-            for a in answers
-        ],
-        contrasts=contrast_rows(answers),
+        shuffled=shuffled,
+        conclusions=[claim(a) for a in answers if a.hypothesis.figure == CONCLUSIONS],
+        claims=[claim(a) for a in answers if a.hypothesis.figure != CONCLUSIONS],
+        contrasts=[contrast_row(a.hypothesis.name, finding) for a in answers for finding in a.findings],
         arm_columns=("part", "pair", "arm", "seeds", *ARM_METRICS),
         arms=arm_cells(arms),
+        similar=[
+            {**row, "similarity": number(row["similarity"]), "paper": number(row["paper"])} for row in similar
+        ],
+        equation=EQUATION,
         figures=[
-            {"title": title, "caption": caption, "data": base64.b64encode(path.read_bytes()).decode()}
-            for title, caption, path in figures
+            {"title": f.title, "caption": f.caption, "data": base64.b64encode(f.png.read_bytes()).decode()}
+            for f in figures
         ],
         broken=[(str(path), reason) for path, reason in study.broken],
     )

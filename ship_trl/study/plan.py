@@ -174,7 +174,7 @@ def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     low = {"learn": {"epsilon_start": LOW_EPSILON}}
 
     def policy(*place: str) -> str:
-        return str(config.folder.joinpath(*place, f"seed={seed}", "policy.safetensors"))
+        return str(config.folder.absolute().joinpath(*place, f"seed={seed}", "policy.safetensors"))
 
     for part, extra in ((f"{REUSE}/epsilon_1", {}), (f"{REUSE}/epsilon_low", low)):
         yield alone(part, NEW_CASE, seed, 1, **extra)

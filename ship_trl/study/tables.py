@@ -13,7 +13,6 @@ from ship_trl.paths import replacing
 from ship_trl.study.answers import Answer
 from ship_trl.study.measured import SEED, Study
 from ship_trl.study.metrics import METRICS, time_to_threshold
-from ship_trl.study.records import Record
 from ship_trl.study.statistics import Estimate, bootstrap, interquartile_mean
 
 Row = dict[str, Any]
@@ -90,6 +89,7 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "p": finding.p,
             "p adjusted": finding.adjusted,
             "seeds": finding.seeds,
+            "seen": finding.seen,
             "verdict": finding.verdict.value,
         }
         for answer in answers
@@ -105,9 +105,3 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-
-
-def gain(study: Study, record: Record) -> float | None:
-    """How much more area a run has than the one from scratch of its pair and seed."""
-    scratch = study.records.get((record.part, record.pair, "scratch", record.seed))
-    return None if scratch is None else METRICS["area"](record) - METRICS["area"](scratch)

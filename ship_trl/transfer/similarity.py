@@ -52,6 +52,14 @@ def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
     return ship.x, ship.y, ship.heading % 360.0, ship.speed
 
 
+def in_words(base: Case, target: Case) -> tuple[str, str]:
+    """What two cases have in common and what not, with the weight of each: "1 ideal path", "0"."""
+    found = rules(base, target)
+    common = " + ".join(f"{rule.common:g} {rule.what}" for rule in found if rule.common)
+    different = " + ".join(f"{rule.different:g} {rule.what}" for rule in found if rule.different)
+    return common or "0", different or "0"
+
+
 def similarity(base: Case, target: Case) -> float:
     """Equation 8, from 0 (nothing in common) to 1 (the same)."""
     found = rules(base, target)

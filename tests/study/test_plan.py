@@ -52,7 +52,7 @@ def test_reuse_is_two_networks_by_two_epsilons_and_other_sources() -> None:
 
 def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:
     config = to_study([])
-    made = {job.folder(config.folder): job.stage for job in plan_jobs(config)}
+    made = {job.folder(config.folder.absolute()): job.stage for job in plan_jobs(config)}
     for job in plan_jobs(config):
         if "source_file" in job.values:
             assert made[Path(job.values["source_file"]).parent] < job.stage
@@ -76,7 +76,7 @@ def test_nothing_is_trained_twice(
         run = make_run(composed(f"+job={job.name}", "profile=smoke", place))
         assert run.recipe not in recipes, (job, recipes[run.recipe])
         recipes[run.recipe] = job
-        assert run.folder == job.folder(config.folder)
+        assert run.folder == job.folder(config.folder.absolute())
         # What it copies from is one of the study's runs, of an earlier stage.
         if run.source is not None:
             assert recipes[run.source.recipe].stage < job.stage

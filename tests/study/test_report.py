@@ -58,7 +58,7 @@ def test_the_page_is_whole_and_needs_nothing_else(study: Path) -> None:
     page.feed(text)
     assert page.open == [] and all(link.startswith("data:") for link in page.fetched)
     assert "50 runs of the profile quick, 60 episodes each, 5 seeds" in text
-    assert text.count("<h2>Verdicts</h2>") == 1 and 'class="verdict supported"' in text
+    assert text.count('<section class="card">') == 5 and 'class="verdict supported"' in text
 
 
 def test_tables_and_figures_lie_beside_it(study: Path) -> None:

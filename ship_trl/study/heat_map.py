@@ -1,0 +1,67 @@
+"""A heat map of what transfer gains over learning from scratch, by source, target and arm."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from ship_trl.study.claims import FE, FT, reuse
+from ship_trl.study.measured import Study
+from ship_trl.study.metrics import METRICS
+from ship_trl.study.plan import CONTROLS, PAIRS, REUSE, SELF_PAIR, read
+
+ARMS = (*FE, "FE3-random", *FT, "FTW")
+Place = tuple[str, str, str]
+
+
+def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
+    """What is compared: by "source to target", the runs from scratch and those of each arm."""
+    found: dict[str, tuple[Place, dict[str, Place]]] = {}
+    for pair in ("high", "low", "lowest"):
+        values = read("pair", pair)
+        arms: dict[str, Place] = {arm: (PAIRS, pair, arm) for arm in (*FE, *FT, "FTW")}
+        arms["FE3-random"] = (CONTROLS, pair, "FE3-random")
+        found[f"{values['source']} to {values['target']}"] = (PAIRS, pair, "scratch"), arms
+    itself: dict[str, Place] = {arm: (CONTROLS, SELF_PAIR, arm) for arm in (*FE, *FT)}
+    found["2 to 2"] = (PAIRS, "high", "scratch"), itself
+    for case in ("2", "1", "3", "5"):
+        found[f"{case} to new"] = (f"{REUSE}/epsilon_low", "new", "scratch"), {"FTW": reuse("low", case)}
+    return {
+        name: (scratch, arms)
+        for name, (scratch, arms) in found.items()
+        if study.arm(*scratch) and any(study.arm(*place) for place in arms.values())
+    }
+
+
+def gain(study: Study, place: Place, scratch: Place) -> float:
+    """Mean difference of areas over the seeds that both have; not a number where there are none."""
+    runs = study.together({"arm": place, "scratch": scratch})
+    areas = [[METRICS["area"](run) for run in runs[name]] for name in ("arm", "scratch")]
+    return float(np.mean(areas[0]) - np.mean(areas[1])) if areas[0] else np.nan
+
+
+def draw_gains(study: Study) -> Figure | None:
+    """The heat map; None without runs from scratch to compare with."""
+    found = rows(study)
+    if not found:
+        return None
+    values = np.array(
+        [
+            [gain(study, arms[arm], scratch) if arm in arms else np.nan for arm in ARMS]
+            for scratch, arms in found.values()
+        ]
+    )
+    figure = Figure(figsize=(11, 1.4 + 0.45 * len(found)), dpi=110, layout="constrained")
+    axes = figure.subplots()
+    most = max(0.05, float(np.nanmax(np.abs(values), initial=0.0)))
+    picture = axes.imshow(values, cmap=mpl.colormaps["PuOr"], vmin=-most, vmax=most, aspect="auto")
+    axes.set_xticks(range(len(ARMS)), ARMS)
+    axes.set_yticks(range(len(found)), list(found))
+    axes.set_ylabel("source to target")
+    for (row, column), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            colour = "white" if abs(value) > 0.6 * most else "black"
+            axes.text(column, row, f"{value:+.2f}", ha="center", va="center", color=colour)
+    figure.colorbar(picture, ax=axes, label="above scratch (score)")
+    return figure

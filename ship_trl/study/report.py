@@ -1,0 +1,84 @@
+"""The report of a study's folder: tables, figures and one page, from result files alone. No torch."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from ship_trl.cli import complain
+from ship_trl.config import ConfigError
+from ship_trl.paths import replacing
+from ship_trl.study import figures, tables
+from ship_trl.study.answers import answer
+from ship_trl.study.contrasts import LEAST_SEEDS
+from ship_trl.study.heat_map import draw_gains
+from ship_trl.study.measured import Study, read_study
+from ship_trl.study.page import Drawn, render
+from ship_trl.study.placebo import placebo
+from ship_trl.study.plan import PAIRS
+from ship_trl.study.similarities import table_2
+
+CURVES = (
+    "Mean over seeds, moving over a twentieth of the episodes; the band is one standard deviation over "
+    "seeds. In brackets the number of runs."
+)
+GAINS = "Mean difference of the area under the training-return curve, in scores, from scratch on the target."
+
+
+def report(folder: Path, output: Path) -> None:
+    """Write the report of a study's folder: index.html, CSV tables, figures as PNG and PDF.
+
+    What cannot be read is named on stderr and on the page, and left out.
+
+    Raises:
+        ConfigError: there is no finished run, or the report cannot be written.
+    """
+    study = read_study(folder)
+    for path, reason in study.broken:
+        complain(f"{path}: {reason}; left out")
+    if not study.records:
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        write(study, folder, output)
+    except OSError as error:
+        raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
+    sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
+
+
+def write(study: Study, folder: Path, output: Path) -> None:
+    """Measure and write everything."""
+    answers, arms, similar = answer(study), tables.arm_rows(study), table_2()
+    for name, rows in (
+        ("runs", tables.run_rows(study)),
+        ("arms", arms),
+        ("claims", tables.claim_rows(answers)),
+        ("table_2", similar),
+    ):
+        tables.write_csv(output / f"{name}.csv", rows)
+    drawn = []
+    for name, title, caption, figure in (
+        *((f"pair_{p}", figures.title(p), CURVES, figures.draw_pair(study, p)) for p in figures.NUMBERS),
+        ("reuse", "Figure 9: reuse on the new case", CURVES, figures.draw_reuse(study)),
+        ("gains", "What transfer gains, by source and target", GAINS, draw_gains(study)),
+    ):
+        if figure is not None:
+            png, _ = figures.save(figure, output / name)
+            drawn.append(Drawn(title, caption, png))
+    seeds = {key[3] for key in study.records if key[0] == PAIRS}
+    shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
+    page = render(study, answers, arms, similar, drawn, shuffled, missing(folder, len(study.records)))
+    with replacing(output / "index.html") as draft:
+        draft.write_text(page)
+    for found in answers:
+        sys.stdout.write(f"{found.hypothesis.name}  {found.verdict.value:<13} {found.hypothesis.sentence}\n")
+
+
+def missing(folder: Path, found: int) -> int:
+    """How many runs the study planned and has not."""
+    try:
+        planned = len(json.loads((folder / "study.json").read_text())["jobs"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+    return max(0, planned - found)

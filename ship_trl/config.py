@@ -91,11 +91,16 @@ class Learn:
 
 @dataclass
 class Wandb:
-    """Where a wandb run goes; offline needs no account."""
+    """Where a wandb run goes; offline needs no account.
+
+    `folder` holds `wandb/offline-run-*`; `group` is the pair where it is None.
+    """
 
     project: str
     mode: WandbMode
     entity: str | None
+    folder: str
+    group: str | None
 
 
 @dataclass

@@ -88,7 +88,7 @@ class WandbTracker:
         import wandb
 
         config = run.config
-        folder = Path(config.output)
+        folder = Path(config.wandb.folder)
         mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
         folder.mkdir(parents=True, exist_ok=True)
         try:
@@ -97,7 +97,7 @@ class WandbTracker:
                 entity=config.wandb.entity,
                 mode=mode,
                 dir=str(folder),
-                group=config.label,
+                group=config.wandb.group or config.label,
                 job_type=config.arm,
                 name=f"{config.label}/{config.arm}/seed={config.seed}",
                 tags=[config.profile],

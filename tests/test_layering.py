@@ -51,6 +51,7 @@ WITHOUT_TORCH = (
     "results",
     "study/__main__",
     "study/report",
+    "study/summary",
 )
 FILES = sorted(PACKAGE.rglob("*.py"))
 

@@ -7,11 +7,13 @@ import sys
 
 from ship_trl.cli import complain
 from ship_trl.config import ConfigError
+from ship_trl.study.config import StudyConfig, to_study
 from ship_trl.study.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.pace import in_words, seconds_per_run
-from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
+from ship_trl.study.plan import Job, plan_jobs
 from ship_trl.study.progress import Display, say
 from ship_trl.study.settled import episodes_of, settle
+from ship_trl.study.summary import REPORT, check_account, log_summary
 
 HELP = """\
 python -m ship_trl.study: every run of figures 5 to 7 and 9, and our controls.
@@ -26,6 +28,9 @@ Stopped and started again it goes on where it was. Keys, with their values in co
   output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
   launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster
   overrides=[..]    of every run, as overrides=[learn.episodes=1000]
+  logger=csv|wandb  wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
+
+The report follows: <output>/report/index.html.
 """
 
 
@@ -37,9 +42,11 @@ def main(arguments: list[str] | None = None) -> None:
         return
     try:
         config = to_study(given)
+        check_account(config)
         jobs = plan_jobs(config)
         settle(jobs, config)
         left = study(jobs, config)
+        conclude(jobs, left, config)
     except ConfigError as error:
         complain(str(error))
         sys.exit(1)
@@ -67,9 +74,17 @@ def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
             say(f"{len(missing)} of {len(jobs)} runs to do, about {total} on {processes()} cores, by {how}")
         elif missing:
             say(f"{len(missing)} of {len(jobs)} runs to do, by {config.launcher}")
-        left = run_jobs(missing, config, display.show)
+        return run_jobs(missing, config, display.show)
+
+
+def conclude(jobs: list[Job], left: list[Job], config: StudyConfig) -> None:
+    """The report of what there is, and where everything lies."""
+    from ship_trl.study.report import report
+
+    if len(left) < len(jobs):
+        report(config.folder, config.folder / REPORT)
+        log_summary(config)
     say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
-    return left
 
 
 if __name__ == "__main__":

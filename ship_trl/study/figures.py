@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ship_trl.paths import replacing
+from ship_trl.study.config import NEW_CASE, read
 from ship_trl.study.measured import Study
-from ship_trl.study.plan import NEW_CASE, PAIRS, REUSE, read
+from ship_trl.study.plan import PAIRS, REUSE
 from ship_trl.study.records import Record
 
 # Okabe and Ito's colours, which are told apart without colour vision; dashes do it in print.

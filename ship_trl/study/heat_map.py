@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ship_trl.study.claims import FE, FT, reuse
+from ship_trl.study.config import read
 from ship_trl.study.measured import Study
 from ship_trl.study.metrics import METRICS
-from ship_trl.study.plan import CONTROLS, PAIRS, REUSE, SELF_PAIR, read
+from ship_trl.study.plan import CONTROLS, PAIRS, REUSE, SELF_PAIR
 
 ARMS = (*FE, "FE3-random", *FT, "FTW")
 Place = tuple[str, str, str]

@@ -14,9 +14,11 @@ from typing import Any
 
 import yaml
 
+from ship_trl.config import Logger
 from ship_trl.paths import replacing
 from ship_trl.plan import read_result
-from ship_trl.study.plan import Job, StudyConfig
+from ship_trl.study.config import StudyConfig
+from ship_trl.study.plan import Job
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
 # Of Linux's prctl: a signal when the parent dies.
@@ -36,6 +38,7 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
         values: dict[str, Any] = job.values | {
             "output": str(place / job.part),
             "case_base": str(place / BASE),
+            "wandb": {"folder": str(place), "group": f"{job.part}/{job.label}"},
         }
         with replacing(folder / f"{job.name}.yaml") as draft:
             draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
@@ -56,9 +59,19 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
         *("--config-dir", str((config.folder / JOBS).absolute())),
         *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
         f"profile={config.profile}",
+        *logging(config),
         *config.overrides,
         f"+job={','.join(job.name for job in jobs)}",
     ]
+
+
+def logging(config: StudyConfig) -> list[str]:
+    """Overrides that send the runs to the study's wandb project."""
+    if config.logger is not Logger.wandb:
+        return []
+    wandb = config.wandb
+    entity = [f"wandb.entity={wandb.entity}"] if wandb.entity else []
+    return ["logger=wandb", f"wandb.project={wandb.project}", f"wandb.mode={wandb.mode.name}", *entity]
 
 
 def die_with_parent() -> None:

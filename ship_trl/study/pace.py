@@ -10,8 +10,9 @@ import tempfile
 from pathlib import Path
 
 from ship_trl.plan import RESULT
+from ship_trl.study.config import StudyConfig
 from ship_trl.study.launch import finished, processes
-from ship_trl.study.plan import Job, StudyConfig
+from ship_trl.study.plan import Job
 
 # Results that say how long a run takes, if there are so many.
 ENOUGH = 4

@@ -8,8 +8,9 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from ship_trl.study.config import StudyConfig
 from ship_trl.study.launch import finished
-from ship_trl.study.plan import Job, StudyConfig
+from ship_trl.study.plan import Job
 
 console = Console(highlight=False)
 # The last line of a learning curve is not longer.

@@ -14,7 +14,8 @@ from ship_trl.checks import to_config
 from ship_trl.cli import explain_hydra
 from ship_trl.config import Config, ConfigError, plain
 from ship_trl.paths import conf_dir, replacing
-from ship_trl.study.plan import Job, StudyConfig
+from ship_trl.study.config import StudyConfig
+from ship_trl.study.plan import Job
 
 PLAN = "study.json"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.study.plan import names, read
+from ship_trl.study.config import names, read
 from ship_trl.study.tables import Row
 from ship_trl.transfer.similarity import ALPHA, BETA, in_words, similarity
 

@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from ship_trl.launchers import close_token
+from ship_trl.study.config import LAUNCHERS, to_study
 from ship_trl.study.launch import batches, command, processes
-from ship_trl.study.plan import LAUNCHERS, plan_jobs, to_study
+from ship_trl.study.plan import plan_jobs
 from tests.study.commands import ENVIRONMENT, SMALL, learned, study
 from tests.test_cli import ship_trl
 from tests.test_config import options

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError
 from ship_trl.plan import make_run
+from ship_trl.study.config import to_study
 from ship_trl.study.launch import write_jobs
-from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
+from ship_trl.study.plan import Job, plan_jobs
 from tests.test_config import composed
 
 
@@ -80,38 +80,3 @@ def test_nothing_is_trained_twice(
         # What it copies from is one of the study's runs, of an earlier stage.
         if run.source is not None:
             assert recipes[run.source.recipe].stage < job.stage
-
-
-@pytest.mark.parametrize(
-    ("override", "said"),
-    [
-        ("profile=long", "profile: no long; allowed: paper, quick, smoke"),
-        ("pairs=[high,highest]", "pairs: no highest; allowed: high, low"),
-        ("arms=[FE3,FE3]", "arms: each at most once"),
-        ("arms=[]", "arms: each at most once and at least one"),
-        ("seeds=1", "seeds: must be at least 2, got 1"),
-        ("seeds=many", "seeds: Value 'many'"),
-        ("retries=-1", "retries: must be at least 0, got -1"),
-        ("launcher=condor", "launcher: no condor; allowed: joblib"),
-        ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
-        ("pairs=[low]", "reuse: needs pair high with arm FTW"),
-    ],
-)
-def test_what_is_wrong_is_said(override: str, said: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        to_study([override])
-    assert said in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.study.plan.find_spec", lambda name: None)
-    with pytest.raises(
-        ConfigError, match=r"launcher: ray_cluster is not installed; ship_trl\[ray\] brings it"
-    ):
-        to_study(["launcher=ray_cluster"])
-
-
-def test_the_folder_follows_the_profile() -> None:
-    assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
-    config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
-    assert config.folder == Path("elsewhere")

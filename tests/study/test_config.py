@@ -1,0 +1,43 @@
+"""What a study may be asked to be, and every wrong value refused in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config import ConfigError
+from ship_trl.study.config import StudyConfig, to_study
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("profile=long", "profile: no long; allowed: paper, quick, smoke"),
+        ("pairs=[high,highest]", "pairs: no highest; allowed: high, low"),
+        ("arms=[FE3,FE3]", "arms: each at most once"),
+        ("arms=[]", "arms: each at most once and at least one"),
+        ("seeds=1", "seeds: must be at least 2, got 1"),
+        ("seeds=many", "seeds: Value 'many'"),
+        ("retries=-1", "retries: must be at least 0, got -1"),
+        ("launcher=condor", "launcher: no condor; allowed: joblib"),
+        ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
+        ("pairs=[low]", "reuse: needs pair high with arm FTW"),
+    ],
+)
+def test_what_is_wrong_is_said(override: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        to_study([override])
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ship_trl.study.config.find_spec", lambda name: None)
+    with pytest.raises(
+        ConfigError, match=r"launcher: ray_cluster is not installed; ship_trl\[ray\] brings it"
+    ):
+        to_study(["launcher=ray_cluster"])
+
+
+def test_the_folder_follows_the_profile() -> None:
+    assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
+    config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
+    assert config.folder == Path("elsewhere")

@@ -109,6 +109,16 @@ def claim(answer: Answer) -> dict[str, str]:
     }
 
 
+def as_markdown(answers: Sequence[Answer]) -> str:
+    """All verdicts as a table of Markdown, for a README."""
+    lines = ["| claim | verdict | the paper | measured |", "| --- | --- | --- | --- |"]
+    for row in map(claim, answers):
+        # A bar would end the cell, and "<" may begin a tag.
+        words = [row[key].replace("|", "/").replace("<", "&lt;") for key in ("sentence", "measured")]
+        lines.append(f"| {row['name']} | {row['verdict']} | {' | '.join(words)} |")
+    return "\n".join(lines) + "\n"
+
+
 def render(
     study: Study,
     answers: Sequence[Answer],

@@ -14,7 +14,7 @@ from ship_trl.study.answers import answer
 from ship_trl.study.contrasts import LEAST_SEEDS
 from ship_trl.study.heat_map import draw_gains
 from ship_trl.study.measured import Study, read_study
-from ship_trl.study.page import Drawn, render
+from ship_trl.study.page import Drawn, as_markdown, render
 from ship_trl.study.placebo import placebo
 from ship_trl.study.plan import PAIRS
 from ship_trl.study.similarities import table_2
@@ -27,7 +27,7 @@ GAINS = "Mean difference of the area under the training-return curve, in scores,
 
 
 def report(folder: Path, output: Path) -> None:
-    """Write the report of a study's folder: index.html, CSV tables, figures as PNG and PDF.
+    """Write the report of a study's folder: index.html, verdicts.md, CSV tables, figures as PNG and PDF.
 
     What cannot be read is named on stderr and on the page, and left out.
 
@@ -69,8 +69,9 @@ def write(study: Study, folder: Path, output: Path) -> None:
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
     page = render(study, answers, arms, similar, drawn, shuffled, missing(folder, len(study.records)))
-    with replacing(output / "index.html") as draft:
-        draft.write_text(page)
+    for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers))):
+        with replacing(output / name) as draft:
+            draft.write_text(text)
     for found in answers:
         sys.stdout.write(f"{found.hypothesis.name}  {found.verdict.value:<13} {found.hypothesis.sentence}\n")
 

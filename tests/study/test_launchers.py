@@ -41,12 +41,11 @@ def test_launchers_overrides_are_not_of_the_runs() -> None:
     assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
 
 
-@pytest.mark.parametrize("launcher", ["slurm_local", "ray_local"])
-def test_a_study_is_the_same_by_another_launcher(launcher: str, whole: Path, tmp_path: Path) -> None:
+def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
     # A name that Hydra's grammar would not take unquoted.
     place = tmp_path / "a study, (its) folder=here's"
     place.mkdir()
-    study(*SMALL, f"launcher={launcher}", folder=place)
+    study(*SMALL, "launcher=slurm_local", folder=place)
     assert learned(place) == learned(whole)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from ship_trl.report import main
+from ship_trl.study.answers import ALL
 from tests.study.synthetic import learning, write_run
 from tests.test_cli import ROOT, files
 
@@ -75,6 +76,12 @@ def test_tables_and_figures_lie_beside_it(study: Path) -> None:
     assert 0 < low < value < high
     for name in ("pair_high.png", "pair_high.pdf", "gains.png", "gains.pdf"):
         assert (study / "report" / name).stat().st_size > 5_000
+
+
+def test_verdicts_are_a_markdown_table(study: Path) -> None:
+    lines = (study / "report/verdicts.md").read_text().splitlines()
+    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 3 for line in lines)
+    assert any(line.startswith("| H5h | supported | FT2 &lt; FT3 &lt; FT4 &lt; FTW. | ") for line in lines)
 
 
 def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> None:

@@ -1,9 +1,11 @@
-"""What Hydra's launchers leave open: Ray's token, which lets its holder run code on the cluster."""
+"""What Hydra's launchers leave open: processes that outlive them, and Ray's token for all to read."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import secrets
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,35 @@ from omegaconf import DictConfig, OmegaConf
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
 RAY = "hydra_plugins.hydra_ray_launcher"
+# The process that starts those of a grid.
+LAUNCHER = "SHIP_TRL_LAUNCHER"
+# Of Linux's prctl: a signal when the parent dies.
+PR_SET_PDEATHSIG = 1
+
+
+def launches() -> None:
+    """Remember that this process is the one that may start others."""
+    os.environ[LAUNCHER] = str(os.getpid())
+
+
+def die_with_launcher() -> None:
+    """In a process of a grid: end when the one that started it does, even if that one is killed.
+
+    Else it would finish its run beside those of a grid that was started again, on the same cores.
+    """
+    launcher = os.environ.get(LAUNCHER)
+    if launcher == str(os.getppid()):
+        die_with_parent()
+        if os.getppid() != int(launcher):  # too late
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def die_with_parent() -> None:
+    """In a child: end when its parent ends, however it does. Linux only; elsewhere locks must do."""
+    try:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    except (AttributeError, OSError, TypeError):
+        return
 
 
 class PrivateToken(Callback):

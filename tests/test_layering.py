@@ -27,12 +27,12 @@ ALLOWED = {
     "tracking": SIM | {"learn", "plan", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": set(),
-    "study": SIM | {"checks", "cli", "plan", "transfer"},
+    "study": SIM | {"checks", "cli", "launchers", "plan", "transfer"},
     "report": {"cli", "config", "study"},
     "results": {"cli", "plan", "study", "view"},
     "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},
-    "__main__": BELOW | {"checks", "cli", "experiment", "plan"},
+    "__main__": BELOW | {"checks", "cli", "experiment", "launchers", "plan"},
     "__init__": set(),
 }
 WITHOUT_TORCH = (

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,14 +13,13 @@ from typing import Any
 import yaml
 
 from ship_trl.config import Logger
+from ship_trl.launchers import die_with_parent
 from ship_trl.paths import replacing
 from ship_trl.plan import read_result
 from ship_trl.study.config import StudyConfig
 from ship_trl.study.plan import Job
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
-# Of Linux's prctl: a signal when the parent dies.
-PR_SET_PDEATHSIG = 1
 
 
 def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
@@ -72,14 +69,6 @@ def logging(config: StudyConfig) -> list[str]:
     wandb = config.wandb
     entity = [f"wandb.entity={wandb.entity}"] if wandb.entity else []
     return ["logger=wandb", f"wandb.project={wandb.project}", f"wandb.mode={wandb.mode.name}", *entity]
-
-
-def die_with_parent() -> None:
-    """In a child: end when the study ends, however it does. Linux only; elsewhere locks must do."""
-    try:
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    except (AttributeError, OSError):
-        return
 
 
 @contextmanager

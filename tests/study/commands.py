@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from tests.test_cli import ROOT, files
@@ -28,3 +29,24 @@ def learned(folder: Path) -> dict[str, bytes]:
     """What was learned: curves and weights of all runs."""
     found = files(folder / "outputs/smoke_study")
     return {name: data for name, data in found.items() if name.endswith(("curve.csv", ".safetensors"))}
+
+
+def descendants(ancestor: int, begins: bytes = b"") -> list[int]:
+    """Living processes that come from another and whose command line begins so."""
+    parents, found = {}, []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            # Behind the name, which may hold anything: state and parent.
+            state, parent = place.joinpath("stat").read_text().rpartition(")")[2].split()[:2]
+            parents[int(place.name)] = int(parent)
+            if state != "Z" and place.joinpath("cmdline").read_bytes().startswith(begins):
+                found.append(int(place.name))
+        except OSError:
+            continue
+    return [process for process in found if ancestor in ancestors(process, parents)]
+
+
+def ancestors(process: int, parents: dict[int, int]) -> Iterator[int]:
+    while process in parents:
+        process = parents[process]
+        yield process

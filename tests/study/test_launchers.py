@@ -17,7 +17,7 @@ from ship_trl.launchers import close_token
 from ship_trl.study.config import LAUNCHERS, to_study
 from ship_trl.study.launch import batches, command, processes
 from ship_trl.study.plan import plan_jobs
-from tests.study.commands import ENVIRONMENT, SMALL, learned, study
+from tests.study.commands import ENVIRONMENT, SMALL, descendants, learned, study
 from tests.test_cli import ship_trl
 from tests.test_config import options
 
@@ -49,6 +49,25 @@ def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
     assert learned(place) == learned(whole)
 
 
+def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
+    grid = ("target=1", "method=scratch", "profile=smoke", "learn.episodes=2000", "seed=0,1")
+    line = [sys.executable, "-m", "ship_trl", "-m", *grid]
+    child = subprocess.Popen(line, cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    try:
+        while len(list(tmp_path.rglob("curve.csv"))) < 2:
+            assert time.monotonic() < deadline and child.poll() is None
+            time.sleep(0.1)
+        family = descendants(child.pid)
+    finally:
+        child.kill()
+        child.wait()
+    assert len(family) >= 2
+    while any(Path(f"/proc/{process}").exists() for process in family):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
 @contextmanager
 def cluster() -> Iterator[tuple[str, int]]:
     """A cluster of two nodes; gives its address and process."""
@@ -68,26 +87,6 @@ def cluster() -> Iterator[tuple[str, int]]:
         process.stdout.close()
 
 
-def workers(ancestor: int) -> list[int]:
-    """Descendants of a process that run a job of Ray."""
-    parents, busy = {}, []
-    for place in Path("/proc").glob("[0-9]*"):
-        try:
-            # The fourth field, counted from behind the name, which may hold anything.
-            parents[int(place.name)] = int(place.joinpath("stat").read_text().rpartition(")")[2].split()[1])
-            if place.joinpath("cmdline").read_bytes().startswith(b"ray::_run_job"):
-                busy.append(int(place.name))
-        except OSError:
-            continue
-    return [process for process in busy if ancestor in ancestors(process, parents)]
-
-
-def ancestors(process: int, parents: dict[int, int]) -> Iterator[int]:
-    while process in parents:
-        process = parents[process]
-        yield process
-
-
 def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,10 +99,10 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
         child = subprocess.Popen(line, cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
         try:
             deadline = time.monotonic() + 120
-            while not (list(tmp_path.rglob("curve.csv")) and workers(nodes)):
+            while not (list(tmp_path.rglob("curve.csv")) and descendants(nodes, b"ray::_run_job")):
                 assert time.monotonic() < deadline and child.poll() is None
                 time.sleep(0.1)
-            os.kill(workers(nodes)[0], signal.SIGKILL)
+            os.kill(descendants(nodes, b"ray::_run_job")[0], signal.SIGKILL)
             # No retry of the study's own: Ray's has to do.
             assert child.wait(300) == 0
         finally:

@@ -16,11 +16,12 @@ ALL = [*CONCLUSIONS, *HYPOTHESES]
 
 @dataclass(frozen=True)
 class Answer:
-    """A claim measured."""
+    """A claim measured; `missing` is how many of its contrasts have no runs."""
 
     hypothesis: Hypothesis
     findings: list[Finding]
     verdict: Verdict
+    missing: int
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
@@ -32,6 +33,7 @@ def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]
         adjusted = iter(adjust([finding for found in measured.values() for finding in found]))
         for hypothesis in family:
             findings = [next(adjusted) for _ in measured[hypothesis.name]]
-            verdict = together([finding.verdict for finding in findings])
-            answers.append(Answer(hypothesis, findings, verdict))
+            missing = len(hypothesis.tests) - len(findings)
+            verdict = together([finding.verdict for finding in findings], missing)
+            answers.append(Answer(hypothesis, findings, verdict, missing))
     return answers

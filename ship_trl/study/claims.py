@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ship_trl.study.contrasts import Finding
+from ship_trl.study.contrasts import Claimed, Finding, judged
 from ship_trl.study.measured import Places, Study, levels, rises, sooner, steadier
 from ship_trl.study.plan import CONTROLS, PAIRS, RANDOM_ARM, REUSE, SELF_CASE, SELF_PAIR
 
@@ -47,7 +47,7 @@ def like_neighbours(pair: str, arm: str, neighbours: Sequence[str]) -> Test:
     """An arm does not differ from the mean of its neighbours, within the margin."""
     weights = {arm: 1.0} | {other: -1 / len(neighbours) for other in neighbours}
     what = f"{pair}: {arm} like the mean of {', '.join(neighbours)}"
-    return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, "area", alike=True)
+    return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, "area", Claimed.alike)
 
 
 def positive(pair: str, arm: str, metric: str) -> Test:
@@ -56,10 +56,27 @@ def positive(pair: str, arm: str, metric: str) -> Test:
     return lambda study, claim: levels(study, claim, what, of(pair, arm), {arm: 1.0}, metric)
 
 
-def none_of(pair: str, arm: str, metric: str) -> Test:
-    """A metric of an arm is zero, within the margin."""
-    what = f"{pair}: {arm} zero"
-    return lambda study, claim: levels(study, claim, what, of(pair, arm), {arm: 1.0}, metric, alike=True)
+def no_more(pair: str, arm: str, other: str, metric: str) -> Test:
+    """A metric of an arm is not above that of another, but for the margin."""
+    weights = {arm: 1.0, other: -1.0}
+    what = f"{pair}: {arm} no more than {other}"
+    return lambda study, claim: levels(
+        study, claim, what, of(pair, arm, other), weights, metric, Claimed.no_more
+    )
+
+
+def either(*tests: Test) -> Test:
+    """One of several contrasts holds: the most favourable, its p times their number."""
+
+    def best(study: Study, claim: str) -> list[Finding]:
+        found = [finding for test in tests for finding in test(study, claim)]
+        if len(found) < len(tests):
+            return []
+        first = min(found, key=lambda f: (f.estimate.value <= 0, f.p))
+        p = min(1.0, len(found) * first.p)
+        return [judged(replace(first, what=f"{first.what} (best of {len(found)})", p=p, adjusted=p))]
+
+    return best
 
 
 def interaction(pair: str, other: str, better: Sequence[str], worse: Sequence[str]) -> Test:
@@ -75,27 +92,39 @@ def interaction(pair: str, other: str, better: Sequence[str], worse: Sequence[st
     return lambda study, claim: levels(study, claim, what, places, weights, "area")
 
 
+def steeper(pair: str, other: str, arms: Sequence[str]) -> Test:
+    """The slope of the score over the number of layers is larger in one pair than in another."""
+    middle, count = (len(arms) - 1) / 2, len(arms)
+    shares = {arm: (k - middle) * 12 / (count**3 - count) for k, arm in enumerate(arms)}
+    places: dict[str, tuple[str, str, str]] = {}
+    weights: dict[str, float] = {}
+    for name, sign in ((pair, 1), (other, -1)):
+        for arm, share in shares.items():
+            places[f"{name} {arm}"] = (PAIRS, name, arm)
+            weights[f"{name} {arm}"] = sign * share
+    what = f"slope of {', '.join(arms)}: more in {pair} than in {other}"
+    return lambda study, claim: levels(study, claim, what, places, weights, "area")
+
+
 def steady(pair: str, arm: str, other: str, metric: str = "area") -> Test:
     """An arm varies less over seeds."""
-    return lambda study, claim: steadier(study, claim, of(pair, arm, other), arm, other, metric)
+    return lambda study, claim: steadier(study, claim, pair, of(pair, arm, other), arm, other, metric)
 
 
 def trend(pair: str, *order: str, metric: str = "area") -> Test:
     """Arms rise in this order."""
-    return lambda study, claim: rises(study, claim, of(pair, *order), order, metric)
+    return lambda study, claim: rises(study, claim, pair, of(pair, *order), order, metric)
 
 
 def early(pair: str, arm: str, other: str) -> Test:
     """An arm reaches the threshold sooner."""
-    return lambda study, claim: sooner(study, claim, of(pair, arm, other), arm, other)
+    return lambda study, claim: sooner(study, claim, pair, of(pair, arm, other), arm, other)
 
 
-def at(places: Places, better: str, worse: Sequence[str], metric: str = "area") -> Test:
-    """One arm is better than the mean of others, wherever each lies."""
-    weights = {better: 1.0} | {arm: -1 / len(worse) for arm in worse}
-    what = f"{better} above {', '.join(worse)}"
-    compared = {name: places[name] for name in weights}
-    return lambda study, claim: levels(study, claim, what, compared, weights, metric)
+def at(where: str, places: Places, better: str, worse: str) -> Test:
+    """One arm is better than another, wherever each lies."""
+    what, compared = f"{where}: {better} above {worse}", {name: places[name] for name in (better, worse)}
+    return lambda study, claim: levels(study, claim, what, compared, {better: 1.0, worse: -1.0}, "area")
 
 
 SELF: Places = {"scratch": (PAIRS, "high", "scratch")} | {
@@ -106,7 +135,7 @@ SELF: Places = {"scratch": (PAIRS, "high", "scratch")} | {
 def frozen_random(pair: str) -> Test:
     """FE3 is better than the same with layers that have learned nothing."""
     places = {"FE3": (PAIRS, pair, "FE3"), "FE3-random": (CONTROLS, pair, RANDOM_ARM)}
-    return at(places, "FE3", ["FE3-random"])
+    return at(pair, places, "FE3", "FE3-random")
 
 
 def reuse(epsilon: str, case: str = SELF_CASE) -> tuple[str, str, str]:
@@ -132,15 +161,16 @@ def network_effect(study: Study, claim: str) -> list[Finding]:
     """The main effect of the network in the 2 x 2 of network and starting epsilon."""
     names = ("reused, low", "reused, 1", "scratch, low", "scratch, 1")
     weights = dict(zip(names, (0.5, 0.5, -0.5, -0.5), strict=True))
-    what = "reused above scratch, mean of both epsilons"
+    what = "new: reused above scratch, mean of both epsilons"
     return levels(study, claim, what, some(*names), weights, "area")
 
 
 def confounded(study: Study, claim: str) -> list[Finding]:
     """The paper's comparison, which changes network and epsilon at once."""
-    return sooner(study, claim, some("reused, low", "scratch, 1"), "reused, low", "scratch, 1")
+    places = some("reused, low", "scratch, 1")
+    return sooner(study, claim, "new", places, "reused, low", "scratch, 1")
 
 
 def best_source(other: str) -> Test:
     """Case 2 is a better source than another."""
-    return at(some("case 2", f"case {other}"), "case 2", [f"case {other}"])
+    return at("new", some("case 2", f"case {other}"), "case 2", f"case {other}")

@@ -2,19 +2,8 @@
 
 from __future__ import annotations
 
-from ship_trl.study.claims import (
-    FE,
-    FT,
-    SELF,
-    Hypothesis,
-    at,
-    beats,
-    frozen_random,
-    interaction,
-    like_neighbours,
-    means,
-    trend,
-)
+from ship_trl.study.claims import FE, FT, Hypothesis, beats, frozen_random, interaction, steeper, trend
+from ship_trl.study.hypotheses import EXTRACTION_DIPS, FINETUNING_DIPS, NO_DIPS, SELF_DIPS
 
 FIGURE = "conclusions"
 PAIRS_OF_THE_PAPER = ("high", "low", "lowest")
@@ -32,6 +21,7 @@ CONCLUSIONS = [
         [
             *(trend("high", *arms) for arms in (FE, FT)),
             *(trend(pair, *arms[::-1]) for pair in ("low", "lowest") for arms in (FE, FT)),
+            *(steeper("high", pair, arms) for pair in ("low", "lowest") for arms in (FE, FT)),
             *(interaction("high", pair, FE, FT) for pair in ("low", "lowest")),
         ],
     ),
@@ -45,12 +35,7 @@ CONCLUSIONS = [
         "C4",
         FIGURE,
         "Torn co-adaptation makes dips: in pair high and from a case to itself, and none in low.",
-        [
-            means("high", ("FE1", "FE3"), ("FE2",)),
-            beats("high", "FT2", "FT1"),
-            at(SELF, "scratch", ["FE2"]),
-            like_neighbours("low", "FE2", ("FE1", "FE3")),
-        ],
+        [*EXTRACTION_DIPS, *FINETUNING_DIPS, *SELF_DIPS, *NO_DIPS],
     ),
     Hypothesis(
         "C5",

@@ -23,6 +23,11 @@ LAUNCHERS = {
     "ray_local": "hydra_ray_launcher",
     "ray_cluster": "hydra_ray_launcher",
 }
+# What a job sets.
+FIXED = (
+    *("pair", "source", "target", "source_file", "random_source", "method", "layers", "arm", "seed"),
+    *("profile", "output", "case_base", "logger", "overwrite"),
+)
 
 
 @dataclass
@@ -102,6 +107,7 @@ def check(config: StudyConfig) -> None:
     if find_spec(f"hydra_plugins.{plugin}") is None:
         extra = config.launcher.split("_")[0]
         raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
+    check_overrides(config)
     if config.count < 2:
         raise ConfigError(f"seeds: must be at least 2, got {config.count}")
     if config.retries < 0:
@@ -111,6 +117,18 @@ def check(config: StudyConfig) -> None:
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "
             "allowed: reuse=false"
         )
+
+
+def check_overrides(config: StudyConfig) -> None:
+    """Refuse what makes a run the one it is: it would be the same in all of them."""
+    fixed = {*FIXED, *(["learn.epsilon_start"] if config.reuse else [])}
+    for line in config.overrides:
+        key = line.split("=")[0].lstrip("+~")
+        if key in fixed:
+            allowed = "what all may share, as learn.lr=1e-3"
+            if key == "learn.epsilon_start":
+                allowed = "reuse=false"
+            raise ConfigError(f"overrides: {key} tells the study's runs apart; allowed: {allowed}")
 
 
 def one_of(key: str, got: list[str], allowed: list[str]) -> None:

@@ -14,6 +14,7 @@ from ship_trl.study.statistics import (
     SAME,
     Estimate,
     Sample,
+    below,
     bootstrap,
     holm,
     interquartile_mean,
@@ -39,16 +40,24 @@ class Verdict(StrEnum):
     inconclusive = "inconclusive"
 
 
+class Claimed(StrEnum):
+    """What is claimed of a contrast."""
+
+    above = "above zero"
+    alike = "zero, within the margin"
+    no_more = "not above the margin"
+
+
 @dataclass(frozen=True)
 class Finding:
     """A contrast measured: positive is the claimed direction.
 
     `improvement` is the probability that the claimed better side is better, None where the contrast is
     not one of levels (spread, trend, time); `p` is that of no difference, `adjusted` the same within
-    its figure by Holm's method, once all are known; `beyond` is the p of a difference beyond the margin,
-    one where that has no meaning. With `alike` the claim is that there is none; `between` says that
-    arms are compared, and not one of them with zero. `seen` is the least difference that so many seeds
-    would show four times in five, if it were the only contrast; not a number for spread.
+    its figure by Holm's method, once all are known. `beyond` is the p of a difference beyond the margin,
+    one where a margin has no meaning. `between` says that arms are compared, and not one of them with
+    zero. `deviation` is over seeds, not a number where the test is not Student's; `family` is how many
+    contrasts the figure has.
     """
 
     claim: str
@@ -60,9 +69,14 @@ class Finding:
     seeds: int
     verdict: Verdict
     beyond: float = 1.0
-    alike: bool = False
+    claimed: Claimed = Claimed.above
     between: bool = True
-    seen: float = np.nan
+    deviation: float = np.nan
+    family: int = 1
+
+    def seen(self, level: float) -> float:
+        """The least difference that so many seeds would show four times in five at a level."""
+        return seen_effect(self.seeds, level) * self.deviation
 
 
 def weighted(samples: Mapping[str, Sample], weights: Mapping[str, float]) -> tuple[list[Sample], list[float]]:
@@ -77,7 +91,7 @@ def contrast(
     samples: Mapping[str, Sample],
     weights: Mapping[str, float],
     seed: int,
-    alike: bool = False,
+    claimed: Claimed = Claimed.above,
     resamples: int = RESAMPLES,
 ) -> Finding:
     """Measure a weighted sum of arms' interquartile means, above zero as claimed.
@@ -88,7 +102,7 @@ def contrast(
         samples: numbers by arm, [S] each, in the order of the seeds.
         weights: by arm; those of the claimed better side are positive.
         seed: of the resampling.
-        alike: the claim is that the sum is zero, within the margin.
+        claimed: what the claim is.
         resamples: how many, of the intervals.
     """
     chosen, shares = weighted(samples, weights)
@@ -102,55 +116,52 @@ def contrast(
         side = better if share > 0 else worse
         side += abs(share) * values
     improvement = probability_of_improvement(better, worse, seed, resamples)
-    p = no_effect(better - worse)
-    between = abs(sum(shares)) < SAME
-    return found(claim, what, estimate, improvement, p, better - worse, alike, between)
-
-
-def found(
-    claim: str,
-    what: str,
-    estimate: Estimate,
-    improvement: Estimate | None,
-    p: float,
-    differences: Sample,
-    alike: bool = False,
-    between: bool = True,
-) -> Finding:
-    """A finding with the verdict that it would have if it were the only one.
-
-    `differences` are the contrast by seed; not numbers where it is none of single seeds (spread).
-    """
-    beyond = within(differences, MARGIN) if np.isfinite(differences).all() else 1.0
-    seeds = len(differences)
-    seen = float(seen_effect(seeds) * np.std(differences, ddof=1))
-    open_ = Verdict.inconclusive
+    differences = better - worse
+    ruled_out = below if claimed is Claimed.no_more else within
     return judged(
-        Finding(claim, what, estimate, improvement, p, p, seeds, open_, beyond, alike, between, seen)
+        Finding(
+            claim,
+            what,
+            estimate,
+            improvement,
+            p=no_effect(differences),
+            adjusted=no_effect(differences),
+            seeds=len(differences),
+            verdict=Verdict.inconclusive,
+            beyond=ruled_out(differences, MARGIN),
+            claimed=claimed,
+            between=abs(sum(shares)) < SAME,
+            deviation=float(np.std(differences, ddof=1)),
+        )
     )
+
+
+def found(claim: str, what: str, estimate: Estimate, p: float, seeds: int) -> Finding:
+    """A contrast that is not one of levels, with the verdict that it would have if it were the only one."""
+    return judged(Finding(claim, what, estimate, None, p, p, seeds, Verdict.inconclusive))
 
 
 def judged(finding: Finding) -> Finding:
     """The finding with its verdict."""
     if finding.seeds < LEAST_SEEDS:
         return replace(finding, verdict=Verdict.inconclusive)
-    return replace(finding, verdict=judge_alike(finding) if finding.alike else judge(finding))
+    rule = judge if finding.claimed is Claimed.above else judge_none
+    return replace(finding, verdict=rule(finding))
 
 
 def inside(finding: Finding) -> bool:
-    """Whether a difference beyond the margin is ruled out."""
-    estimate = finding.estimate
-    return estimate.low >= -MARGIN and estimate.high <= MARGIN and finding.beyond <= LEVEL
+    """Whether a difference beyond the margin is ruled out: on both sides, or of no_more above it."""
+    estimate, both = finding.estimate, finding.claimed is not Claimed.no_more
+    return (estimate.low >= -MARGIN or not both) and estimate.high <= MARGIN and finding.beyond <= LEVEL
 
 
-def judge_alike(finding: Finding) -> Verdict:
+def judge_none(finding: Finding) -> Verdict:
     """The rule for a claim of no difference: within the margin, or beyond it."""
-    estimate = finding.estimate
+    estimate, both = finding.estimate, finding.claimed is not Claimed.no_more
     if inside(finding):
         return Verdict.supported
-    if finding.adjusted <= LEVEL and (estimate.low > MARGIN or estimate.high < -MARGIN):
-        return Verdict.contradicted
-    return Verdict.inconclusive
+    outside = estimate.low > MARGIN or (both and estimate.high < -MARGIN)
+    return Verdict.contradicted if outside and finding.adjusted <= LEVEL else Verdict.inconclusive
 
 
 def judge(finding: Finding) -> Verdict:
@@ -168,13 +179,17 @@ def judge(finding: Finding) -> Verdict:
 def adjust(findings: Sequence[Finding]) -> list[Finding]:
     """Judge the findings of one figure anew, with p-values adjusted for their number."""
     adjusted = holm([finding.p for finding in findings])
-    return [judged(replace(f, adjusted=p)) for f, p in zip(findings, adjusted, strict=True)]
+    family = len(findings)
+    return [judged(replace(f, adjusted=p, family=family)) for f, p in zip(findings, adjusted, strict=True)]
 
 
-def together(verdicts: Sequence[Verdict]) -> Verdict:
-    """The verdict on a claim of several parts: all must hold, and one that fails contradicts it."""
-    if not verdicts:
-        return Verdict.inconclusive
-    if all(v == verdicts[0] for v in verdicts):
+def together(verdicts: Sequence[Verdict], missing: int = 0) -> Verdict:
+    """The verdict on a claim of several parts: all must hold, and one that fails contradicts it.
+
+    Parts that are `missing`, for want of runs, leave it open at best.
+    """
+    if Verdict.contradicted in verdicts:
+        return Verdict.contradicted
+    if verdicts and not missing and all(v == verdicts[0] for v in verdicts):
         return verdicts[0]
-    return Verdict.contradicted if Verdict.contradicted in verdicts else Verdict.inconclusive
+    return Verdict.inconclusive

@@ -6,28 +6,27 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from ship_trl.study.claims import FE, FT, reuse
-from ship_trl.study.config import read
+from ship_trl.study.claims import FE, FT
+from ship_trl.study.config import NEW_CASE, REUSED_ARM, REUSED_CASE, read
 from ship_trl.study.measured import Study
 from ship_trl.study.metrics import METRICS
-from ship_trl.study.plan import CONTROLS, PAIRS, REUSE, SELF_PAIR
+from ship_trl.study.plan import CONTROLS, LOW, OTHER_SOURCES, PAIRS, RANDOM_ARM, SELF_PAIR, from_scratch
 
-ARMS = (*FE, "FE3-random", *FT, "FTW")
+ARMS = (*FE, RANDOM_ARM, *FT, "FTW")
 Place = tuple[str, str, str]
 
 
 def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
     """What is compared: by "source to target", the runs from scratch and those of each arm."""
     found: dict[str, tuple[Place, dict[str, Place]]] = {}
-    for pair in ("high", "low", "lowest"):
-        values = read("pair", pair)
-        arms: dict[str, Place] = {arm: (PAIRS, pair, arm) for arm in (*FE, *FT, "FTW")}
-        arms["FE3-random"] = (CONTROLS, pair, "FE3-random")
-        found[f"{values['source']} to {values['target']}"] = (PAIRS, pair, "scratch"), arms
-    itself: dict[str, Place] = {arm: (CONTROLS, SELF_PAIR, arm) for arm in (*FE, *FT)}
-    found["2 to 2"] = (PAIRS, "high", "scratch"), itself
-    for case in ("2", "1", "3", "5"):
-        found[f"{case} to new"] = (f"{REUSE}/epsilon_low", "new", "scratch"), {"FTW": reuse("low", case)}
+    for pair in ("high", "low", "lowest", SELF_PAIR):
+        values, part = read("pair", pair), CONTROLS if pair == SELF_PAIR else PAIRS
+        arms: dict[str, Place] = {arm: (part, pair, arm) for arm in ARMS}
+        arms[RANDOM_ARM] = (CONTROLS, pair, RANDOM_ARM)
+        found[f"{values['source']} to {values['target']}"] = from_scratch(part, pair), arms
+    for case in (REUSED_CASE, *OTHER_SOURCES):
+        place = LOW, f"{case}-{NEW_CASE}", REUSED_ARM
+        found[f"{case} to {NEW_CASE}"] = from_scratch(LOW, place[1]), {REUSED_ARM: place}
     return {
         name: (scratch, arms)
         for name, (scratch, arms) in found.items()

@@ -16,16 +16,32 @@ from ship_trl.study.claims import (
     best_source,
     confounded,
     early,
+    either,
     like_neighbours,
     means,
     network_effect,
-    none_of,
+    no_more,
     positive,
     steady,
     trend,
 )
 
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
+# Parts of conclusion C4 too.
+EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")]
+FINETUNING_DIPS = [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")]
+SELF_DIPS = [
+    *(at("2 to 2", SELF, better, "FE2") for better in ("scratch", "FE1", "FE3")),
+    *(at("2 to 2", SELF, better, "FT1") for better in ("scratch", "FT2")),
+]
+NO_DIPS = [
+    like_neighbours("low", "FT1", ("FT2",)),
+    *(
+        like_neighbours("low", f"{kind}{n}", (f"{kind}{n - 1}", f"{kind}{n + 1}"))
+        for kind in ("FE", "FT")
+        for n in (2, 3)
+    ),
+]
 HYPOTHESES = [
     Hypothesis(
         "H5a",
@@ -40,18 +56,8 @@ HYPOTHESES = [
         "Those arms vary less across seeds.",
         [steady("high", arm, "scratch") for arm in NOT_DIPPING],
     ),
-    Hypothesis(
-        "H5c",
-        "5",
-        "FE2 dips below its neighbours and below scratch.",
-        [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")],
-    ),
-    Hypothesis(
-        "H5d",
-        "5",
-        "FT1 is below scratch and below FT2.",
-        [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")],
-    ),
+    Hypothesis("H5c", "5", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
+    Hypothesis("H5d", "5", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
     Hypothesis("H5e", "5", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
     Hypothesis(
         "H5f",
@@ -72,28 +78,14 @@ HYPOTHESES = [
         "FE3 is above FE4, sooner and steadier.",
         [beats("high", "FE3", "FE4"), early("high", "FE3", "FE4"), steady("high", "FE3", "FE4")],
     ),
-    Hypothesis(
-        "H5j",
-        "5",
-        "The dip is co-adaptation: from a case to itself FE2 dips too.",
-        [at(SELF, "scratch", ["FE2"]), at(SELF, "FE1", ["FE2"]), at(SELF, "FE3", ["FE2"])],
-    ),
+    Hypothesis("H5j", "5", "The dips are co-adaptation: a case to itself has them too.", SELF_DIPS),
     Hypothesis(
         "H6a",
         "6",
         "All arms but FE4 beat scratch.",
         [beats("low", arm, "scratch") for arm in TRANSFERS if arm != "FE4"],
     ),
-    Hypothesis(
-        "H6b",
-        "6",
-        "There are no dips.",
-        [
-            like_neighbours("low", f"{kind}{n}", (f"{kind}{n - 1}", f"{kind}{n + 1}"))
-            for kind in ("FE", "FT")
-            for n in (2, 3)
-        ],
-    ),
+    Hypothesis("H6b", "6", "There are no dips.", NO_DIPS),
     Hypothesis(
         "H6c",
         "6",
@@ -111,7 +103,8 @@ HYPOTHESES = [
         "6",
         "FTW is best early, from its first greedy evaluation on, and collides less.",
         [
-            *(beats("low", "FTW", arm, m) for m in ("early area", "jumpstart") for arm in (*FE, *FT)),
+            *(beats("low", "FTW", arm, "early area") for arm in ("scratch", *FE, *FT)),
+            *(beats("low", "FTW", arm, "jumpstart") for arm in (*FE, *FT)),
             means("low", (*FE, *FT), ("FTW",), "early collisions"),
         ],
     ),
@@ -138,14 +131,20 @@ HYPOTHESES = [
     Hypothesis(
         "H7e",
         "7",
-        "FT1 to FT4 dip when exploration ends, and collide more.",
-        [positive("lowest", arm, metric) for metric in ("dip", "collision rise") for arm in FT],
+        "FT1 to FT4 fall when exploration ends, more than scratch does, and collide more.",
+        [
+            *(beats("lowest", arm, "scratch", "dip") for arm in FT),
+            *(positive("lowest", arm, "collision rise") for arm in FT),
+        ],
     ),
     Hypothesis(
         "H7f",
         "7",
-        "FTW does not dip, and gains less late than the others.",
-        [none_of("lowest", "FTW", "dip"), means("lowest", FT, ("FTW",), "late gain")],
+        "FTW falls no more than scratch, and gains less late than FT1 to FT4 or ends lower.",
+        [
+            no_more("lowest", "FTW", "scratch", "dip"),
+            either(*(means("lowest", FT, ("FTW",), metric) for metric in ("late gain", "asymptote"))),
+        ],
     ),
     Hypothesis("H9a", "9", "A reused network is sooner than a new one.", [confounded, network_effect]),
     Hypothesis("H9b", "9", "Case 2 is the best source.", [best_source(case) for case in ("1", "3", "5")]),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ship_trl.study.contrasts import Finding, contrast, found
+from ship_trl.study.contrasts import Claimed, Finding, contrast, found
 from ship_trl.study.metrics import METRICS, time_to_threshold
+from ship_trl.study.plan import PARTS
 from ship_trl.study.records import BrokenRunError, Record, find_runs, read_run
 from ship_trl.study.statistics import (
     RESAMPLES,
@@ -21,11 +22,16 @@ from ship_trl.study.statistics import (
     interquartile_mean,
     log_rank,
     page_trend,
+    permutation,
+    slope,
     steadiness,
 )
 
 # Of all resampling: the same study gives the same report.
 SEED = 2022
+
+
+Records = dict[tuple[str, str, str, int], Record]
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,7 @@ class Study:
     `resamples` is how often its seeds are drawn anew for an interval.
     """
 
-    records: dict[tuple[str, str, str, int], Record]
+    records: Records
     broken: list[tuple[Path, str]] = field(default_factory=list)
     resamples: int = RESAMPLES
 
@@ -53,20 +59,29 @@ class Study:
 
 
 def read_study(folder: Path) -> Study:
-    """Read all runs below a folder; what cannot be read is named in `broken`."""
+    """Read all runs below a folder; what cannot be read, or is no study's, is named in `broken`."""
     study = Study({})
     for path, part in find_runs(folder):
         try:
+            if part not in PARTS:
+                raise BrokenRunError(f"{part or folder} is no part of a study")
             record = read_run(path, part)
+            # Where it lies is what it belongs to: a copied folder is not another seed.
+            if path.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
+                raise BrokenRunError("result.json is of another run")
         except BrokenRunError as error:
             study.broken.append((path, str(error)))
             continue
-        # Where it lies is what it belongs to: a copied folder is not another seed.
-        if path.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
-            study.broken.append((path, "result.json is of another run"))
-            continue
         study.records[part, record.pair, record.arm, record.seed] = record
-    return study
+    return Study(same_zero(study.records), study.broken)
+
+
+def same_zero(records: Records) -> Records:
+    """One zero of the score for a case: each run has drawn random actions of its own."""
+    drawn: dict[str, list[float]] = {}
+    for record in records.values():
+        drawn.setdefault(record.target, []).append(record.random)
+    return {key: replace(r, random=float(np.mean(drawn[r.target]))) for key, r in records.items()}
 
 
 Places = Mapping[str, tuple[str, str, str]]
@@ -89,46 +104,52 @@ def levels(
     places: Places,
     weights: Mapping[str, float],
     metric: str,
-    alike: bool = False,
+    claimed: Claimed = Claimed.above,
 ) -> list[Finding]:
-    """A weighted sum of levels is above zero, or with `alike` is zero; nothing where runs are missing."""
+    """A weighted sum of levels is above zero, or what else is claimed; nothing where runs are missing."""
     found_samples = samples(study, places, METRICS[metric])
     if not enough(found_samples):
         return []
-    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED, alike, study.resamples)]
+    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED, claimed, study.resamples)]
 
 
-def steadier(study: Study, claim: str, places: Places, steady: str, other: str, metric: str) -> list[Finding]:
-    """One arm varies less over seeds than the other: logarithm of the ratio of standard deviations."""
+def steadier(
+    study: Study, claim: str, where: str, places: Places, steady: str, other: str, metric: str
+) -> list[Finding]:
+    """One arm varies less over seeds than the other: logarithm of the ratio of standard deviations.
+
+    Here and below `where` says in words what cases this is about.
+    """
     values = samples(study, places, METRICS[metric])
     if not enough(values):
         return []
     estimate = steadiness(values[steady], values[other], SEED, study.resamples)
     p = brown_forsythe(values[steady], values[other])
-    what = f"{steady} varies less than {other} ({metric}; log of the ratio of standard deviations)"
-    return [found(claim, what, estimate, None, p, np.full(len(values[steady]), np.nan))]
+    what = f"{where}: {steady} varies less than {other} ({metric}; log of the ratio of standard deviations)"
+    return [found(claim, what, estimate, p, len(values[steady]))]
 
 
-def rises(study: Study, claim: str, places: Places, order: Iterable[str], metric: str) -> list[Finding]:
-    """From arm to arm the level rises: the mean step between neighbours, and Page's test."""
+def rises(
+    study: Study, claim: str, where: str, places: Places, order: Iterable[str], metric: str
+) -> list[Finding]:
+    """From arm to arm the level rises: the slope by least squares, and Page's test."""
     names = list(order)
     values = samples(study, places, METRICS[metric])
     if not enough(values):
         return []
-
-    def step(*arms: Sample, axis: int) -> Any:
-        return (interquartile_mean(arms[-1], axis) - interquartile_mean(arms[0], axis)) / (len(arms) - 1)
-
     ordered = [values[name] for name in names]
-    estimate = bootstrap(ordered, step, SEED, study.resamples)
+
+    def rise(*arms: Sample, axis: int) -> Any:
+        return slope([interquartile_mean(arm, axis) for arm in arms])
+
+    estimate = bootstrap(ordered, rise, SEED, study.resamples)
     # Two-sided: a fall contradicts.
     p = min(1.0, 2 * min(page_trend(ordered), page_trend(ordered[::-1])))
-    what = f"{' < '.join(names)} ({metric}; mean step)"
-    steps = (ordered[-1] - ordered[0]) / (len(ordered) - 1)
-    return [found(claim, what, estimate, None, p, steps)]
+    what = f"{where}: {' < '.join(names)} ({metric}; slope)"
+    return [found(claim, what, estimate, p, len(ordered[0]))]
 
 
-def sooner(study: Study, claim: str, places: Places, early: str, late: str) -> list[Finding]:
+def sooner(study: Study, claim: str, where: str, places: Places, early: str, late: str) -> list[Finding]:
     """One arm reaches the threshold earlier: share of episodes saved, and the log-rank test."""
     runs = study.together(places)
     if not enough(runs):
@@ -137,16 +158,20 @@ def sooner(study: Study, claim: str, places: Places, early: str, late: str) -> l
     length = len(runs[early][0].training.total)
     spent = {name: np.array([t for t, _ in found_times]) / length for name, found_times in times.items()}
     seen = {name: np.array([there for _, there in found_times]) for name, found_times in times.items()}
-    difference = spent[late] - spent[early]
+    seeds = len(seen[early])
     if not (seen[early].any() or seen[late].any()):
         # Nobody got there: there is nothing to compare.
-        what = f"{early} sooner than {late} (neither gets there)"
-        return [found(claim, what, Estimate(0.0, -1.0, 1.0), None, 1.0, difference)]
+        what = f"{where}: {early} sooner at the threshold than {late} (neither gets there)"
+        return [found(claim, what, Estimate(0.0, -1.0, 1.0), 1.0, seeds)]
 
     def saved(a: Sample, b: Sample, axis: int) -> Any:
         return np.mean(b, axis=axis) - np.mean(a, axis=axis)
 
     estimate = bootstrap((spent[early], spent[late]), saved, SEED, study.resamples)
-    p = log_rank((spent[early], seen[early]), (spent[late], seen[late]))
-    what = f"{early} sooner at the threshold than {late} (share of the episodes; censored at the end)"
-    return [found(claim, what, estimate, None, p, difference)]
+    # The log-rank p is of many seeds; of few it is too small, and an exact test must agree.
+    p = max(
+        log_rank((spent[early], seen[early]), (spent[late], seen[late])),
+        permutation(spent[early], spent[late], SEED),
+    )
+    what = f"{where}: {early} sooner at the threshold than {late} (share of the episodes)"
+    return [found(claim, what, estimate, p, seeds)]

@@ -111,10 +111,18 @@ def around_annealed(record: Record) -> tuple[slice, slice]:
 
 
 def dip(record: Record) -> float:
-    """How much the score falls from the tenth before exploration has ended to the tenth after."""
-    before, after = around_annealed(record)
+    """The largest fall of the moving score around the end of exploration: a peak less the trough after it.
+
+    From two tenths of the episodes before that end to two after; the mean is over a fortieth. Chance alone
+    makes falls, so that arms are compared with scratch and not with zero.
+    """
     scores = record.score(record.training.total)
-    return float(np.mean(scores[before]) - np.mean(scores[after]))
+    tenth, width = share(record, LAST), share(record, LAST / 4)
+    end = around_annealed(record)[0].stop
+    near = scores[max(0, end - 2 * tenth) : end + 2 * tenth]
+    sums = np.concatenate([[0.0], np.cumsum(near)])
+    means = (sums[width:] - sums[:-width]) / width
+    return float(np.max(np.maximum.accumulate(means) - means))
 
 
 def collision_rise(record: Record) -> float:

@@ -6,7 +6,7 @@ import base64
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import comb, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import jinja2
 
 from ship_trl.study.answers import Answer
 from ship_trl.study.conclusions import FIGURE as CONCLUSIONS
-from ship_trl.study.contrasts import LEAST_SEEDS, MARGIN, Finding
+from ship_trl.study.contrasts import LEAST_SEEDS, LEVEL, MARGIN, Finding, Verdict
 from ship_trl.study.measured import Study
 from ship_trl.study.placebo import Placebo
 from ship_trl.study.similarities import EQUATION
@@ -23,11 +23,13 @@ from ship_trl.study.tables import Row
 
 ARM_METRICS = (
     "area",
+    "area deviation",
     "transfer ratio",
     "greedy area",
     "asymptote",
     "jumpstart",
     "time to threshold",
+    "reached",
     "success",
     "collisions",
     "best",
@@ -65,20 +67,28 @@ def contrast_row(claim: str, finding: Finding) -> dict[str, Any]:
         "improvement": "" if improvement is None else f"{improvement.value:.2f}",
         "p": f"{finding.adjusted:.3f}",
         "seeds": finding.seeds,
-        "seen": number(finding.seen, 3) if isfinite(finding.seen) else "",
+        "seen": seen(finding),
         "verdict": finding.verdict.value,
     }
 
 
+def seen(finding: Finding) -> str:
+    """What so many seeds could have shown: alone, and adjusted for the figure's other contrasts."""
+    values = [finding.seen(LEVEL), finding.seen(LEVEL / finding.family)]
+    return " / ".join(f"{value:.2f}" for value in values) if isfinite(values[0]) else ""
+
+
 def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Part, pair and arm, seeds, then each metric with its interval."""
+    """Part, pair and arm, seeds, then each metric, with its interval where it has one."""
     cells = []
     for row in rows:
         line = [row["part"], row["pair"], row["arm"], str(row["seeds"])]
         for name in ARM_METRICS:
-            digits = 0 if name in ("time to threshold", "DCPA") else 2
-            low, high = number(row[f"{name} low"], digits), number(row[f"{name} high"], digits)
-            line.append(f"{number(row[name], digits)} ({low} to {high})" if row[name] != "" else "")
+            digits = 0 if name in ("time to threshold", "reached", "DCPA") else 2
+            ends = [row.get(f"{name} {end}", "") for end in ("low", "high")]
+            whole = all(isinstance(end, float) and isfinite(end) for end in ends)
+            between = f" ({number(ends[0], digits)} to {number(ends[1], digits)})" if whole else ""
+            line.append(number(row[name], digits) + between)
         cells.append(line)
     return cells
 
@@ -91,11 +101,23 @@ def in_a_sentence(answer: Answer) -> str:
     if len(findings) == 1:
         (one,) = findings
         value, ends = f"{one.estimate.value:+.3f}", interval(one.estimate)
-        return f"{one.what}: {value} ({ends}), adjusted p {one.adjusted:.3f}."
-    found = Counter(finding.verdict.value for finding in findings)
-    counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
-    values = [finding.estimate.value for finding in findings]
-    return f"{len(findings)} contrasts: {counts}; estimates {min(values):+.3f} to {max(values):+.3f}."
+        words = f"{one.what}: {value} ({ends}), adjusted p {one.adjusted:.3f}."
+    else:
+        found = Counter(finding.verdict.value for finding in findings)
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
+        values = [finding.estimate.value for finding in findings]
+        words = f"{len(findings)} contrasts: {counts}; estimates {min(values):+.3f} to {max(values):+.3f}."
+    open_ = [f for f in findings if f.verdict is Verdict.inconclusive and isfinite(f.deviation)]
+    if open_:
+        alone, after = ([f.seen(LEVEL / m) for f in open_] for m in (1, open_[0].family))
+        words += f" Could see differences from {spread(alone)} on, adjusted {spread(after)}."
+    return words + (f" {answer.missing} contrasts lack runs." if answer.missing else "")
+
+
+def spread(values: Sequence[float]) -> str:
+    """The least and the largest."""
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def claim(answer: Answer) -> dict[str, str]:
@@ -140,6 +162,7 @@ def render(
         missing: how many planned runs there are not.
     """
     records = list(study.records.values())
+    seeds = len({key[3] for key in study.records})
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -151,7 +174,9 @@ def render(
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.total)) for r in records})),
-        seeds=len({key[3] for key in study.records}),
+        seeds=seeds,
+        # Of exact tests of as many runs on two sides: all of one beyond all of the other.
+        least_p=number(2 / comb(2 * seeds, seeds), 4),
         missing=missing,
         margin=MARGIN,
         least=LEAST_SEEDS,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ship_trl.study.answers import ALL, Answer, answer
-from ship_trl.study.contrasts import Finding, Verdict
+from ship_trl.study.contrasts import Claimed, Finding, Verdict
 from ship_trl.study.measured import SEED, Study
 
 SHUFFLES = 20
@@ -41,7 +41,8 @@ def shuffled(study: Study, rng: np.random.Generator) -> Study:
 
 def is_false(finding: Finding) -> bool:
     """Whether a finding is wrong where labels mean nothing: it says that arms differ."""
-    wrong = {Verdict.contradicted} if finding.alike else {Verdict.contradicted, Verdict.supported}
+    above = finding.claimed is Claimed.above
+    wrong = {Verdict.contradicted, Verdict.supported} if above else {Verdict.contradicted}
     return finding.between and finding.verdict in wrong
 
 

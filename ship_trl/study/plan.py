@@ -11,6 +11,8 @@ from ship_trl.study.config import NEW_CASE, REUSED_ARM, REUSED_CASE, REUSED_PAIR
 
 # Parts of a study, which are its folders: the paper's figures 5 to 7, figure 9, and our controls.
 PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
+LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
+PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE)
 OTHER_SOURCES = ("1", "3", "5")
 LOW_EPSILON = 0.1
 RANDOM_ARM = "FE3-random"
@@ -70,12 +72,12 @@ def of_seed(config: StudyConfig, seed: int) -> Iterator[Job]:
 
 def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     """Network (reused, from scratch) by starting epsilon (low, 1), and other sources at the low one."""
-    low = {"learn": {"epsilon_start": LOW_EPSILON}}
+    low: dict[str, Any] = {"learn": {"epsilon_start": LOW_EPSILON}}
 
     def policy(*place: str) -> str:
         return str(config.folder.absolute().joinpath(*place, f"seed={seed}", "policy.safetensors"))
 
-    for part, extra in ((f"{REUSE}/epsilon_1", {}), (f"{REUSE}/epsilon_low", low)):
+    for part, extra in ((ONE, {}), (LOW, low)):
         yield alone(part, NEW_CASE, seed, 1, **extra)
         yield whole(part, REUSED_CASE, seed, 2, source_file=policy(PAIRS, REUSED_PAIR, REUSED_ARM), **extra)
         if extra:
@@ -104,3 +106,10 @@ def whole(part: str, source: str, seed: int, stage: int, **extra: Any) -> Job:
     """The whole network of another case on the new one."""
     cases = {"source": source, "target": NEW_CASE}
     return job(stage, part, f"{source}-{NEW_CASE}", "FTW", seed, {**cases, **read("arm", "FTW"), **extra})
+
+
+def from_scratch(part: str, label: str) -> tuple[str, str, str]:
+    """Part, label and arm of the runs from scratch that those of a label are compared with."""
+    if part in (LOW, ONE):
+        return part, NEW_CASE, "scratch"
+    return (SOURCES if part == SOURCES else PAIRS), ("high" if label == SELF_PAIR else label), "scratch"

@@ -81,8 +81,8 @@ def read_run(folder: Path, part: str = "") -> Record:
     for key in (*TEXTS, *NUMBERS, "scratch", "before"):
         if key not in result:
             raise BrokenRunError(f"{RESULT} has no {key}")
-    numbers = [result[key] for key in NUMBERS] + [result["scratch"]["return"], result["before"]["return"]]
-    if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+    numbers = [result[key] for key in NUMBERS] + [result[key]["return"] for key in ("scratch", "before")]
+    if not all(map(is_number, numbers)):
         raise BrokenRunError(f"{RESULT} holds what is no number")
     if result["best_known_return"] <= result["random_return"]:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
@@ -106,16 +106,24 @@ def read_run(folder: Path, part: str = "") -> Record:
     )
 
 
+def is_number(value: object) -> bool:
+    """Whether it is a number that a float can hold."""
+    try:
+        return isinstance(value, int | float) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """An object of JSON; its `scratch` and `before` have a return."""
     try:
         found = json.loads(path.read_text())
-        whole = isinstance(found, dict) and all("return" in found.get(k, {}) for k in ("scratch", "before"))
     except FileNotFoundError:
         raise BrokenRunError(f"{path.name} is missing") from None
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, RecursionError):
         raise BrokenRunError(f"{path.name} cannot be read") from None
-    if not whole:
+    parts = [found.get(key) for key in ("scratch", "before")] if isinstance(found, dict) else [None]
+    if not all(isinstance(part, dict) and "return" in part for part in parts):
         raise BrokenRunError(f"{path.name} is not a result of this program")
     return dict(found)
 
@@ -152,7 +160,7 @@ def read_curve(path: Path, episodes: int) -> tuple[Training, Greedy]:
         raise BrokenRunError(f"{path.name} has not the {episodes} episodes of {RESULT}")
     if len(judged) < 2 or greedy.episode[0] != 0 or greedy.episode[-1] != episodes:
         raise BrokenRunError(f"{path.name} lacks greedy evaluations")
-    if not (np.isfinite(training.total).all() and np.isfinite(greedy.total).all()):
+    if not all(np.isfinite(values).all() for values in (training.total, training.epsilon, greedy.total)):
         raise BrokenRunError(f"{path.name} holds what is no number")
     return training, greedy
 

@@ -17,6 +17,7 @@ from ship_trl.study.measured import Study, read_study
 from ship_trl.study.page import Drawn, as_markdown, render
 from ship_trl.study.placebo import placebo
 from ship_trl.study.plan import PAIRS
+from ship_trl.study.settled import PLAN
 from ship_trl.study.similarities import table_2
 
 CURVES = (
@@ -63,12 +64,15 @@ def write(study: Study, folder: Path, output: Path) -> None:
         ("reuse", "Figure 9: reuse on the new case", CURVES, figures.draw_reuse(study)),
         ("gains", "What transfer gains, by source and target", GAINS, draw_gains(study)),
     ):
-        if figure is not None:
-            png, _ = figures.save(figure, output / name)
-            drawn.append(Drawn(title, caption, png))
+        if figure is None:
+            for path in output.glob(f"{name}.p*"):  # of an earlier report
+                path.unlink()
+            continue
+        png, _ = figures.save(figure, output / name)
+        drawn.append(Drawn(title, caption, png))
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
-    page = render(study, answers, arms, similar, drawn, shuffled, missing(folder, len(study.records)))
+    page = render(study, answers, arms, similar, drawn, shuffled, missing(folder, study))
     for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers))):
         with replacing(output / name) as draft:
             draft.write_text(text)
@@ -76,10 +80,12 @@ def write(study: Study, folder: Path, output: Path) -> None:
         sys.stdout.write(f"{found.hypothesis.name}  {found.verdict.value:<13} {found.hypothesis.sentence}\n")
 
 
-def missing(folder: Path, found: int) -> int:
-    """How many runs the study planned and has not."""
+def missing(folder: Path, study: Study) -> int:
+    """How many runs the study planned that are neither there nor named as broken."""
     try:
-        planned = len(json.loads((folder / "study.json").read_text())["jobs"])
+        jobs = json.loads((folder / PLAN).read_text())["jobs"]
+        planned = {folder / j["part"] / j["label"] / j["arm"] / f"seed={j['seed']}" for j in jobs}
     except (OSError, ValueError, KeyError, TypeError):
         return 0
-    return max(0, planned - found)
+    found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}
+    return len(planned - found)

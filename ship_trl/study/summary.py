@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import os
 from pathlib import Path
 from typing import Any, Literal
@@ -52,6 +53,9 @@ def log_summary(config: StudyConfig) -> None:
             group=REPORT,
             job_type=REPORT,
             name=f"report of {config.folder.name}",
+            # One and the same for a study, however often its report is made anew.
+            id=f"{REPORT}-{hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]}",
+            resume="allow",
             tags=[config.profile],
             config={"seeds": config.count, "pairs": config.pairs, "arms": config.arms},
             reinit="finish_previous",
@@ -68,15 +72,26 @@ def log_summary(config: StudyConfig) -> None:
         ) from None
 
 
-def read_table(path: Path) -> list[list[str]]:
+def read_table(path: Path) -> list[list[Any]]:
     """Rows of a CSV file, the heading first; a heading alone where there is no file."""
     if not path.exists():
         return [["nothing"]]
     with path.open(newline="") as file:
-        return list(csv.reader(file))
+        heading, *rows = csv.reader(file)
+    # A column of numbers is one: wandb sorts and plots it.
+    columns = [numbers(list(column)) for column in zip(*rows, strict=True)]
+    return [list(heading), *map(list, zip(*columns, strict=True))]
 
 
-def verdicts(rows: list[list[str]]) -> dict[str, str]:
+def numbers(column: list[str]) -> list[Any]:
+    """A column as numbers, None where there is none; as it is if it holds words."""
+    try:
+        return [float(cell) if cell else None for cell in column]
+    except ValueError:
+        return list(column)
+
+
+def verdicts(rows: list[list[Any]]) -> dict[str, str]:
     """The verdict on each claim that has contrasts, as "verdict/C1"."""
     found = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
     return {f"verdict/{row['claim']}": row["claim's verdict"] for row in found}

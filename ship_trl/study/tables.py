@@ -11,8 +11,10 @@ import numpy as np
 
 from ship_trl.paths import replacing
 from ship_trl.study.answers import Answer
+from ship_trl.study.contrasts import LEAST_SEEDS, LEVEL
 from ship_trl.study.measured import SEED, Study
 from ship_trl.study.metrics import METRICS, time_to_threshold
+from ship_trl.study.plan import from_scratch
 from ship_trl.study.statistics import Estimate, bootstrap, interquartile_mean
 
 Row = dict[str, Any]
@@ -38,6 +40,8 @@ def arm_rows(study: Study) -> list[Row]:
         row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
         for name, measure in METRICS.items():
             row |= columns(name, estimate([measure(run) for run in runs]))
+        areas = [METRICS["area"](run) for run in runs]
+        row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
         times = [time_to_threshold(run) for run in runs]
         row |= columns("time to threshold", estimate([time for time, _ in times]))
         row["reached"] = sum(there for _, there in times)
@@ -53,18 +57,18 @@ def columns(name: str, found: Estimate | None) -> Row:
 
 
 def estimate(values: Sequence[float]) -> Estimate | None:
-    """The interquartile mean with its interval; None where a number is missing, bare with one seed."""
+    """The interquartile mean and, of enough seeds, its interval; None where a number is missing."""
     if not values or not np.isfinite(values).all():
         return None
-    if len(values) == 1:
-        return Estimate(values[0], values[0], values[0])
+    if len(values) < LEAST_SEEDS:
+        return Estimate(float(interquartile_mean(np.array(values))), np.nan, np.nan)
     return bootstrap([np.array(values)], interquartile_mean, SEED)
 
 
 def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | None:
     """How much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
-    runs = study.together({"arm": (part, pair, arm), "scratch": (part, pair, "scratch")})
-    if arm == "scratch" or len(runs["arm"]) < 2:
+    runs = study.together({"arm": (part, pair, arm), "scratch": from_scratch(part, pair)})
+    if arm == "scratch" or len(runs["arm"]) < LEAST_SEEDS:
         return None
     areas = [np.array([METRICS["area"](run) for run in runs[name]]) for name in ("arm", "scratch")]
 
@@ -89,7 +93,8 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "p": finding.p,
             "p adjusted": finding.adjusted,
             "seeds": finding.seeds,
-            "seen": finding.seen,
+            "seen alone": finding.seen(LEVEL),
+            "seen adjusted": finding.seen(LEVEL / finding.family),
             "verdict": finding.verdict.value,
         }
         for answer in answers
@@ -98,8 +103,9 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows beside and rename; without rows nothing is written."""
+    """Write rows beside and rename; without rows there is no file."""
     if not rows:
+        path.unlink(missing_ok=True)
         return
     with replacing(path) as draft, draft.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")

@@ -19,6 +19,9 @@ from ship_trl.study.config import StudyConfig, to_study
         ("seeds=many", "seeds: Value 'many'"),
         ("retries=-1", "retries: must be at least 0, got -1"),
         ("launcher=condor", "launcher: no condor; allowed: joblib"),
+        ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
+        ("overrides=[+arm=FE3]", "overrides: arm tells the study's runs apart"),
+        ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start tells"),
         ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
         ("pairs=[low]", "reuse: needs pair high with arm FTW"),
     ],
@@ -41,3 +44,7 @@ def test_the_folder_follows_the_profile() -> None:
     assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
     config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
     assert config.folder == Path("elsewhere")
+
+
+def test_epsilon_may_be_overridden_without_reuse() -> None:
+    assert to_study(["reuse=false", "overrides=[learn.epsilon_start=0.5]"]).overrides

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from ship_trl.study.contrasts import Finding, Verdict, adjust, contrast, judge, together
-from ship_trl.study.statistics import Estimate, Sample
+from ship_trl.study.contrasts import Claimed, Finding, Verdict, adjust, contrast, judge, together
+from ship_trl.study.statistics import Estimate, Sample, seen_effect
 
 
 def arms(seed: int, means: Mapping[str, float], count: int = 15, sd: float = 0.1) -> dict[str, Sample]:
@@ -32,7 +32,7 @@ def test_a_contrast_is_the_weighted_sum_of_interquartile_means() -> None:
     assert found.improvement is not None and found.improvement.value == 1.0 and found.seeds == 15
 
 
-def test_a_small_difference_of_no_matter_is_equivalent_not_supported() -> None:
+def test_a_small_difference_is_supported_before_it_is_equivalent() -> None:
     # Beyond zero and within the margin: what is measured is the difference.
     found = measured(a=0.52, b=0.5, sd=0.005)
     assert found.verdict is Verdict.supported and found.estimate.high < 0.05
@@ -63,7 +63,7 @@ def test_both_intervals_must_agree() -> None:
 def test_a_claim_of_no_difference_is_supported_by_equivalence() -> None:
     def alike(sd: float, **means: float) -> Verdict:
         samples = arms(0, means, sd=sd)
-        return contrast("H", "a like b", samples, {"a": 1, "b": -1}, 0, alike=True).verdict
+        return contrast("H", "a like b", samples, {"a": 1, "b": -1}, 0, Claimed.alike).verdict
 
     assert alike(0.01, a=0.5, b=0.51) is Verdict.supported
     assert alike(0.05, a=0.5, b=0.8) is alike(0.05, a=0.8, b=0.5) is Verdict.contradicted
@@ -77,10 +77,29 @@ def test_a_few_seeds_give_no_verdict(count: int) -> None:
     assert contrast("H", "a above b", samples, {"a": 1, "b": -1}, 0).verdict is verdict
 
 
+def test_a_claim_of_no_more_looks_to_one_side() -> None:
+    def no_more(sd: float, **means: float) -> Verdict:
+        samples = arms(0, means, sd=sd)
+        return contrast("H", "a no more than b", samples, {"a": 1, "b": -1}, 0, Claimed.no_more).verdict
+
+    assert no_more(0.01, a=0.5, b=0.51) is no_more(0.05, a=0.2, b=0.8) is Verdict.supported
+    assert no_more(0.05, a=0.8, b=0.5) is Verdict.contradicted
+    assert no_more(0.4, a=0.5, b=0.5) is Verdict.inconclusive
+
+
+def test_what_could_have_been_seen_grows_with_the_figure() -> None:
+    one = measured(a=0.5, b=0.5)
+    first = adjust([one] * 9)[0]
+    assert one.seen(0.05) == first.seen(0.05) < first.seen(0.05 / first.family)
+    assert first.family == 9 and one.seen(0.05) == pytest.approx(seen_effect(15) * one.deviation)
+
+
 def test_parts_of_a_claim() -> None:
     yes, no, open_ = Verdict.supported, Verdict.contradicted, Verdict.inconclusive
     assert together([yes, yes]) is yes and together([no, no]) is no and together([]) is open_
     assert together([yes, open_]) is open_ and together([yes, no, open_]) is no
+    # What has no runs may still contradict, not support.
+    assert together([yes], missing=1) is open_ and together([yes, no], missing=1) is no
 
 
 @pytest.mark.parametrize("count", [5, 15])
@@ -103,6 +122,6 @@ def test_a_difference_at_the_margin_is_seldom_called_none() -> None:
     false = 0
     for study in range(100):
         samples = arms(5000 + study, {"a": 0.55, "b": 0.5}, 5, sd=0.02)
-        found = contrast("H", "a like b", samples, {"a": 1, "b": -1}, study, alike=True, resamples=500)
+        found = contrast("H", "a like b", samples, {"a": 1, "b": -1}, study, Claimed.alike, resamples=500)
         false += found.verdict is Verdict.supported
     assert false <= 11

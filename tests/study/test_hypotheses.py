@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.answers import ALL, answer
+from ship_trl.study.claims import FT, means
 from ship_trl.study.contrasts import Verdict
 from ship_trl.study.hypotheses import HYPOTHESES
 from ship_trl.study.measured import read_study
@@ -31,7 +32,7 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
     found: dict[tuple[str, str, str], float] = {}
     for pair, scores in (("high", HIGH), ("low", LOW), ("lowest", LOWEST)):
         found |= {("pairs", pair, arm): 0.6 + sign * (score - 0.6) for arm, score in scores.items()}
-    self_transfer = {"FE1": 0.8, "FE2": 0.4, "FE3": 0.8}
+    self_transfer = {"FE1": 0.8, "FE2": 0.4, "FE3": 0.8, "FT1": 0.4, "FT2": 0.8}
     found["controls", "high", "FE3-random"] = 0.6 - sign * 0.2
     found |= {("controls", "self", arm): 0.6 + sign * (score - 0.6) for arm, score in self_transfer.items()}
     low, one = "reuse/epsilon_low", "reuse/epsilon_1"
@@ -48,6 +49,7 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
 # Claims about spread and time are not made true by levels alone.
 LEVELS = [
     "C1",
+    "C3",
     "H5c",
     "H5d",
     "H5e",
@@ -78,6 +80,23 @@ def test_a_true_claim_is_supported_and_a_false_one_contradicted(
 ) -> None:
     assert verdicts[1.0][name] is Verdict.supported
     assert verdicts[-1.0][name] is Verdict.contradicted
+
+
+def test_a_claim_whose_runs_are_there_in_part_stays_open() -> None:
+    study = make_study({("pairs", "high", "FTW"): 0.9, ("pairs", "high", "scratch"): 0.5})
+    (found,) = (a for a in answer(study) if a.hypothesis.name == "H5f")
+    assert [f.verdict for f in found.findings] == [Verdict.supported]
+    assert found.missing == 8 and found.verdict is Verdict.inconclusive
+
+
+def test_either_way_will_do_and_costs_a_doubled_p() -> None:
+    places = {("pairs", "lowest", arm): 0.9 for arm in ("FT1", "FT2", "FT3", "FT4")}
+    study = make_study(places | {("pairs", "lowest", "FTW"): 0.5, ("pairs", "lowest", "scratch"): 0.5})
+    (found,) = (a for a in answer(study) if a.hypothesis.name == "H7f")
+    best = found.findings[1]
+    assert best.what.endswith("(asymptote) (best of 2)") and best.verdict is Verdict.supported
+    (alone,) = means("lowest", FT, ("FTW",), "asymptote")(study, "")
+    assert best.p == 2 * alone.p
 
 
 def test_without_runs_there_is_no_verdict() -> None:

@@ -1,6 +1,7 @@
 """Slurm's launcher and Ray's: the same study, and a worker that is killed costs a run a retry."""
 
 import os
+import re
 import secrets
 import signal
 import stat
@@ -18,7 +19,7 @@ from ship_trl.study.config import LAUNCHERS, to_study
 from ship_trl.study.launch import batches, command, processes
 from ship_trl.study.plan import plan_jobs
 from tests.study.commands import ENVIRONMENT, SMALL, descendants, learned, study
-from tests.test_cli import ship_trl
+from tests.test_cli import files, ship_trl
 from tests.test_config import options
 
 
@@ -116,7 +117,9 @@ def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     grid = ("target=1", "method=scratch", "profile=smoke", "seed=0,1")
     ship_trl("-m", "hydra/launcher=ray_local", *grid, folder=tmp_path)
     assert len(list(tmp_path.rglob("result.json"))) == 2
-    assert not list((tmp_path / "home").rglob("*token*"))
+    home = files(tmp_path / "home")
+    assert not any("token" in name for name in home)
+    assert not any(re.search(rb"\b[0-9a-f]{64}\b", data) for data in home.values())
 
 
 def test_a_token_file_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

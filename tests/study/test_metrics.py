@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from ship_trl.study import metrics
 from ship_trl.study.records import Record, read_run
@@ -66,15 +67,19 @@ def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
     assert all(np.isfinite(measure(run)) for measure in metrics.METRICS.values())
 
 
-def test_a_dip_lies_where_exploration_ends() -> None:
+def test_a_dip_is_the_largest_fall_where_exploration_ends() -> None:
     from dataclasses import replace
 
     from tests.study.synthetic import make_record
 
-    scores = np.array([0.8] * 60 + [0.3] * 10 + [0.8] * 30)
-    run = make_record(scores, "pairs", "lowest", "FT1", 0)
-    epsilon = np.maximum(0.1, 1 - np.arange(100) / 60)
-    run = replace(run, training=replace(run.training, epsilon=np.maximum(0.0001, 1 - np.arange(100) / 60)))
-    assert metrics.dip(run) == pytest.approx(0.5) and metrics.collision_rise(run) == 1.0
-    flat = replace(run, training=replace(run.training, epsilon=epsilon, total=run.training.total * 0 - 5))
-    assert metrics.dip(flat) == pytest.approx(0.0)
+    def run(scores: NDArray[np.float64]) -> Record:
+        made = make_record(scores, "pairs", "lowest", "FT1", 0)
+        epsilon = np.maximum(0.0001, 1 - np.arange(len(scores)) / 60)
+        return replace(made, training=replace(made.training, epsilon=epsilon))
+
+    falls = run(np.array([0.8] * 60 + [0.3] * 10 + [0.8] * 30))
+    assert metrics.dip(falls) == pytest.approx(0.5) and metrics.collision_rise(falls) == 1.0
+    # It neither hides behind a rise nor comes from elsewhere; what only rises has none.
+    assert metrics.dip(run(np.linspace(0, 0.9, 100) - 0.4 * (abs(np.arange(100) - 62) < 3))) > 0.3
+    assert metrics.dip(run(np.array([0.8] * 20 + [0.1] * 10 + [0.8] * 70))) == pytest.approx(0.0)
+    assert metrics.dip(run(np.linspace(0, 1, 100))) == 0.0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.contrasts import Finding, Verdict
+from ship_trl.study.contrasts import Claimed, Finding, Verdict
 from ship_trl.study.placebo import is_false, placebo, shuffled
 from ship_trl.study.statistics import Estimate
 from tests.study.synthetic import make_study
@@ -26,21 +26,21 @@ def test_runs_keep_their_case_and_seed_and_lose_their_arm() -> None:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "alike", "between", "false"),
+    ("verdict", "claimed", "between", "false"),
     [
-        (Verdict.supported, False, True, True),
-        (Verdict.contradicted, False, True, True),
-        (Verdict.supported, True, True, False),
-        (Verdict.contradicted, True, True, True),
-        (Verdict.equivalent, False, True, False),
-        (Verdict.inconclusive, False, True, False),
+        (Verdict.supported, Claimed.above, True, True),
+        (Verdict.contradicted, Claimed.above, True, True),
+        (Verdict.supported, Claimed.alike, True, False),
+        (Verdict.contradicted, Claimed.no_more, True, True),
+        (Verdict.equivalent, Claimed.above, True, False),
+        (Verdict.inconclusive, Claimed.above, True, False),
         # An arm against zero is what it is, whatever its label.
-        (Verdict.supported, False, False, False),
+        (Verdict.supported, Claimed.above, False, False),
     ],
 )
-def test_what_is_a_false_verdict(verdict: Verdict, alike: bool, between: bool, false: bool) -> None:
+def test_what_is_a_false_verdict(verdict: Verdict, claimed: Claimed, between: bool, false: bool) -> None:
     estimate = Estimate(0.1, 0.05, 0.2)
-    finding = Finding("H", "", estimate, None, 0.01, 0.01, 5, verdict, alike=alike, between=between)
+    finding = Finding("H", "", estimate, None, 0.01, 0.01, 5, verdict, claimed=claimed, between=between)
     assert is_false(finding) is false
 
 

@@ -30,6 +30,7 @@ def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
         ("result.json", '{"pair": "hi', "result.json cannot be read"),
         ("result.json", "[1, 2]", "result.json is not a result of this program"),
         ("result.json", '{"accuracy": 0.9}', "result.json is not a result of this program"),
+        ("result.json", "[" * 100_000, "result.json cannot be read"),
         ("curve.csv", "step,loss\n1,2\n", "curve.csv cannot be read"),
         ("curve.csv", "\x00\xff", "curve.csv cannot be read"),
         ("curve.csv", "", "curve.csv has not the 50 episodes"),
@@ -61,10 +62,16 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
         ({"best_known_return": float("nan")}, "holds what is no number"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
         ({"scratch": {}}, "not a result of this program"),
+        ({"scratch": "return lost"}, "not a result of this program"),
+        ({"before": ["return"]}, "not a result of this program"),
+        ({"before": {"return": None}}, "holds what is no number"),
+        ({"best_known_return": 10**400}, "holds what is no number"),
     ],
 )
 def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
-    place = write_run(tmp_path, learning(np.random.default_rng(0), 50), **changes)
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    result = json.loads((place / "result.json").read_text())
+    (place / "result.json").write_text(json.dumps(result | changes))
     with pytest.raises(BrokenRunError, match=said):
         read_run(place)
 

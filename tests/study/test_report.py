@@ -4,6 +4,7 @@ import csv
 import html.parser
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -97,12 +98,19 @@ def test_what_is_broken_is_named_and_the_rest_counted(
     (place / "FE1/seed=0/curve.csv").write_text("episode")
     (place / "FE2/seed=1/result.json").unlink()
     (place / "FTW/seed=0/result.json").write_text("{}")
-    (tmp_path / "study.json").write_text(json.dumps({"jobs": [{}] * 22}))
+    copied = tmp_path / "pairs_old/high/FE3/seed=0"
+    shutil.copytree(place / "FE3/seed=0", copied)
+    planned = [
+        {"part": "pairs", "label": "high", "arm": arm, "seed": seed} for arm in ARMS for seed in (0, 1, 2)
+    ]
+    (tmp_path / "study.json").write_text(json.dumps({"jobs": planned}))
     main([str(tmp_path)])
     said = capsys.readouterr()
-    assert said.err.count("left out") == 3 and "17 runs, 3 left out" in said.out
+    assert said.err.count("left out") == 4 and "17 runs, 4 left out" in said.out
+    assert "pairs_old is no part of a study" in said.err
     text = (tmp_path / "report/index.html").read_text()
-    assert "5 planned runs are missing" in text and text.count("<li>") == 3
+    # A third seed of each of ten arms; what is broken is named, not missing.
+    assert "10 planned runs are missing" in text and text.count("<li>") == 4
 
 
 @pytest.mark.parametrize("make", [False, True])

@@ -41,8 +41,11 @@ def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> 
         env=ENVIRONMENT,
         stdout=subprocess.DEVNULL,
     )
-    # Anywhere in it: the time is not important, and printed if it ever is.
-    after = random.uniform(2, 25)
+    # While it trains, anywhere: the time is not important, and printed if it ever is.
+    while not list(tmp_path.rglob("curve.csv")):
+        assert child.poll() is None
+        time.sleep(0.1)
+    after = random.uniform(0, 15)
     try:
         child.wait(after)
     except subprocess.TimeoutExpired:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ship_trl.study.contrasts import Claimed, Finding, contrast, found
+from ship_trl.study.contrasts import LEVEL, Claimed, Finding, contrast, found
 from ship_trl.study.metrics import METRICS, time_to_threshold
 from ship_trl.study.plan import PARTS
 from ship_trl.study.records import BrokenRunError, Record, find_runs, read_run
@@ -25,6 +25,7 @@ from ship_trl.study.statistics import (
     permutation,
     slope,
     steadiness,
+    unmeasured,
 )
 
 # Of all resampling: the same study gives the same report.
@@ -38,12 +39,20 @@ Records = dict[tuple[str, str, str, int], Record]
 class Study:
     """The runs of a folder; `broken` are those that could not be read, with the reason.
 
-    `resamples` is how often its seeds are drawn anew for an interval.
+    `resamples` is how often its seeds are drawn anew for an interval; a `rough` one leaves out those
+    on which no verdict of a difference can hang.
     """
 
     records: Records
     broken: list[tuple[Path, str]] = field(default_factory=list)
     resamples: int = RESAMPLES
+    rough: bool = False
+
+    def interval(self, values: Sequence[Sample], statistic: Callable[..., Any], p: float) -> Estimate:
+        """A statistic over seeds with its interval, for a contrast of this p."""
+        if self.rough and p > LEVEL:
+            return unmeasured(values, statistic)
+        return bootstrap(values, statistic, SEED, self.resamples)
 
     def arm(self, part: str, pair: str, arm: str) -> dict[int, Record]:
         """The runs of an arm by seed."""
@@ -110,7 +119,11 @@ def levels(
     found_samples = samples(study, places, METRICS[metric])
     if not enough(found_samples):
         return []
-    return [contrast(claim, f"{what} ({metric})", found_samples, weights, SEED, claimed, study.resamples)]
+    return [
+        contrast(
+            claim, f"{what} ({metric})", found_samples, weights, SEED, claimed, study.resamples, study.rough
+        )
+    ]
 
 
 def steadier(
@@ -123,8 +136,8 @@ def steadier(
     values = samples(study, places, METRICS[metric])
     if not enough(values):
         return []
-    estimate = steadiness(values[steady], values[other], SEED, study.resamples)
     p = brown_forsythe(values[steady], values[other])
+    estimate = study.interval([values[steady], values[other]], steadiness, p)
     what = f"{where}: {steady} varies less than {other} ({metric}; log of the ratio of standard deviations)"
     return [found(claim, what, estimate, p, len(values[steady]))]
 
@@ -142,9 +155,9 @@ def rises(
     def rise(*arms: Sample, axis: int) -> Any:
         return slope([interquartile_mean(arm, axis) for arm in arms])
 
-    estimate = bootstrap(ordered, rise, SEED, study.resamples)
     # Two-sided: a fall contradicts.
     p = min(1.0, 2 * min(page_trend(ordered), page_trend(ordered[::-1])))
+    estimate = study.interval(ordered, rise, p)
     what = f"{where}: {' < '.join(names)} ({metric}; slope)"
     return [found(claim, what, estimate, p, len(ordered[0]))]
 
@@ -167,11 +180,10 @@ def sooner(study: Study, claim: str, where: str, places: Places, early: str, lat
     def saved(a: Sample, b: Sample, axis: int) -> Any:
         return np.mean(b, axis=axis) - np.mean(a, axis=axis)
 
-    estimate = bootstrap((spent[early], spent[late]), saved, SEED, study.resamples)
-    # The log-rank p is of many seeds; of few it is too small, and an exact test must agree.
-    p = max(
-        log_rank((spent[early], seen[early]), (spent[late], seen[late])),
-        permutation(spent[early], spent[late], SEED),
-    )
+    p = log_rank((spent[early], seen[early]), (spent[late], seen[late]))
+    if p <= LEVEL:
+        # It is of many seeds; of few it is too small, and an exact test must agree.
+        p = max(p, permutation(spent[early], spent[late], SEED))
+    estimate = study.interval([spent[early], spent[late]], saved, p)
     what = f"{where}: {early} sooner at the threshold than {late} (share of the episodes)"
     return [found(claim, what, estimate, p, seeds)]

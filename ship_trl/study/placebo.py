@@ -36,7 +36,7 @@ def shuffled(study: Study, rng: np.random.Generator) -> Study:
     for keys in groups.values():
         for key, other in zip(keys, rng.permutation(len(keys)), strict=True):
             records[key] = study.records[keys[other]]
-    return Study(records, resamples=RESAMPLES)
+    return Study(records, resamples=RESAMPLES, rough=True)
 
 
 def is_false(finding: Finding) -> bool:

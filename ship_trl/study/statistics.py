@@ -6,6 +6,7 @@ so a resample draws seeds, and every arm's numbers of a drawn seed go with it.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -75,6 +76,11 @@ def bootstrap(
     return Estimate(value, float(interval.low), float(interval.high))
 
 
+def unmeasured(samples: Sequence[Sample], statistic: Callable[..., Any]) -> Estimate:
+    """A statistic without its interval."""
+    return Estimate(float(statistic(*samples, axis=-1)), -np.inf, np.inf)
+
+
 def difference(one: Sample, other: Sample, seed: int) -> Estimate:
     """How much higher the interquartile mean of `one` is, over jointly resampled seeds."""
 
@@ -99,16 +105,12 @@ def probability_of_improvement(one: Sample, other: Sample, seed: int, resamples:
     return bootstrap((one, other), share, seed, resamples)
 
 
-def steadiness(one: Sample, other: Sample, seed: int, resamples: int = RESAMPLES) -> Estimate:
+def steadiness(one: Sample, other: Sample, axis: int = -1) -> Any:
     """How much less `one` varies: logarithm of the ratio of standard deviations."""
+    # Resamples that do not vary at all say nothing of the ratio, but must not stop it.
     tiny = np.finfo(np.float64).tiny
-
-    def logarithm(a: Sample, b: Sample, axis: int) -> Any:
-        # Resamples that do not vary at all say nothing of the ratio, but must not stop it.
-        spread = [np.maximum(np.std(v, axis=axis, ddof=1), tiny) for v in (a, b)]
-        return np.log(spread[1] / spread[0])
-
-    return bootstrap((one, other), logarithm, seed, resamples)
+    spread = [np.maximum(np.std(values, axis=axis, ddof=1), tiny) for values in (one, other)]
+    return np.log(spread[1] / spread[0])
 
 
 def brown_forsythe(one: Sample, other: Sample) -> float:
@@ -193,4 +195,11 @@ def holm(p_values: Sequence[float]) -> list[float]:
     """p-values of a family of tests, adjusted by Holm's step-down method."""
     from statsmodels.stats.multitest import multipletests
 
-    return [float(p) for p in multipletests(list(p_values), method="holm")[1]] if p_values else []
+    if not p_values:
+        return []
+    # It collects garbage each time, and would look through a whole study for it.
+    gc.freeze()
+    try:
+        return [float(p) for p in multipletests(list(p_values), method="holm")[1]]
+    finally:
+        gc.unfreeze()

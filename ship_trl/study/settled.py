@@ -12,8 +12,9 @@ from hydra.core.global_hydra import GlobalHydra
 
 from ship_trl.checks import to_config
 from ship_trl.cli import explain_hydra
-from ship_trl.config import Config, ConfigError, plain
+from ship_trl.config import Config, ConfigError, World, plain
 from ship_trl.paths import conf_dir, replacing
+from ship_trl.sim.cases import load_case
 from ship_trl.study.config import StudyConfig
 from ship_trl.study.plan import Job
 
@@ -42,6 +43,13 @@ def episodes_of(config: StudyConfig) -> int:
     return run_config(config).learn.episodes
 
 
+def fingerprints(jobs: list[Job], world: World) -> dict[str, str]:
+    """What each case of a study is, by name: its file may be edited while runs of it are kept."""
+    named = (job.values.get(key) for job in jobs for key in ("source", "target"))
+    names = sorted({str(name) for name in named if name is not None})
+    return {name: load_case(name, world).fingerprint for name in names}
+
+
 def settle(jobs: list[Job], config: StudyConfig) -> None:
     """Make the study's folder and write down what is planned; more seeds or arms may be added later.
 
@@ -55,15 +63,18 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
         "world": plain(shared.world),
         "colour": shared.colour,
     }
+    cases = fingerprints(jobs, shared.world)
     path = config.folder / PLAN
     try:
-        before = json.loads(path.read_text())["settings"]
+        plan = json.loads(path.read_text())
+        before, known = plan["settings"], dict(plan.get("cases", {}))
     except FileNotFoundError:
-        before = None
+        before, known = None, {}
     except (OSError, ValueError, KeyError, TypeError):
         raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
-    if before is not None and before != settings:
-        differ = ", ".join(sorted(key for key in settings if settings[key] != before.get(key)))
+    changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
+    if before is not None and (before != settings or changed):
+        differ = ", ".join(sorted(key for key in settings if settings[key] != before.get(key)) + changed)
         holds = f"output: {config.folder} holds a study of other settings ({differ})"
         raise ConfigError(f"{holds}; allowed: another output=FOLDER")
     try:
@@ -72,6 +83,7 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
             raise PermissionError(13, "Permission denied")
         with replacing(path) as draft:
             listed = [dataclasses.asdict(job) for job in jobs]
-            draft.write_text(json.dumps({"settings": settings, "jobs": listed}, indent=1))
+            plan = {"settings": settings, "cases": known | cases, "jobs": listed}
+            draft.write_text(json.dumps(plan, indent=1))
     except OSError as error:
         raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None

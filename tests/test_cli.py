@@ -14,16 +14,21 @@ ROOT = Path(__file__).parent.parent
 SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
 
 
+def environment() -> dict[str, str]:
+    """Of a command: this checkout, one thread, a terminal of fixed width."""
+    found = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
+    found.pop("HYDRA_FULL_ERROR", None)
+    return found
+
+
 def ship_trl(
     *arguments: str, folder: Path, module: str = "ship_trl", code: int = 0
 ) -> subprocess.CompletedProcess[str]:
     """Run `python -m ship_trl ...` in `folder` and check its exit code."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
-    environment.pop("HYDRA_FULL_ERROR", None)
     done = subprocess.run(
         [sys.executable, "-m", module, *arguments],
         cwd=folder,
-        env=environment,
+        env=environment(),
         capture_output=True,
         text=True,
         timeout=300,

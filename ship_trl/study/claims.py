@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ship_trl.study.contrasts import Claimed, Finding, judged
@@ -66,44 +66,42 @@ def no_more(pair: str, arm: str, other: str, metric: str) -> Test:
 
 
 def either(*tests: Test) -> Test:
-    """One of several contrasts holds: the most favourable, its p times their number."""
+    """One of several contrasts holds: the most favourable, its p times their number.
+
+    Of contrasts that all point the other way that is the least certain: each of them has to fail.
+    """
 
     def best(study: Study, claim: str) -> list[Finding]:
         found = [finding for test in tests for finding in test(study, claim)]
         if len(found) < len(tests):
             return []
-        first = min(found, key=lambda f: (f.estimate.value <= 0, f.p))
+        first = min(found, key=lambda f: (0, f.p) if f.estimate.value > 0 else (1, -f.p))
         p = min(1.0, len(found) * first.p)
         return [judged(replace(first, what=f"{first.what} (best of {len(found)})", p=p, adjusted=p))]
 
     return best
 
 
+def more_in(pair: str, other: str, what: str, shares: Mapping[str, float]) -> Test:
+    """A weighted sum of arms is larger in one pair than in another."""
+    signs = {pair: 1.0, other: -1.0}
+    places = {f"{name} {arm}": (PAIRS, name, arm) for name in signs for arm in shares}
+    weights = {f"{name} {arm}": sign * share for name, sign in signs.items() for arm, share in shares.items()}
+    told = f"{what}: more in {pair} than in {other}"
+    return lambda study, claim: levels(study, claim, told, places, weights, "area")
+
+
 def interaction(pair: str, other: str, better: Sequence[str], worse: Sequence[str]) -> Test:
     """The difference of two groups of arms is larger in one pair than in another."""
-    places: dict[str, tuple[str, str, str]] = {}
-    weights: dict[str, float] = {}
-    for name, sign in ((pair, 1), (other, -1)):
-        for arms, side in ((better, 1), (worse, -1)):
-            for arm in arms:
-                places[f"{name} {arm}"] = (PAIRS, name, arm)
-                weights[f"{name} {arm}"] = sign * side / len(arms)
-    what = f"mean of {', '.join(better)} above {', '.join(worse)}: more in {pair} than in {other}"
-    return lambda study, claim: levels(study, claim, what, places, weights, "area")
+    shares = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
+    return more_in(pair, other, f"mean of {', '.join(better)} above {', '.join(worse)}", shares)
 
 
 def steeper(pair: str, other: str, arms: Sequence[str]) -> Test:
     """The slope of the score over the number of layers is larger in one pair than in another."""
     middle, count = (len(arms) - 1) / 2, len(arms)
     shares = {arm: (k - middle) * 12 / (count**3 - count) for k, arm in enumerate(arms)}
-    places: dict[str, tuple[str, str, str]] = {}
-    weights: dict[str, float] = {}
-    for name, sign in ((pair, 1), (other, -1)):
-        for arm, share in shares.items():
-            places[f"{name} {arm}"] = (PAIRS, name, arm)
-            weights[f"{name} {arm}"] = sign * share
-    what = f"slope of {', '.join(arms)}: more in {pair} than in {other}"
-    return lambda study, claim: levels(study, claim, what, places, weights, "area")
+    return more_in(pair, other, f"slope of {', '.join(arms)}", shares)
 
 
 def steady(pair: str, arm: str, other: str, metric: str = "area") -> Test:

@@ -1,28 +1,17 @@
 """The real command of a study, at smoke size."""
 
-import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.test_cli import ROOT, files
+from tests.test_cli import files, ship_trl
 
 SMALL = ("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false", "retries=1")
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
 
 
 def study(*overrides: str, folder: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "ship_trl.study", *overrides],
-        cwd=folder,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done
+    """Run `python -m ship_trl.study ...` in `folder` and check its exit code."""
+    return ship_trl(*overrides, folder=folder, module="ship_trl.study", code=code)
 
 
 def learned(folder: Path) -> dict[str, bytes]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.answers import ALL
-from ship_trl.study.claims import FE, FT, early, no_more, steady, steeper, trend
+from ship_trl.study.claims import FE, FT, beats, early, either, no_more, steady, steeper, trend
 from ship_trl.study.config import to_study
 from ship_trl.study.contrasts import Verdict
 from ship_trl.study.measured import Study
@@ -68,6 +68,13 @@ def test_the_sooner_arm_gets_there_first_or_alone() -> None:
     # Five seeds, all of one before all of the other: no p below that of an exact test.
     (few,) = early("high", "FE1", "FT1")(make_study(pair("high", FE1=0.98, FT1=0.5), 5, episodes=300), "")
     assert few.p == pytest.approx(2 / 252)
+
+
+def test_either_fails_only_if_each_does() -> None:
+    study = make_study(pair("high", FE1=0.5, FE2=0.5, FE3=0.8))
+    fails, unclear = beats("high", "FE1", "FE3"), beats("high", "FE1", "FE2")
+    (one,), (both,) = either(fails, unclear)(study, ""), either(fails, fails)(study, "")
+    assert one.verdict is not Verdict.contradicted and both.verdict is Verdict.contradicted
 
 
 def test_no_more_than_another_may_be_less() -> None:

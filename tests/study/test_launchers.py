@@ -18,8 +18,8 @@ from ship_trl.launchers import close_token
 from ship_trl.study.config import LAUNCHERS, to_study
 from ship_trl.study.launch import batches, command, processes
 from ship_trl.study.plan import plan_jobs
-from tests.study.commands import ENVIRONMENT, SMALL, descendants, learned, study
-from tests.test_cli import files, ship_trl
+from tests.study.commands import SMALL, descendants, learned, study
+from tests.test_cli import environment, files, ship_trl
 from tests.test_config import options
 
 
@@ -53,7 +53,7 @@ def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
 def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
     grid = ("target=1", "method=scratch", "profile=smoke", "learn.episodes=2000", "seed=0,1")
     line = [sys.executable, "-m", "ship_trl", "-m", *grid]
-    child = subprocess.Popen(line, cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
+    child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 120
     try:
         while len(list(tmp_path.rglob("curve.csv"))) < 2:
@@ -74,7 +74,7 @@ def cluster() -> Iterator[tuple[str, int]]:
     """A cluster of two nodes; gives its address and process."""
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.study.cluster"],
-        env=ENVIRONMENT,
+        env=environment(),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -92,12 +92,12 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     token = secrets.token_hex(32)
-    monkeypatch.setitem(ENVIRONMENT, "RAY_AUTH_MODE", "token")
-    monkeypatch.setitem(ENVIRONMENT, "RAY_AUTH_TOKEN", token)
+    monkeypatch.setenv("RAY_AUTH_MODE", "token")
+    monkeypatch.setenv("RAY_AUTH_TOKEN", token)
     with cluster() as (address, nodes):
         where = f"overrides=[hydra.launcher.ray.init.address='{address}']"
         line = [sys.executable, "-m", "ship_trl.study", *SMALL, "retries=0", "launcher=ray_cluster", where]
-        child = subprocess.Popen(line, cwd=tmp_path, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
+        child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
         try:
             deadline = time.monotonic() + 120
             while not (list(tmp_path.rglob("curve.csv")) and descendants(nodes, b"ray::_run_job")):

@@ -12,8 +12,8 @@ import pytest
 
 from ship_trl.study import pace
 from ship_trl.study.progress import last_episode
-from tests.study.commands import ENVIRONMENT, SMALL, learned, study
-from tests.test_cli import files
+from tests.study.commands import SMALL, learned, study
+from tests.test_cli import environment, files
 
 
 def test_a_study_ends_with_all_its_results(whole: Path) -> None:
@@ -38,7 +38,7 @@ def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> 
     child = subprocess.Popen(
         [sys.executable, "-m", "ship_trl.study", *SMALL],
         cwd=tmp_path,
-        env=ENVIRONMENT,
+        env=environment(),
         stdout=subprocess.DEVNULL,
     )
     # While it trains, anywhere: the time is not important, and printed if it ever is.

@@ -12,14 +12,15 @@ from ship_trl.study.config import to_study
 from ship_trl.study.launch import command
 from ship_trl.study.plan import plan_jobs
 from ship_trl.study.summary import verdicts
-from tests.study.commands import ENVIRONMENT, SMALL, study
+from tests.study.commands import SMALL, study
+from tests.test_cli import environment
 
 
 def records(run: Path) -> list[dict[str, Any]]:
     """What an offline run holds, read without network by wandb's own tool."""
     done = subprocess.run(
         [sys.executable, "-m", "wandb", "leet", "inspect", "--json", str(run)],
-        env=ENVIRONMENT,
+        env=environment(),
         capture_output=True,
         text=True,
         check=True,
@@ -60,8 +61,8 @@ def test_the_runs_get_the_studys_project() -> None:
 
 
 def test_online_without_an_account_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ENVIRONMENT, "HOME", str(tmp_path / "home"))
-    monkeypatch.delitem(ENVIRONMENT, "WANDB_API_KEY", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("WANDB_API_KEY", raising=False)
     done = study("profile=smoke", "logger=wandb", "wandb.mode=online", folder=tmp_path, code=1)
     assert done.stderr.strip() == (
         "ship_trl: wandb: nobody is logged in; `wandb login` does it; allowed: wandb.mode=offline"

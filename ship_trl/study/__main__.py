@@ -9,6 +9,7 @@ from ship_trl.cli import complain
 from ship_trl.config import ConfigError
 from ship_trl.study.config import StudyConfig, to_study
 from ship_trl.study.launch import LOG, processes, run_jobs, write_jobs
+from ship_trl.study.mend import set_aside
 from ship_trl.study.pace import in_words, seconds_per_run
 from ship_trl.study.plan import Job, plan_jobs
 from ship_trl.study.progress import Display, say
@@ -63,6 +64,8 @@ def main(arguments: list[str] | None = None) -> None:
 def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
     """Run everything that is missing; returns what is missing even so."""
     write_jobs(jobs, config)
+    for line in set_aside(jobs, config):
+        say(line)
     with Display(jobs, config, episodes_of(config)) as display:
         missing = display.missing()
         if missing and config.launcher == "joblib":

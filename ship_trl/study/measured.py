@@ -12,7 +12,7 @@ import numpy as np
 from ship_trl.study.contrasts import LEVEL, Claimed, Finding, contrast, found
 from ship_trl.study.metrics import METRICS, time_to_threshold
 from ship_trl.study.plan import PARTS
-from ship_trl.study.records import BrokenRunError, Record, find_runs, read_run
+from ship_trl.study.records import BrokenRunError, Record, find_runs, read_placed
 from ship_trl.study.statistics import (
     RESAMPLES,
     Estimate,
@@ -74,10 +74,7 @@ def read_study(folder: Path) -> Study:
         try:
             if part not in PARTS:
                 raise BrokenRunError(f"{part or folder} is no part of a study")
-            record = read_run(path, part)
-            # Where it lies is what it belongs to: a copied folder is not another seed.
-            if path.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
-                raise BrokenRunError("result.json is of another run")
+            record = read_placed(path, part)
         except BrokenRunError as error:
             study.broken.append((path, str(error)))
             continue

@@ -106,6 +106,18 @@ def read_run(folder: Path, part: str = "") -> Record:
     )
 
 
+def read_placed(folder: Path, part: str = "") -> Record:
+    """Read a run's folder, which its place in a study names: a copied folder is not another seed.
+
+    Raises:
+        BrokenRunError: as `read_run`, or the run is of another place.
+    """
+    record = read_run(folder, part)
+    if folder.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
+        raise BrokenRunError(f"{RESULT} is of another run")
+    return record
+
+
 def is_number(value: object) -> bool:
     """Whether it is a number that a float can hold."""
     try:

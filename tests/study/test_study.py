@@ -2,6 +2,7 @@
 
 import json
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -53,6 +54,18 @@ def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> 
         child.wait()
     study(*SMALL, folder=tmp_path)
     assert learned(tmp_path) == learned(whole), f"killed after {after} s"
+
+
+def test_damaged_runs_are_kept_and_trained_again(whole: Path, tmp_path: Path) -> None:
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    arm = tmp_path / "outputs/smoke_study/pairs/high/FTW"
+    (arm / "seed=0/curve.csv").write_text("episode\n")
+    (arm / "seed=1/result.json").write_text('{"arm": "FTW"')
+    done = study(*SMALL, folder=tmp_path)
+    assert done.stdout.count("trained again") == 2 and "2 of 6 runs to do" in done.stdout
+    assert (arm / "damaged-1-seed=0/curve.csv").read_text() == "episode\n"
+    found = {name: data for name, data in learned(tmp_path).items() if "damaged" not in name}
+    assert found == learned(whole)
 
 
 def test_other_settings_are_refused_and_lose_nothing(whole: Path) -> None:

@@ -75,6 +75,14 @@ class Finding:
     deviation: float = np.nan
     family: int = 1
 
+    @property
+    def as_claimed(self) -> bool:
+        """Whether the estimate, however unsure, is what is claimed."""
+        value = self.estimate.value
+        if self.claimed is Claimed.alike:
+            return abs(value) <= MARGIN
+        return value > 0 if self.claimed is Claimed.above else value <= MARGIN
+
     def seen(self, level: float) -> float:
         """The least difference that so many seeds would show four times in five at a level."""
         return seen_effect(self.seeds, level) * self.deviation

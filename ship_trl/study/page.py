@@ -106,7 +106,9 @@ def in_a_sentence(answer: Answer) -> str:
         found = Counter(finding.verdict.value for finding in findings)
         counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
         values = [finding.estimate.value for finding in findings]
-        words = f"{len(findings)} contrasts: {counts}; estimates {min(values):+.3f} to {max(values):+.3f}."
+        leaning = sum(finding.as_claimed for finding in findings)
+        words = f"{len(findings)} contrasts: {counts}; {leaning} estimated as claimed"
+        words += f" ({min(values):+.3f} to {max(values):+.3f})."
     open_ = [f for f in findings if f.verdict is Verdict.inconclusive and isfinite(f.deviation)]
     if open_:
         alone, after = ([f.seen(LEVEL / m) for f in open_] for m in (1, open_[0].family))

@@ -32,6 +32,24 @@ def test_a_contrast_is_the_weighted_sum_of_interquartile_means() -> None:
     assert found.improvement is not None and found.improvement.value == 1.0 and found.seeds == 15
 
 
+@pytest.mark.parametrize(
+    ("claimed", "values", "held"),
+    [
+        (Claimed.above, (-0.1, 0.0, 0.001), (False, False, True)),
+        (Claimed.alike, (-0.06, -0.04, 0.04, 0.06), (False, True, True, False)),
+        (Claimed.no_more, (-0.9, 0.04, 0.06), (True, True, False)),
+    ],
+)
+def test_an_unsure_estimate_may_still_be_as_claimed(
+    claimed: Claimed, values: tuple[float, ...], held: tuple[bool, ...]
+) -> None:
+    found = [
+        Finding("H", "a", Estimate(v, -1, 1), None, 1, 1, 5, Verdict.inconclusive, claimed=claimed)
+        for v in values
+    ]
+    assert tuple(finding.as_claimed for finding in found) == held
+
+
 def test_a_small_difference_is_supported_before_it_is_equivalent() -> None:
     # Beyond zero and within the margin: what is measured is the difference.
     found = measured(a=0.52, b=0.5, sd=0.005)

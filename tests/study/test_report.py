@@ -85,6 +85,16 @@ def test_verdicts_are_a_markdown_table(study: Path) -> None:
     assert any(line.startswith("| H5h | supported | FT2 &lt; FT3 &lt; FT4 &lt; FTW. | ") for line in lines)
 
 
+def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> None:
+    with (study / "report/claims.csv").open(newline="") as file:
+        values = [float(row["estimate"]) for row in csv.DictReader(file) if row["claim"] == "H5f"]
+    (line,) = (
+        line for line in (study / "report/verdicts.md").read_text().splitlines() if line.startswith("| H5f ")
+    )
+    leaning = sum(value > 0 for value in values)
+    assert len(values) == 9 and f"; {leaning} estimated as claimed ({min(values):+.3f} to " in line
+
+
 def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> None:
     main([str(study), "--output", str(tmp_path)])
     assert files(tmp_path) == files(study / "report")

@@ -13,13 +13,14 @@ from typing import Any
 import torch
 from torch import Generator
 
-from ship_trl import console
+from ship_trl import __version__, console
 from ship_trl.config import ConfigError, Method
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.evaluate import Episode, evaluate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.train import Evaluated, Finished, train
+from ship_trl.learn.vision import computing
 from ship_trl.paths import replacing
 from ship_trl.plan import RESULT, Run
 from ship_trl.process import settle
@@ -75,7 +76,9 @@ def find_source(run: Run, one_of_many: bool) -> Entry | None:
     with base.lock(*wanted):
         entry = base.find(*wanted)
         if entry is None:
-            result = source.result() or train_run(source, device, None, one_of_many)
+            # It may be asked for as a run of its own at the same time.
+            with source.lock():
+                result = source.result() or train_run(source, device, None, one_of_many)
             return retain(source, result)
     console.say(f"source: {entry.policy} (greedy return {entry.scores['best']['return']:.1f})")
     return entry
@@ -167,6 +170,8 @@ def train_run(
             "training_goal_rate": sum(f.outcome == "goal" for f in finished) / len(finished),
             "training_collision_rate": sum(f.outcome == "collision" for f in finished) / len(finished),
             "device": str(device),
+            "precision": str(computing(learn.precision, device)).removeprefix("torch."),
+            "ship_trl": __version__,
             "torch": torch.__version__,
             "processor": platform.machine(),
         }

@@ -16,6 +16,19 @@ from ship_trl.config import Config, ConfigError, Method, plain
 from ship_trl.sim.cases import Case, load_case
 
 RESULT = "result.json"
+# Begins the name of a folder that a study has set aside.
+DAMAGED = "damaged-"
+
+
+class OtherSettingsError(ConfigError):
+    """A folder that holds a finished run of another recipe."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            f"output: {folder} holds a finished run of other settings; "
+            "allowed: another output=FOLDER, or overwrite=true to replace it"
+        )
+        self.folder = folder
 
 
 @dataclass(frozen=True)
@@ -45,7 +58,9 @@ class Run:
         Source and target take part in it: a transfer whose fresh layers were drawn like those its
         source began with would find layers that had already been trained together.
         """
+        # A shipped case by name or by path is the same case.
         source = self.config.source if self.config.method is not Method.scratch else ""
+        source = Path(source).stem if source else source
         words = (self.config.seed, source, self.target.fingerprint, purpose)
         return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
 
@@ -88,9 +103,23 @@ def make_run(config: Config) -> Run:
         load_case(str(config.source), world, "source")
         if config.source_file is None and not config.random_source:
             alone = dataclasses.replace(
-                config, pair=None, source=None, target=config.source, method=Method.scratch, layers=None
+                config,
+                pair=None,
+                source=None,
+                target=config.source,
+                method=Method.scratch,
+                layers=None,
+                # It was said of the target's folder.
+                overwrite=False,
             )
-            source = make_run(alone)
+            try:
+                source = make_run(alone)
+            except OtherSettingsError as error:
+                raise ConfigError(
+                    f"output: {error.folder}, where the source would be trained, holds a finished run "
+                    "of other settings; allowed: another output=FOLDER, or "
+                    f"target={config.source} method=scratch overwrite=true first"
+                ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
     run = Run(config, target, source, folder_of(config), recipe_of(config, target, source))
@@ -131,7 +160,4 @@ def check_folder(run: Run) -> None:
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
     if (run.folder / RESULT).exists() and run.result() is None and not run.config.overwrite:
-        raise ConfigError(
-            f"output: {run.folder} holds a finished run of other settings; "
-            "allowed: another output=FOLDER, or overwrite=true to replace it"
-        )
+        raise OtherSettingsError(run.folder)

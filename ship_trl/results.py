@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ship_trl.cli import complain
-from ship_trl.plan import RESULT, read_result
+from ship_trl.plan import DAMAGED, RESULT, read_result
 
 HEADINGS = (
     "run",
@@ -31,7 +31,7 @@ KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read every `result.json` and print one row for each arm of a pair and folder."""
+    """Read the `result.json` of every run and print one row for each arm of a pair and folder."""
     parser = argparse.ArgumentParser(prog="python -m ship_trl.results", description=__doc__)
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
@@ -74,31 +74,39 @@ def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> No
 
 
 def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:
-    """Whole results below `folder`, in order, and the paths of those that are not whole."""
+    """Whole results below `folder`, in order, and the paths of those that are not whole.
+
+    `part` of a result is where in `folder` its pair lies: a study has the same pair and arm in several parts.
+    """
     found, broken = [], []
     for path in sorted(folder.rglob(RESULT)):
+        if path.parent.name.startswith(DAMAGED):
+            continue
         result = read_result(path.parent)
         if result is not None and all(key in result for key in KEYS):
-            found.append(result | {"folder": path.parent})
+            part = "/".join(path.relative_to(folder).parts[:-4])
+            found.append(result | {"folder": path.parent, "part": part})
         else:
             broken.append(path)
     return found, broken
 
 
 def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
-    """One row for each profile, pair and arm."""
+    """One row for each part, profile, pair and arm."""
     groups: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for result in results:
-        key = (result["below"], str(result.get("profile")), str(result["pair"]), str(result["arm"]))
+        names = (result["below"], result["part"], result.get("profile"), result["pair"], result["arm"])
+        key = tuple(map(str, names))
         groups.setdefault(key, []).append(result)
     several = len({below for below, *_ in groups}) > 1
-    for (below, _, pair, arm), runs in sorted(groups.items()):
+    for (below, part, _, pair, arm), runs in sorted(groups.items()):
+        name = " ".join([place(part, pair), arm])
         runs.sort(key=lambda r: int(r["seed"]))
         known = runs[0]["best_known_return"]
         best, final = ([r[which] for r in runs] for which in ("best", "final"))
         lowest = min(b["return"] for b in best)
         yield [
-            f"{below}: {pair} {arm}" if several else f"{pair} {arm}",
+            f"{below}: {name}" if several else name,
             " ".join(str(r["seed"]) for r in runs),
             f"{known:.1f}",
             " ".join(f"{b['return']:.1f}" for b in best),
@@ -133,7 +141,8 @@ def compare(results: list[dict[str, Any]], one: str, other: str) -> Iterable[lis
     for result in sorted(results, key=lambda r: int(r["seed"])):
         curve = read_curve(result)
         if curve is not None:
-            by_folder = means.setdefault((str(result["pair"]), str(result["arm"])), {one: [], other: []})
+            name = place(result["part"], str(result["pair"])), str(result["arm"])
+            by_folder = means.setdefault(name, {one: [], other: []})
             by_folder[result["below"]].append(float(np.mean(curve[2])))
     for (pair, arm), found in sorted(means.items()):
         samples = [np.array(found[folder]) for folder in (one, other)]
@@ -154,12 +163,18 @@ def picture(path: Path, results: list[dict[str, Any]]) -> None:
             continue
         curve = Curve(*(np.array(values) for values in read))
         name = f"{result['below']}: {result['arm']}" if several else result["arm"]
-        panels.setdefault(f"{result['pair']}", {}).setdefault(name, []).append(curve)
+        where = place(result["part"], str(result["pair"]))
+        panels.setdefault(where, {}).setdefault(name, []).append(curve)
     if not panels:
         complain("picture: no learning curve to draw")
         sys.exit(1)
-    best = {str(r["pair"]): float(r["best_known_return"]) for r in results}
+    best = {place(r["part"], str(r["pair"])): float(r["best_known_return"]) for r in results}
     draw_comparison(path, panels, best)
+
+
+def place(part: str, pair: str) -> str:
+    """A pair, and the part of the folder that it lies in if it is not at its top."""
+    return f"{part}/{pair}" if part else pair
 
 
 def goals(scores: list[dict[str, Any]]) -> str:

@@ -30,7 +30,8 @@ ALLOWED = {
     "study": SIM | {"checks", "cli", "launchers", "plan", "transfer"},
     "report": {"cli", "config", "study"},
     "results": {"cli", "plan", "study", "view"},
-    "experiment": SIM | {"console", "learn", "plan", "process", "tracking", "transfer", "view"},
+    "experiment": SIM
+    | {"__version__", "console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "experiment", "launchers", "plan"},
     "__init__": set(),

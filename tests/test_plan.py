@@ -88,6 +88,23 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
     run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5", "overwrite=true")
 
 
+def test_overwrite_is_of_the_target_not_of_its_source(tmp_path: Path) -> None:
+    source = run("target=1", "method=scratch", f"output={tmp_path}")
+    source.folder.mkdir(parents=True)
+    (source.folder / "result.json").write_text(json.dumps({"recipe": source.recipe}))
+    line = ("+pair=high", "layers=1", f"output={tmp_path}", "overwrite=true")
+    assert run(*line).source is not None
+    with pytest.raises(ConfigError, match=r"where the source would be trained.*target=1 method=scratch"):
+        run(*line, "learn.lr=0.5")
+
+
+def test_a_shipped_case_by_path_is_the_same_run() -> None:
+    place = Path(__file__).parent.parent / "conf/case/1.yaml"
+    by_name = run("source=1", "target=2", "layers=1")
+    by_path = run(f"source={place}", "target=2", "layers=1")
+    assert by_name.recipe == by_path.recipe and by_name.stream("weights") == by_path.stream("weights")
+
+
 def test_an_unreadable_result_is_not_lost_either(tmp_path: Path) -> None:
     first = run("target=1", "method=scratch", f"output={tmp_path}")
     first.folder.mkdir(parents=True)

@@ -56,6 +56,22 @@ def test_a_broken_result_is_named_and_the_rest_shown(
     assert said.err.count("is not a whole result and is left out") == 3 and "4 scratch" in said.out
 
 
+def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 10.0)
+    write(tmp_path / "reuse/epsilon_low", 0, 20.0)
+    write(tmp_path / "reuse/epsilon_1", 0, 30.0)
+    aside = tmp_path / "4/scratch/damaged-1-seed=1"
+    write(tmp_path, 1, 40.0)
+    (tmp_path / "4/scratch/seed=1").rename(aside)
+    main([str(tmp_path), "--markdown"])
+    rows = [row.split(" | ")[:4] for row in capsys.readouterr().out.splitlines()[2:5]]
+    assert rows == [
+        ["| 4 scratch", "0", "40.0", "10.0"],
+        ["| reuse/epsilon_1/4 scratch", "0", "40.0", "30.0"],
+        ["| reuse/epsilon_low/4 scratch", "0", "40.0", "20.0"],
+    ]
+
+
 def test_an_empty_folder_is_one_line_and_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main([str(tmp_path)])

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ship_trl.study.config import NEW_CASE, RANDOM_ARM, REUSED_CASE, SELF_PAIR
 from ship_trl.study.contrasts import Claimed, Finding, judged
 from ship_trl.study.measured import Places, Study, levels, rises, sooner, steadier
-from ship_trl.study.plan import CONTROLS, PAIRS, RANDOM_ARM, REUSE, SELF_CASE, SELF_PAIR
+from ship_trl.study.plan import ALONE, CONTROLS, LOW, ONE, OTHER_SOURCES, PAIRS
 
 FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
 TRANSFERS = (*FE, *FT, "FTW")
@@ -98,10 +99,11 @@ def interaction(pair: str, other: str, better: Sequence[str], worse: Sequence[st
 
 
 def steeper(pair: str, other: str, arms: Sequence[str]) -> Test:
-    """The slope of the score over the number of layers is larger in one pair than in another."""
+    """The score's rise from the first arm to the last, by the fitted line, is larger in one pair."""
     middle, count = (len(arms) - 1) / 2, len(arms)
-    shares = {arm: (k - middle) * 12 / (count**3 - count) for k, arm in enumerate(arms)}
-    return more_in(pair, other, f"slope of {', '.join(arms)}", shares)
+    steps = 12 * (count - 1) / (count**3 - count)
+    shares = {arm: (k - middle) * steps for k, arm in enumerate(arms)}
+    return more_in(pair, other, f"fitted rise from {arms[0]} to {arms[-1]}", shares)
 
 
 def steady(pair: str, arm: str, other: str, metric: str = "area") -> Test:
@@ -136,17 +138,19 @@ def frozen_random(pair: str) -> Test:
     return at(pair, places, "FE3", "FE3-random")
 
 
-def reuse(epsilon: str, case: str = SELF_CASE) -> tuple[str, str, str]:
+def reuse(part: str, case: str = REUSED_CASE) -> tuple[str, str, str]:
     """Where the runs of a reused network lie."""
-    return (f"{REUSE}/epsilon_{epsilon}", f"{case}-new", "FTW")
+    return (part, f"{case}-{NEW_CASE}", "FTW")
 
 
 REUSED: Places = {
-    "reused, low": reuse("low"),
-    "reused, 1": reuse("1"),
-    "scratch, low": (f"{REUSE}/epsilon_low", "new", "scratch"),
-    "scratch, 1": (f"{REUSE}/epsilon_1", "new", "scratch"),
-    **{f"case {case}": reuse("low", case) for case in ("1", "2", "3", "5")},
+    "reused, low": reuse(LOW),
+    "reused, 1": reuse(ONE),
+    "scratch, low": (LOW, NEW_CASE, "scratch"),
+    "scratch, 1": (ONE, NEW_CASE, "scratch"),
+    # Trained alike, each on its case alone; the reused one was trained on two.
+    f"case {REUSED_CASE}": reuse(ALONE),
+    **{f"case {case}": reuse(LOW, case) for case in OTHER_SOURCES},
 }
 
 

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import yaml
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -15,6 +16,8 @@ from ship_trl.paths import conf_dir
 
 # Section 4.3: the case that is most like the new one, and by which arm its network was made.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
+# Controls, which are arms and pairs of a study that has them anyway.
+RANDOM_ARM, SELF_PAIR = "FE3-random", "self"
 # Hydra's launchers (conf/hydra/launcher) and the plugins that bring them.
 LAUNCHERS = {
     "joblib": "hydra_joblib_launcher",
@@ -88,6 +91,10 @@ def to_study(overrides: list[str]) -> StudyConfig:
         config: Any = OmegaConf.to_object(values)
     except OmegaConfBaseException as error:
         raise ConfigError(explain(error)) from None
+    except yaml.YAMLError:
+        raise ConfigError(
+            f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
+        ) from None
     check(config)
     return config
 
@@ -108,6 +115,11 @@ def check(config: StudyConfig) -> None:
         extra = config.launcher.split("_")[0]
         raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
     check_overrides(config)
+    if config.seeds is None and config.profile not in config.profile_seeds:
+        raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
+    for key, got, control in (("pairs", config.pairs, SELF_PAIR), ("arms", config.arms, RANDOM_ARM)):
+        if config.controls and control in got:
+            raise ConfigError(f"{key}: {control} is one of the controls; allowed: controls=false")
     if config.count < 2:
         raise ConfigError(f"seeds: must be at least 2, got {config.count}")
     if config.retries < 0:

@@ -14,11 +14,13 @@ from ship_trl.study.statistics import (
     SAME,
     Estimate,
     Sample,
+    above,
     below,
     bootstrap,
     holm,
     interquartile_mean,
     no_effect,
+    outside,
     probability_of_improvement,
     seen_effect,
     unmeasured,
@@ -54,11 +56,11 @@ class Finding:
     """A contrast measured: positive is the claimed direction.
 
     `improvement` is the probability that the claimed better side is better, None where the contrast is
-    not one of levels (spread, trend, time); `p` is that of no difference, `adjusted` the same within
-    its figure by Holm's method, once all are known. `beyond` is the p of a difference beyond the margin,
-    one where a margin has no meaning. `between` says that arms are compared, and not one of them with
-    zero. `deviation` is over seeds, not a number where the test is not Student's; `family` is how many
-    contrasts the figure has.
+    not one of levels (spread, trend, time); `p` is that of no difference, or of none beyond the margin
+    where that is claimed; `adjusted` is the same within its figure by Holm's method, once all are known.
+    `beyond` is the p of a difference beyond the margin, one where a margin has no meaning. `between` says
+    that arms are compared, and not one of them with zero. `deviation` is over seeds, not a number where
+    the test is not Student's; `family` is how many contrasts the figure has.
     """
 
     claim: str
@@ -126,7 +128,7 @@ def contrast(
         side = better if share > 0 else worse
         side += abs(share) * values
     differences = better - worse
-    p, improvement = no_effect(differences), None
+    p, improvement = against(claimed, differences), None
     if rough and p > LEVEL:
         estimate = unmeasured(chosen, total)
     else:
@@ -149,6 +151,13 @@ def contrast(
             deviation=float(np.std(differences, ddof=1)),
         )
     )
+
+
+def against(claimed: Claimed, differences: Sample) -> float:
+    """P of what speaks neither for nor against a claim: no difference, or one within the margin."""
+    if claimed is Claimed.above:
+        return no_effect(differences)
+    return outside(differences, MARGIN) if claimed is Claimed.alike else above(differences, MARGIN)
 
 
 def found(claim: str, what: str, estimate: Estimate, p: float, seeds: int) -> Finding:
@@ -175,18 +184,18 @@ def judge_none(finding: Finding) -> Verdict:
     estimate, both = finding.estimate, finding.claimed is not Claimed.no_more
     if inside(finding):
         return Verdict.supported
-    outside = estimate.low > MARGIN or (both and estimate.high < -MARGIN)
-    return Verdict.contradicted if outside and finding.adjusted <= LEVEL else Verdict.inconclusive
+    beyond = estimate.low > MARGIN or (both and estimate.high < -MARGIN)
+    return Verdict.contradicted if beyond and finding.adjusted <= LEVEL else Verdict.inconclusive
 
 
 def judge(finding: Finding) -> Verdict:
     """The rule: an interval beyond zero, and one of the probability of improvement beyond a half."""
     estimate, improvement = finding.estimate, finding.improvement
-    above = improvement is None or improvement.low > 0.5
-    below = improvement is None or improvement.high < 0.5
-    if finding.adjusted <= LEVEL and estimate.low > 0 and above:
+    more = improvement is None or improvement.low > 0.5
+    less = improvement is None or improvement.high < 0.5
+    if finding.adjusted <= LEVEL and estimate.low > 0 and more:
         return Verdict.supported
-    if finding.adjusted <= LEVEL and estimate.high < 0 and below:
+    if finding.adjusted <= LEVEL and estimate.high < 0 and less:
         return Verdict.contradicted
     return Verdict.equivalent if inside(finding) else Verdict.inconclusive
 

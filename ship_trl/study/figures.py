@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ship_trl.paths import replacing
-from ship_trl.study.config import NEW_CASE, read
+from ship_trl.study.config import NEW_CASE, REUSED_ARM, REUSED_CASE
 from ship_trl.study.measured import Study
-from ship_trl.study.plan import PAIRS, REUSE
+from ship_trl.study.plan import ALONE, LOW, LOW_EPSILON, ONE, OTHER_SOURCES, PAIRS
 from ship_trl.study.records import Record
 
 # Okabe and Ito's colours, which are told apart without colour vision; dashes do it in print.
@@ -45,6 +45,12 @@ def smoothed(values: NDArray[np.float64], share: float = SMOOTH) -> NDArray[np.f
     return mean
 
 
+def pairs(study: Study) -> list[str]:
+    """Pairs that were run: the paper's in its order, then others."""
+    found = sorted({pair for part, pair, _, _ in study.records if part == PAIRS})
+    return [*(pair for pair in NUMBERS if pair in found), *(pair for pair in found if pair not in NUMBERS)]
+
+
 def draw_pair(study: Study, pair: str) -> Figure | None:
     """Figure 5, 6 or 7: training return above, greedy return below; mean over seeds, band: one deviation."""
     arms = {arm: list(study.arm(PAIRS, pair, arm).values()) for side in SIDES.values() for arm in side}
@@ -62,27 +68,31 @@ def draw_pair(study: Study, pair: str) -> Figure | None:
             axes[0, column].legend(loc="lower right", fontsize=8, ncols=2)
     axes[0, 0].set_ylabel("training return")
     axes[1, 0].set_ylabel("greedy return")
-    figure.suptitle(title(pair))
+    figure.suptitle(title(study, pair))
     return figure
 
 
-def title(pair: str) -> str:
+def title(study: Study, pair: str) -> str:
     """Of a pair's figure: the paper's number, source and target."""
-    values = read("pair", pair)
-    return f"Figure {NUMBERS[pair]}: pair {pair}, case {values['source']} to case {values['target']}"
+    name = f"Figure {NUMBERS[pair]}: pair {pair}" if pair in NUMBERS else f"Pair {pair}"
+    source, target = study.cases(pair)
+    return f"{name}, {f'case {source} to ' if source else ''}case {target}"
 
 
 def draw_reuse(study: Study) -> Figure | None:
-    """Figure 9: the network of case 2 on the new case, from scratch beside it, and other sources."""
+    """Figure 9: the reused network on the new case, from scratch beside it, and sources trained alike."""
     panels: Sequence[Mapping[str, tuple[str, str, str]]] = (
         {
-            f"{name}, epsilon from {epsilon}": (f"{REUSE}/epsilon_{part}", label, arm)
-            for part, epsilon in (("low", "0.1"), ("1", "1"))
-            for name, label, arm in (("case 2", f"2-{NEW_CASE}", "FTW"), ("scratch", NEW_CASE, "scratch"))
+            f"{name}, epsilon from {epsilon:g}": (part, label, arm)
+            for part, epsilon in ((LOW, LOW_EPSILON), (ONE, 1))
+            for name, label, arm in (
+                ("reused (cases 1, 2)", f"{REUSED_CASE}-{NEW_CASE}", REUSED_ARM),
+                ("scratch", NEW_CASE, "scratch"),
+            )
         },
         {
-            f"case {case}, epsilon from 0.1": (f"{REUSE}/epsilon_low", f"{case}-{NEW_CASE}", "FTW")
-            for case in ("1", "2", "3", "5")
+            f"case {case}": (ALONE if case == REUSED_CASE else LOW, f"{case}-{NEW_CASE}", REUSED_ARM)
+            for case in sorted((REUSED_CASE, *OTHER_SOURCES))
         },
     )
     found = [{n: list(study.arm(*place).values()) for n, place in panel.items()} for panel in panels]
@@ -91,7 +101,7 @@ def draw_reuse(study: Study) -> Figure | None:
     figure = Figure(figsize=(11, 7), dpi=110, layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey="row")
     looks = list(STYLES.values())
-    sides = ("network and starting epsilon", "sources, epsilon from 0.1")
+    sides = ("network and starting epsilon", f"sources, each alone, epsilon from {LOW_EPSILON:g}")
     for column, (side, panel) in enumerate(zip(sides, found, strict=True)):
         for k, (name, runs) in enumerate(panel.items()):
             if runs:
@@ -122,7 +132,7 @@ def lines(axes: Sequence[Axes], name: str, runs: Sequence[Record], look: tuple[s
         (axes[0], np.arange(1, length + 1), trained),
         (axes[1], runs[0].greedy.episode[:count], smoothed(greedy)),
     ):
-        mean, spread = values.mean(axis=0), values.std(axis=0)
+        mean, spread = values.mean(axis=0), values.std(axis=0, ddof=1 if len(values) > 1 else 0)
         axis.plot(x, mean, color=look[0], linestyle=look[1], linewidth=1.5, label=label)
         axis.fill_between(x, mean - spread, mean + spread, color=look[0], alpha=0.12, linewidth=0)
         axis.grid(color="#8888", linewidth=0.4)

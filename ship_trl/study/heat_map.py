@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ship_trl.study.claims import FE, FT
-from ship_trl.study.config import NEW_CASE, REUSED_ARM, REUSED_CASE, read
+from ship_trl.study.config import NEW_CASE, RANDOM_ARM, REUSED_ARM, REUSED_CASE, SELF_PAIR
+from ship_trl.study.figures import pairs
 from ship_trl.study.measured import Study
 from ship_trl.study.metrics import METRICS
-from ship_trl.study.plan import CONTROLS, LOW, OTHER_SOURCES, PAIRS, RANDOM_ARM, SELF_PAIR, from_scratch
+from ship_trl.study.plan import ALONE, CONTROLS, LOW, OTHER_SOURCES, PAIRS, SELF_CASE, from_scratch
 
 ARMS = (*FE, RANDOM_ARM, *FT, "FTW")
 Place = tuple[str, str, str]
@@ -19,14 +20,21 @@ Place = tuple[str, str, str]
 def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
     """What is compared: by "source to target", the runs from scratch and those of each arm."""
     found: dict[str, tuple[Place, dict[str, Place]]] = {}
-    for pair in ("high", "low", "lowest", SELF_PAIR):
-        values, part = read("pair", pair), CONTROLS if pair == SELF_PAIR else PAIRS
-        arms: dict[str, Place] = {arm: (part, pair, arm) for arm in ARMS}
+    for pair in pairs(study):
+        source, target = study.cases(pair)
+        arms: dict[str, Place] = {arm: (PAIRS, pair, arm) for arm in ARMS}
         arms[RANDOM_ARM] = (CONTROLS, pair, RANDOM_ARM)
-        found[f"{values['source']} to {values['target']}"] = from_scratch(part, pair), arms
-    for case in (REUSED_CASE, *OTHER_SOURCES):
-        place = LOW, f"{case}-{NEW_CASE}", REUSED_ARM
-        found[f"{case} to {NEW_CASE}"] = from_scratch(LOW, place[1]), {REUSED_ARM: place}
+        found[f"{source} to {target}"] = from_scratch(PAIRS, pair), arms
+    itself = {arm: (CONTROLS, SELF_PAIR, arm) for arm in ARMS}
+    found[f"{SELF_CASE} to {SELF_CASE}"] = from_scratch(CONTROLS, SELF_PAIR), itself
+    label = f"{REUSED_CASE}-{NEW_CASE}"
+    reused = {
+        f"1, {REUSED_CASE} to {NEW_CASE}": (LOW, label, REUSED_ARM),
+        f"{REUSED_CASE} to {NEW_CASE}": (ALONE, label, REUSED_ARM),
+        **{f"{case} to {NEW_CASE}": (LOW, f"{case}-{NEW_CASE}", REUSED_ARM) for case in OTHER_SOURCES},
+    }
+    for name, place in reused.items():
+        found[name] = from_scratch(LOW, place[1]), {REUSED_ARM: place}
     return {
         name: (scratch, arms)
         for name, (scratch, arms) in found.items()

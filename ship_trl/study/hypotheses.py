@@ -25,6 +25,7 @@ from ship_trl.study.claims import (
     steady,
     trend,
 )
+from ship_trl.study.plan import OTHER_SOURCES
 
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
 # Parts of conclusion C4 too.
@@ -147,5 +148,10 @@ HYPOTHESES = [
         ],
     ),
     Hypothesis("H9a", "9", "A reused network is sooner than a new one.", [confounded, network_effect]),
-    Hypothesis("H9b", "9", "Case 2 is the best source.", [best_source(case) for case in ("1", "3", "5")]),
+    Hypothesis(
+        "H9b",
+        "9",
+        "Case 2 is the best source, each case's network trained on it alone.",
+        [best_source(case) for case in OTHER_SOURCES],
+    ),
 ]

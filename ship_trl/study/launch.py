@@ -12,27 +12,34 @@ from typing import Any
 
 import yaml
 
-from ship_trl.config import Logger
+from ship_trl.config import Logger, plain
 from ship_trl.launchers import die_with_parent
 from ship_trl.paths import replacing
 from ship_trl.plan import read_result
 from ship_trl.study.config import StudyConfig
 from ship_trl.study.plan import Job
+from ship_trl.study.settled import run_config
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
+# What all runs of a study have in common, beside the learner.
+SHARED = ("profile", "device", "colour", "world")
 
 
 def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
     """A file for each job, `<study>/jobs/job/NAME.yaml`.
 
-    `python -m ship_trl --config-dir <study>/jobs +job=NAME profile=PROFILE` runs it alone.
+    `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs it alone: with all that the study
+    has set, so that what it leaves in the study's folder is what the study would have left.
     """
+    whole = plain(run_config(config))
+    shared, learn = {key: whole[key] for key in SHARED}, whole["learn"]
     folder = config.folder / JOBS / "job"
     folder.mkdir(parents=True, exist_ok=True)
     # Absolute, because a node of a cluster starts its processes wherever it likes.
     place = config.folder.absolute()
     for job in jobs:
-        values: dict[str, Any] = job.values | {
+        values: dict[str, Any] = shared | job.values | {"learn": learn | job.values.get("learn", {})}
+        values |= {
             "output": str(place / job.part),
             "case_base": str(place / BASE),
             "wandb": {"folder": str(place), "group": f"{job.part}/{job.label}"},
@@ -92,13 +99,13 @@ def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]
 def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> list[Job]:
     """Run what is not finished, stage by stage, with retries; returns what has no result even so.
 
+    Some launchers end with the first process that dies, and leave the other runs to be started again:
+    only a round that finished no run at all is a failure, and only failures are counted.
     `watch` is called about once a second.
     """
     for stage in sorted({job.stage for job in jobs}):
-        for _ in range(1 + config.retries):
-            left = [job for job in jobs if job.stage == stage and finished(job, config) is None]
-            if not left:
-                break
+        left, failures = [job for job in jobs if job.stage == stage], 0
+        while left and failures <= config.retries:
             for batch in batches(left, config):
                 with started(command(batch, config), config.folder / LOG) as child:
                     while child.poll() is None:
@@ -108,6 +115,8 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
                         except subprocess.TimeoutExpired:
                             continue
                 watch()
+            before, left = left, [job for job in left if finished(job, config) is None]
+            failures += len(left) == len(before)
     return [job for job in jobs if finished(job, config) is None]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ship_trl.study.contrasts import LEVEL, Claimed, Finding, contrast, found
 from ship_trl.study.metrics import METRICS, time_to_threshold
-from ship_trl.study.plan import PARTS
+from ship_trl.study.plan import PAIRS, PARTS
 from ship_trl.study.records import BrokenRunError, Record, find_runs, read_placed
 from ship_trl.study.statistics import (
     RESAMPLES,
@@ -59,6 +59,12 @@ class Study:
         return {
             key[3]: record for key, record in sorted(self.records.items()) if key[:3] == (part, pair, arm)
         }
+
+    def cases(self, pair: str) -> tuple[str | None, str]:
+        """Source and target of a pair, by its runs; only those from scratch have no source."""
+        runs = [r for (part, name, _, _), r in sorted(self.records.items()) if (part, name) == (PAIRS, pair)]
+        source = next((r.source for r in runs if r.source), None)
+        return source, runs[0].target
 
     def together(self, places: Mapping[str, tuple[str, str, str]]) -> dict[str, list[Record]]:
         """Runs by name, of the seeds that all of these (part, pair, arm) have, in order."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ship_trl.config import ConfigError
-from ship_trl.plan import RESULT
+from ship_trl.plan import DAMAGED, RESULT
 from ship_trl.study.config import StudyConfig
 from ship_trl.study.plan import Job
 from ship_trl.study.records import BrokenRunError, read_placed
@@ -15,7 +15,7 @@ from ship_trl.study.records import BrokenRunError, read_placed
 def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
     """Rename the folder of each damaged run, and say so; nothing is deleted.
 
-    A run without a result was stopped, not damaged: it stays, and is trained as it is.
+    A run without a result was stopped, not damaged: it begins anew in its folder.
 
     Raises:
         ConfigError: a folder that cannot be renamed.
@@ -38,6 +38,6 @@ def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
 def free_name(folder: Path) -> Path:
     """`damaged-1-seed=0` beside `seed=0`, or the next number that is free."""
     number = 1
-    while (aside := folder.with_name(f"damaged-{number}-{folder.name}")).exists():
+    while (aside := folder.with_name(f"{DAMAGED}{number}-{folder.name}")).exists():
         number += 1
     return aside

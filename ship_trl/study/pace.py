@@ -7,6 +7,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 
 from ship_trl.plan import RESULT
@@ -41,8 +42,8 @@ def timed(config: StudyConfig, episodes: int) -> float:
     Raises:
         RuntimeError: they failed; the text is the last line of their complaint.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        children = []
+    children: list[subprocess.Popen[str]] = []
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as ends:
         for k in range(processes()):
             line = (f"target={CASE}", "method=scratch", f"profile={config.profile}", *config.of_runs)
             short = (
@@ -51,14 +52,16 @@ def timed(config: StudyConfig, episodes: int) -> float:
                 f"seed={k}",
                 f"output={folder}/{k}",
             )
-            children.append(
-                subprocess.Popen(
-                    [sys.executable, "-m", "ship_trl", *line, *short],
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                )
+            child = subprocess.Popen(
+                [sys.executable, "-m", "ship_trl", *line, *short],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
             )
+            # None outlives the folder it writes to, if another one fails.
+            ends.enter_context(child)
+            ends.callback(child.kill)
+            children.append(child)
         for child in children:
             _, said = child.communicate()
             if child.returncode != 0:

@@ -7,16 +7,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ship_trl.study.config import NEW_CASE, REUSED_ARM, REUSED_CASE, REUSED_PAIR, StudyConfig, read
+from ship_trl.study.config import (
+    NEW_CASE,
+    RANDOM_ARM,
+    REUSED_ARM,
+    REUSED_CASE,
+    REUSED_PAIR,
+    SELF_PAIR,
+    StudyConfig,
+    read,
+)
 
 # Parts of a study, which are its folders: the paper's figures 5 to 7, figure 9, and our controls.
 PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
 LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
-PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE)
+# The low epsilon too; case 2's network here was trained on case 2 alone, as those of other sources were.
+ALONE = f"{REUSE}/alone"
+PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
 OTHER_SOURCES = ("1", "3", "5")
 LOW_EPSILON = 0.1
-RANDOM_ARM = "FE3-random"
-SELF_PAIR, SELF_CASE = "self", "2"
+SELF_CASE = "2"
 SELF_ARMS = ("FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4")
 
 
@@ -47,31 +57,43 @@ def plan_jobs(config: StudyConfig) -> list[Job]:
     return sorted(jobs, key=lambda job: (job.stage, job.seed))
 
 
+def sources_of(config: StudyConfig) -> set[str]:
+    """Cases whose networks others begin with."""
+    needed = {str(read("pair", pair)["source"]) for pair in config.pairs}
+    if config.reuse:
+        needed |= {REUSED_CASE, *OTHER_SOURCES}
+    return needed | {SELF_CASE} if config.controls else needed
+
+
 def of_seed(config: StudyConfig, seed: int) -> Iterator[Job]:
     """The runs of one seed."""
-    sources = {str(read("pair", pair)["source"]) for pair in config.pairs}
-    if config.reuse:
-        sources |= set(OTHER_SOURCES)
-    from_scratch = {str(read("pair", pair)["target"]) for pair in config.pairs if "scratch" in config.arms}
-    if config.controls:
-        # The run from scratch that a pair has anyway serves as source; nothing is trained twice.
-        sources |= {SELF_CASE} - from_scratch
+    sources = sources_of(config)
     for case in sorted(sources):
-        yield alone(SOURCES, case, seed, stage=0)
+        if trained_alone(config, case) == (SOURCES, case):
+            yield alone(SOURCES, case, seed, stage=0)
     for pair in config.pairs:
         for arm in config.arms:
-            yield transfer(PAIRS, pair, arm, seed, stage=1)
+            serves = arm == "scratch" and str(read("pair", pair)["target"]) in sources
+            yield transfer(PAIRS, pair, arm, seed, stage=0 if serves else 1)
         if config.controls:
             yield transfer(CONTROLS, pair, RANDOM_ARM, seed, stage=1)
     if config.controls:
         for arm in SELF_ARMS:
-            yield transfer(CONTROLS, SELF_PAIR, arm, seed, stage=2)
+            yield transfer(CONTROLS, SELF_PAIR, arm, seed, stage=1)
     if config.reuse:
         yield from reuse_jobs(config, seed)
 
 
+def trained_alone(config: StudyConfig, case: str) -> tuple[str, str]:
+    """Part and label of a case's run from scratch: a pair's that has it anyway, so that none is run twice."""
+    for pair in config.pairs if "scratch" in config.arms else ():
+        if str(read("pair", pair)["target"]) == case:
+            return PAIRS, pair
+    return SOURCES, case
+
+
 def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Network (reused, from scratch) by starting epsilon (low, 1), and other sources at the low one."""
+    """Network (reused, from scratch) by starting epsilon (low, 1); at the low one, sources trained alike."""
     low: dict[str, Any] = {"learn": {"epsilon_start": LOW_EPSILON}}
 
     def policy(*place: str) -> str:
@@ -80,10 +102,10 @@ def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     for part, extra in ((ONE, {}), (LOW, low)):
         yield alone(part, NEW_CASE, seed, 1, **extra)
         yield whole(part, REUSED_CASE, seed, 2, source_file=policy(PAIRS, REUSED_PAIR, REUSED_ARM), **extra)
-        if extra:
-            for case in OTHER_SOURCES:
-                # By file, because a source of its own would be trained with the low epsilon too.
-                yield whole(part, case, seed, 1, source_file=policy(SOURCES, case, "scratch"), **extra)
+    for part, case in ((ALONE, REUSED_CASE), *((LOW, other) for other in OTHER_SOURCES)):
+        # By file, because a source of its own would be trained with the low epsilon too.
+        source = policy(*trained_alone(config, case), "scratch")
+        yield whole(part, case, seed, 1, source_file=source, **low)
 
 
 def job(stage: int, part: str, label: str, arm: str, seed: int, values: dict[str, Any]) -> Job:
@@ -110,6 +132,6 @@ def whole(part: str, source: str, seed: int, stage: int, **extra: Any) -> Job:
 
 def from_scratch(part: str, label: str) -> tuple[str, str, str]:
     """Part, label and arm of the runs from scratch that those of a label are compared with."""
-    if part in (LOW, ONE):
-        return part, NEW_CASE, "scratch"
+    if part in (LOW, ONE, ALONE):
+        return (ONE if part == ONE else LOW), NEW_CASE, "scratch"
     return (SOURCES if part == SOURCES else PAIRS), ("high" if label == SELF_PAIR else label), "scratch"

@@ -58,9 +58,12 @@ def write(study: Study, folder: Path, output: Path) -> None:
         ("table_2", similar),
     ):
         tables.write_csv(output / f"{name}.csv", rows)
-    drawn = []
+    drawn, shown = [], figures.pairs(study)
+    for path in output.glob("pair_*.p*"):  # of an earlier report
+        if path.stem.removeprefix("pair_") not in shown:
+            path.unlink()
     for name, title, caption, figure in (
-        *((f"pair_{p}", figures.title(p), CURVES, figures.draw_pair(study, p)) for p in figures.NUMBERS),
+        *((f"pair_{p}", figures.title(study, p), CURVES, figures.draw_pair(study, p)) for p in shown),
         ("reuse", "Figure 9: reuse on the new case", CURVES, figures.draw_reuse(study)),
         ("gains", "What transfer gains, by source and target", GAINS, draw_gains(study)),
     ):

@@ -81,15 +81,6 @@ def unmeasured(samples: Sequence[Sample], statistic: Callable[..., Any]) -> Esti
     return Estimate(float(statistic(*samples, axis=-1)), -np.inf, np.inf)
 
 
-def difference(one: Sample, other: Sample, seed: int) -> Estimate:
-    """How much higher the interquartile mean of `one` is, over jointly resampled seeds."""
-
-    def gap(a: Sample, b: Sample, axis: int) -> Any:
-        return interquartile_mean(a, axis) - interquartile_mean(b, axis)
-
-    return bootstrap((one, other), gap, seed)
-
-
 def probability_of_improvement(one: Sample, other: Sample, seed: int, resamples: int = RESAMPLES) -> Estimate:
     """How often a run of `one` does better than a run of `other`, whatever their seeds; ties count half."""
 
@@ -168,6 +159,16 @@ def below(values: Sample, margin: float) -> float:
     if np.ptp(values) < SAME:
         return 0.0 if values[0] < margin else 1.0
     return float(stats.ttest_1samp(values, margin, alternative="less").pvalue)
+
+
+def above(values: Sample, margin: float) -> float:
+    """P of a mean over seeds at a margin or below it, one-sided."""
+    return below(-values, -margin)
+
+
+def outside(values: Sample, margin: float) -> float:
+    """P of a mean within a margin on both sides: twice the smaller of two one-sided p."""
+    return min(1.0, 2 * min(above(values, margin), above(-values, margin)))
 
 
 def within(values: Sample, margin: float) -> float:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError
-from ship_trl.study.config import StudyConfig, to_study
+from ship_trl.study.config import StudyConfig, names, to_study
 
 
 @pytest.mark.parametrize(
@@ -22,6 +22,9 @@ from ship_trl.study.config import StudyConfig, to_study
         ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
         ("overrides=[+arm=FE3]", "overrides: arm tells the study's runs apart"),
         ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start tells"),
+        ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
+        ("pairs=[high,self]", "pairs: self is one of the controls; allowed: controls=false"),
+        ("arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: controls=false"),
         ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
         ("pairs=[low]", "reuse: needs pair high with arm FTW"),
     ],
@@ -30,6 +33,15 @@ def test_what_is_wrong_is_said(override: str, said: str) -> None:
     with pytest.raises(ConfigError) as caught:
         to_study([override])
     assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_profile_of_ones_own_needs_its_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ship_trl.study.config.names", lambda group: ["mine", *names(group)])
+    with pytest.raises(
+        ConfigError, match=r"seeds: must be given, for conf/study.yaml has none for profile mine"
+    ):
+        to_study(["profile=mine"])
+    assert to_study(["profile=mine", "seeds=4"]).count == 4
 
 
 def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

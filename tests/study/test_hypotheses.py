@@ -1,4 +1,4 @@
-"""Every claim comes out as the truth is: where the paper is right, where it is wrong, and where runs lack."""
+"""Claims on levels come out as the truth is: where the paper is right, where it is wrong, where runs lack."""
 
 from pathlib import Path
 
@@ -38,6 +38,7 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
     low, one = "reuse/epsilon_low", "reuse/epsilon_1"
     places: dict[tuple[str, str, str], float] = {
         (low, "2-new", "FTW"): 0.9,
+        ("reuse/alone", "2-new", "FTW"): 0.9,
         (one, "2-new", "FTW"): 0.8,
         (low, "new", "scratch"): 0.5,
     }

@@ -104,12 +104,14 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
                 assert time.monotonic() < deadline and child.poll() is None
                 time.sleep(0.1)
             os.kill(descendants(nodes, b"ray::_run_job")[0], signal.SIGKILL)
-            # No retry of the study's own: Ray's has to do.
             assert child.wait(300) == 0
         finally:
             child.kill()
             child.wait()
     assert learned(tmp_path) == learned(whole)
+    # One grid a stage: the study started nothing again, Ray's own retry did it.
+    words = (tmp_path / "outputs/smoke_study/log.txt").read_text()
+    assert words.count("Ray Launcher is launching") == 2
 
 
 def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -41,13 +41,29 @@ def test_reuse_is_two_networks_by_two_epsilons_and_other_sources() -> None:
     assert found.keys() == {("reuse/epsilon_low", label) for label in low} | {
         ("reuse/epsilon_1", "new"),
         ("reuse/epsilon_1", "2-new"),
+        ("reuse/alone", "2-new"),
     }
     for (part, label), job in found.items():
         epsilon = job.values.get("learn", {}).get("epsilon_start")
-        assert epsilon == (0.1 if part.endswith("low") else None)
+        assert epsilon == (None if part.endswith("1") else 0.1)
         assert (label == "new") == ("source_file" not in job.values)
     reused = found["reuse/epsilon_low", "2-new"]
     assert reused.values["source_file"].endswith("pairs/high/FTW/seed=0/policy.safetensors")
+    alone = found["reuse/alone", "2-new"]
+    assert alone.values["source_file"].endswith("pairs/high/scratch/seed=0/policy.safetensors")
+    other = found["reuse/epsilon_low", "3-new"]
+    assert other.values["source_file"].endswith("sources/3/scratch/seed=0/policy.safetensors")
+
+
+def test_a_job_started_alone_is_the_studys_run(tmp_path: Path) -> None:
+    line = ("profile=smoke", "reuse=false", "controls=false", "pairs=[high]", f"output={tmp_path}")
+    config = to_study([*line, "overrides=[learn.lr=0.005,world.max_steps=50]"])
+    write_jobs(plan_jobs(config), config)
+    place = f"hydra.searchpath=[file://{tmp_path / 'jobs'}]"
+    alone = make_run(composed("+job=pairs-high-FE3-0", place))
+    as_sent = make_run(composed("+job=pairs-high-FE3-0", "profile=smoke", *config.overrides, place))
+    assert alone.config == as_sent.config and alone.recipe == as_sent.recipe
+    assert alone.config.learn.lr == 0.005 and alone.config.profile == "smoke"
 
 
 def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:
@@ -58,7 +74,15 @@ def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:
             assert made[Path(job.values["source_file"]).parent] < job.stage
 
 
-@pytest.mark.parametrize("overrides", [(), ("pairs=[low]", "reuse=false"), ("arms=[FE2]", "reuse=false")])
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (),
+        ("pairs=[low]", "reuse=false"),
+        ("arms=[FE2]", "reuse=false"),
+        ("pairs=[self]", "arms=[scratch,FTW]", "controls=false", "reuse=false"),
+    ],
+)
 def test_nothing_is_trained_twice(
     overrides: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

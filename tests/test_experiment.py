@@ -1,0 +1,44 @@
+"""One source network is trained once, whoever asks for it, and as whatever."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ship_trl import experiment
+from ship_trl.experiment import find_source
+from ship_trl.plan import Run, make_run
+from tests.test_config import composed
+
+SCORE = {"return": 1.0, "outcome": "goal"}
+
+
+@pytest.fixture
+def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Folders of runs that were trained, in no time."""
+    folders: list[Path] = []
+
+    def train_run(run: Run, *_: Any) -> dict[str, Any]:
+        folders.append(run.folder)
+        run.folder.mkdir(parents=True)
+        for name in ("policy.safetensors", "config.yaml"):
+            (run.folder / name).write_text("")
+        return {"best": SCORE, "final": SCORE, "best_known_return": 1.0}
+
+    monkeypatch.setattr(experiment, "train_run", train_run)
+    return folders
+
+
+def test_a_source_that_is_a_run_of_its_own_is_waited_for(tmp_path: Path, trained: list[Path]) -> None:
+    run = make_run(composed("+pair=high", "layers=3", "profile=smoke", f"output={tmp_path}"))
+    assert run.source is not None
+    asking = threading.Thread(target=find_source, args=(run, True))
+    with run.source.lock():  # as `target=1 method=scratch` holds it while it trains
+        asking.start()
+        asking.join(0.5)
+        assert asking.is_alive() and trained == []
+    asking.join(10)
+    assert trained == [run.source.folder]
+    entry = find_source(run, True)
+    assert entry is not None and entry.policy.is_file() and len(trained) == 1

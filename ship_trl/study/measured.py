@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -59,6 +60,14 @@ class Study:
         return {
             key[3]: record for key, record in sorted(self.records.items()) if key[:3] == (part, pair, arm)
         }
+
+    def mixed(self) -> dict[str, dict[str, int]]:
+        """By what runs were computed where they differ: how many by each version, device, precision."""
+        found: dict[str, Counter[str]] = defaultdict(Counter)
+        for record in self.records.values():
+            for key, value in record.computed.items():
+                found[key][value] += 1
+        return {key: dict(sorted(counts.items())) for key, counts in found.items() if len(counts) > 1}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
         """Source and target of a pair, by its runs; only those from scratch have no source."""

@@ -182,6 +182,10 @@ def render(
         # Of exact tests of as many runs on two sides: all of one beyond all of the other.
         least_p=number(2 / comb(2 * seeds, seeds), 4),
         missing=missing,
+        mixed={
+            key: ", ".join(f"{value} ({count})" for value, count in counts.items())
+            for key, counts in study.mixed().items()
+        },
         margin=MARGIN,
         least=LEAST_SEEDS,
         shuffled=shuffled,

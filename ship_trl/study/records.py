@@ -17,6 +17,8 @@ from ship_trl.plan import RESULT
 
 CURVE = "curve.csv"
 TEXTS = ("pair", "target", "arm", "profile", "recipe")
+# What decides the digits, beside the settings.
+COMPUTED = ("ship_trl", "torch", "device", "precision", "processor")
 NUMBERS = ("seed", "episodes", "best_known_return", "random_return")
 
 
@@ -48,7 +50,11 @@ class Greedy:
 
 @dataclass(frozen=True)
 class Record:
-    """One finished run. `part` is the share of the study that it belongs to: its folder in it."""
+    """One finished run.
+
+    `part` is the share of the study that it belongs to: its folder in it; `computed` says by what
+    version, device and precision.
+    """
 
     folder: Path
     part: str
@@ -65,6 +71,7 @@ class Record:
     before: float
     training: Training
     greedy: Greedy
+    computed: dict[str, str]
 
     def score(self, values: Any) -> Any:
         """Returns as a share of the way from random actions to the best known: 0 to 1, less if worse."""
@@ -103,6 +110,7 @@ def read_run(folder: Path, part: str = "") -> Record:
         before=float(result["before"]["return"]),
         training=training,
         greedy=greedy,
+        computed={key: str(result[key]) for key in COMPUTED if key in result},
     )
 
 

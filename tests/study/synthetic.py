@@ -89,6 +89,7 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     return Record(
         Path(part, pair, arm), part, pair, None, "2", arm, seed, "quick", "", BEST, RANDOM, RANDOM, RANDOM,
         training, greedy,
+        computed={},
     )  # fmt: skip
 
 

@@ -123,6 +123,16 @@ def test_what_is_broken_is_named_and_the_rest_counted(
     assert "10 planned runs are missing" in text and text.count("<li>") == 4
 
 
+def test_runs_that_were_not_computed_alike_are_counted(tmp_path: Path) -> None:
+    write_study(tmp_path, seeds=2)
+    for seed, precision in ((0, "bfloat16"), (1, "float32")):
+        path = tmp_path / f"pairs/high/FE1/seed={seed}/result.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"precision": precision, "device": "cpu"}))
+    main([str(tmp_path)])
+    text = (tmp_path / "report/index.html").read_text()
+    assert "Not computed alike, precision: bfloat16 (1), float32 (1)." in text and "alike, device" not in text
+
+
 @pytest.mark.parametrize("make", [False, True])
 def test_nothing_to_report_is_one_line(
     make: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 
@@ -107,11 +108,16 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
     console.print(table)
     if ranking:
         first = ranking[0]
-        console.print(
+        line = (
             f"python -m ship_trl source={first.case.name} target={target.name} "
-            f"method={first.method.value} layers={first.layers}",
-            markup=False,
+            f"method={first.method.value} layers={first.layers}"
         )
+        console.print(line, markup=False, soft_wrap=True)
+        best = stored.representative(first.case)
+        if best is not None:
+            known = f"{best.arm}, seed {best.seed}, greedy return {best.score:.1f}"
+            console.print(f"with the best network of case {first.case.name} that is stored ({known}):")
+            console.print(f"{line} {shlex.quote(f'source_file={best.policy}')}", markup=False, soft_wrap=True)
 
 
 def write_picture(path: Path, cases: dict[str, Case], world: World) -> None:

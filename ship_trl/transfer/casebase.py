@@ -8,6 +8,7 @@ renamed, so two processes never see half an entry.
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from dataclasses import asdict, dataclass
@@ -42,6 +43,14 @@ class Entry:
         """The network of its best greedy evaluation."""
         return self.path / POLICY
 
+    @property
+    def score(self) -> float:
+        """The best greedy return; minus infinity where none is written down."""
+        try:
+            return float(self.scores["best"]["return"])
+        except (KeyError, TypeError, ValueError):
+            return -math.inf
+
 
 @dataclass(frozen=True)
 class Match:
@@ -69,6 +78,11 @@ class CaseBase:
             except (OSError, ValueError, TypeError):
                 continue
         return found
+
+    def representative(self, case: Case) -> Entry | None:
+        """The stored network with the best greedy return, which stands for its case (section 4.3)."""
+        kept = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
+        return max((e for e in kept if e.score > -math.inf), key=lambda entry: entry.score, default=None)
 
     def place(self, case: Case, arm: str, seed: int, recipe: str) -> Path:
         """Folder of an entry, there or not."""

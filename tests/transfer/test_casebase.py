@@ -1,6 +1,7 @@
 """The case base: retention, retrieval, ranking."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from filelock import Timeout
@@ -32,6 +33,21 @@ def test_what_is_retained_is_found(tmp_path: Path, finished: Path, case: Case) -
     assert found == stored and found.policy.read_bytes() == b"weights"
     assert found.scores["best"]["return"] == 80.0
     assert sorted(p.name for p in found.path.iterdir()) == ["config.yaml", "entry.json", "policy.safetensors"]
+
+
+def test_the_best_network_of_a_case_stands_for_it(tmp_path: Path, finished: Path, case: Case) -> None:
+    base = CaseBase(tmp_path / "base")
+    assert base.representative(case) is None
+    known: list[dict[str, Any]] = [{}, {"best": None}, {"best": {"return": 70.0}}]
+    for seed, scores in enumerate(known):
+        base.retain(case, "scratch", seed, "abc", scores, finished)
+    best = base.retain(case, "FTW-from-1", 1, "abd", {"best": {"return": 80.0}}, finished)
+    assert base.representative(case) == best
+    best.policy.unlink()
+    found = base.representative(case)
+    assert found is not None and (found.arm, found.seed, found.score) == ("scratch", 2, 70.0)
+    case.target_ships[0].x += 1.0
+    assert base.representative(case) is None
 
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shlex
 import sys
 from pathlib import Path
@@ -11,7 +10,7 @@ from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
-from ship_trl.cli import complain
+from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
@@ -23,7 +22,7 @@ console = Console(highlight=False)
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables and write the contact sheet."""
-    parser = argparse.ArgumentParser(prog="python -m ship_trl.cases", description=__doc__)
+    parser = make_parser("ship_trl.cases", __doc__)
     parser.add_argument("--target", help="rank all other cases as sources for this one and recommend an arm")
     parser.add_argument(
         "--by", choices=("similarity", "distance"), default="similarity", help="rank by equation 8 or 7"
@@ -97,7 +96,7 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored: CaseBase) -> None:
     """Sources for a target, best first, what is stored of each, and the arm recommended."""
     table = Table(title=f"Sources for case {target.name}, by {by}", title_justify="left")
-    for name in ("source", "similarity", "distance", "recommended arm", "stored networks"):
+    for name in ("source", "similarity", "distance", "arm, by the paper", "stored networks"):
         table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
     kept = stored.entries()
     ranking = rank(target, bases, world, by)

@@ -7,8 +7,12 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, NoReturn
 
 from ship_trl.paths import conf_dir
+
+if TYPE_CHECKING:
+    import argparse
 
 HELP_FLAGS = {"--help", "-h"}
 
@@ -61,6 +65,19 @@ def print_help() -> None:
 def complain(line: str) -> None:
     """Say in one line what is wrong."""
     print(f"ship_trl: {line}", file=sys.stderr)
+
+
+def make_parser(module: str, description: str | None) -> argparse.ArgumentParser:
+    """Of a command's options; what is wrong with them is one line and exit code 1, as everywhere."""
+    # Here, for `--help` of the main command does without.
+    import argparse
+
+    class Parser(argparse.ArgumentParser):
+        def error(self, message: str) -> NoReturn:
+            complain(f"{message}; see {self.prog} --help")
+            sys.exit(1)
+
+    return Parser(prog=f"python -m {module}", description=description)
 
 
 @contextmanager
@@ -135,10 +152,12 @@ def explain_hydra(error: Exception) -> str:
     text = str(error)
     if found := re.match(r"Could not find '([\w-]+)/(.*?)'", text):
         group, name = found.groups()
-        return f"{group}: no {name}; allowed: {names(group)}"
+        allowed = names(group)
+        return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
     if found := re.match(r"In '.*?': Could not find '([\w-]+)/(.*?)'", text):
         group, name = found.groups()
-        return f"{group}: no {name}; allowed: {names(group)}"
+        allowed = names(group)
+        return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
     if found := re.match(
         r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text
     ):

@@ -57,7 +57,7 @@ def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
             source = find_source(run, one_of_many)
             result = train_run(run, device, source, one_of_many)
         else:
-            console.say(f"{run.folder} holds this run already; overwrite=true and another seed= train anew")
+            console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
     retain(run, result)
     (console.say_result if one_of_many else console.show_result)(result, run.folder)
     return result

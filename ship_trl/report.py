@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
-from ship_trl.cli import complain
+from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the runs, measure the claims, write tables, figures and page."""
-    parser = argparse.ArgumentParser(prog="python -m ship_trl.report", description=__doc__)
+    parser = make_parser("ship_trl.report", __doc__)
     parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study")
     parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
     options = parser.parse_args(arguments)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import sys
 from collections.abc import Iterable
@@ -11,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
-from ship_trl.cli import complain
+from ship_trl.cli import complain, make_parser
 from ship_trl.plan import DAMAGED, RESULT, read_result
 
 HEADINGS = (
@@ -26,13 +25,15 @@ HEADINGS = (
     "final by seed",
     "goal",
 )
+# Of a table that goes into a file or a pipe.
+FILE_WIDTH = 200
 TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", "p, permutation")
 KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the `result.json` of every run and print one row for each arm of a pair and folder."""
-    parser = argparse.ArgumentParser(prog="python -m ship_trl.results", description=__doc__)
+    parser = make_parser("ship_trl.results", __doc__)
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
@@ -67,10 +68,15 @@ def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> No
         lines = (headings, ["---"] * len(headings), *rows)
         sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
-    table = Table(*headings)
+    # What tells the rows apart is never cut, however narrow the terminal is.
+    first = Column(headings[0], no_wrap=True, min_width=max(len(row[0]) for row in rows))
+    table = Table(first, *headings[1:])
     for row in rows:
         table.add_row(*row)
-    Console(highlight=False).print(table)
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = FILE_WIDTH
+    console.print(table)
 
 
 def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:

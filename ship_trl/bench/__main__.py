@@ -8,14 +8,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ship_trl.cli import complain
+from ship_trl.cli import complain, make_parser
 
 PARTS = ("simulator", "replay", "update", "loop", "frozen", "memory", "cores", "startup", "growth")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts and print their tables."""
-    parser = argparse.ArgumentParser(prog="python -m ship_trl.bench", description=__doc__)
+    parser = make_parser("ship_trl.bench", __doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} (default all)")
     parser.add_argument("--rounds", type=int, default=5, help="passes over the probes of a part (default 5)")
     parser.add_argument("--seconds", type=float, default=2.0, help="for one probe in one round (default 2)")

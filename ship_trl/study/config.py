@@ -90,6 +90,8 @@ def to_study(overrides: list[str]) -> StudyConfig:
         )
         config: Any = OmegaConf.to_object(values)
     except OmegaConfBaseException as error:
+        if "is not a ListConfig" in str(error.msg):
+            raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
         raise ConfigError(explain(error)) from None
     except yaml.YAMLError:
         raise ConfigError(

@@ -115,7 +115,7 @@ def in_a_sentence(answer: Answer) -> str:
     if open_:
         alone, after = ([f.seen(LEVEL / m) for f in open_] for m in (1, open_[0].family))
         words += f" Could see differences from {spread(alone)} on, adjusted {spread(after)}."
-    return words + (f" {answer.missing} contrasts lack runs." if answer.missing else "")
+    return words + (f" Without runs: {answer.missing} of its contrasts." if answer.missing else "")
 
 
 def spread(values: Sequence[float]) -> str:

@@ -39,7 +39,7 @@ class Display:
             TextColumn("{task.fields[done]} of {task.fields[all]} runs"),
             TimeElapsedColumn(),
             TextColumn("left"),
-            TimeRemainingColumn(elapsed_when_finished=True),
+            TimeRemainingColumn(),
             TextColumn("{task.fields[now]}"),
             console=console,
         )

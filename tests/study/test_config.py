@@ -22,6 +22,7 @@ from ship_trl.study.config import StudyConfig, names, to_study
         ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
         ("overrides=[+arm=FE3]", "overrides: arm tells the study's runs apart"),
         ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start tells"),
+        ("arms=scratch,FE3", "arms: a list is written arms=[ONE,OTHER]"),
         ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
         ("pairs=[high,self]", "pairs: self is one of the controls; allowed: controls=false"),
         ("arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: controls=false"),

@@ -6,6 +6,7 @@ import ctypes
 import os
 import secrets
 import signal
+from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MOD
 RAY = "hydra_plugins.hydra_ray_launcher"
 # The process that starts those of a grid.
 LAUNCHER = "SHIP_TRL_LAUNCHER"
+# Begins the names of joblib's processes.
+JOBLIB = "LokyProcess"
 # Of Linux's prctl: a signal when the parent dies.
 PR_SET_PDEATHSIG = 1
 
@@ -29,11 +32,12 @@ def die_with_launcher() -> None:
     """In a process of a grid: end when the one that started it does, even if that one is killed.
 
     Else it would finish its run beside those of a grid that was started again, on the same cores.
+    Processes of joblib are always the launcher's children: with another parent they are orphans already.
     """
     launcher = os.environ.get(LAUNCHER)
-    if launcher == str(os.getppid()):
+    if launcher is not None and (launcher == str(os.getppid()) or current_process().name.startswith(JOBLIB)):
         die_with_parent()
-        if os.getppid() != int(launcher):  # too late
+        if str(os.getppid()) != launcher:  # too late
             os.kill(os.getpid(), signal.SIGTERM)
 
 

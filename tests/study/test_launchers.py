@@ -10,11 +10,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import current_process
 from pathlib import Path
 
 import pytest
+from joblib import Parallel, delayed
 
-from ship_trl.launchers import close_token
+from ship_trl.launchers import JOBLIB, close_token
 from ship_trl.study.config import LAUNCHERS, to_study
 from ship_trl.study.launch import batches, command, processes
 from ship_trl.study.plan import plan_jobs
@@ -48,6 +50,26 @@ def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
     place.mkdir()
     study(*SMALL, "launcher=slurm_local", folder=place)
     assert learned(place) == learned(whole)
+
+
+def test_the_processes_of_a_grid_are_known_by_their_name() -> None:
+    # Else an orphan would not be told from a process of Ray's, whose parent is none of ours.
+    names = Parallel(n_jobs=2)(delayed(lambda: current_process().name)() for _ in range(2))
+    assert all(name.startswith(JOBLIB) for name in names)
+
+
+@pytest.mark.parametrize(("name", "code"), [(f"{JOBLIB}-1", -signal.SIGTERM), ("MainProcess", 0)])
+def test_a_process_whose_launcher_is_gone_before_it_begins_ends(name: str, code: int) -> None:
+    program = (
+        "from multiprocessing import current_process\n"
+        "from ship_trl.launchers import die_with_launcher\n"
+        f"current_process().name = {name!r}\n"
+        "die_with_launcher()\n"
+    )
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    line = environment() | {"SHIP_TRL_LAUNCHER": str(gone.pid)}
+    assert subprocess.run([sys.executable, "-c", program], env=line, check=False).returncode == code
 
 
 def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:

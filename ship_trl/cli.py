@@ -150,11 +150,7 @@ def origin(error: BaseException) -> str:
 def explain_hydra(error: Exception) -> str:
     """One line for an error of Hydra's: the key, and what is allowed there."""
     text = str(error)
-    if found := re.match(r"Could not find '([\w-]+)/(.*?)'", text):
-        group, name = found.groups()
-        allowed = names(group)
-        return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
-    if found := re.match(r"In '.*?': Could not find '([\w-]+)/(.*?)'", text):
+    if found := re.match(r"(?:In '.*?': )?Could not find '([\w-]+)/(.*?)'", text):
         group, name = found.groups()
         allowed = names(group)
         return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")

@@ -26,7 +26,8 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
         arms[RANDOM_ARM] = (CONTROLS, pair, RANDOM_ARM)
         found[f"{source} to {target}"] = from_scratch(PAIRS, pair), arms
     itself = {arm: (CONTROLS, SELF_PAIR, arm) for arm in ARMS}
-    found[f"{SELF_CASE} to {SELF_CASE}"] = from_scratch(CONTROLS, SELF_PAIR), itself
+    # Without controls it may be a pair like others.
+    found.setdefault(f"{SELF_CASE} to {SELF_CASE}", (from_scratch(CONTROLS, SELF_PAIR), itself))
     label = f"{REUSED_CASE}-{NEW_CASE}"
     reused = {
         f"1, {REUSED_CASE} to {NEW_CASE}": (LOW, label, REUSED_ARM),

@@ -134,4 +134,6 @@ def from_scratch(part: str, label: str) -> tuple[str, str, str]:
     """Part, label and arm of the runs from scratch that those of a label are compared with."""
     if part in (LOW, ONE, ALONE):
         return (ONE if part == ONE else LOW), NEW_CASE, "scratch"
-    return (SOURCES if part == SOURCES else PAIRS), ("high" if label == SELF_PAIR else label), "scratch"
+    if (part, label) == (CONTROLS, SELF_PAIR):
+        return PAIRS, REUSED_PAIR, "scratch"
+    return (SOURCES if part == SOURCES else PAIRS), label, "scratch"

@@ -74,7 +74,7 @@ def check(config: Config) -> None:
     counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
     at_least(1, named("learn", learn, counts))
     at_least(0, named("learn", learn, "warmup_steps") | {"seed": config.seed})
-    positive(named("learn", learn, "lr lr_end reward_scale"))
+    positive(named("learn", learn, "lr lr_end reward_scale huber_delta"))
     within(named("learn", learn, "gamma tau epsilon_start epsilon_end epsilon_fraction"))
     positive(named("learn", learn, "tau epsilon_fraction"))
     require(

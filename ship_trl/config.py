@@ -26,7 +26,7 @@ class Method(StrEnum):
     finetune = "finetune"
 
 
-Loss = Enum("Loss", ["l2", "smooth_l1"])
+Loss = Enum("Loss", ["l2", "huber"])
 Logger = Enum("Logger", ["csv", "wandb"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
 ARM_PREFIX = {Method.feature_extraction: "FE", Method.finetune: "FT"}
@@ -81,6 +81,7 @@ class Learn:
     update_every: int
     tau: float
     loss: Loss
+    huber_delta: float
     precision: Precision
     reward_scale: float
     epsilon_start: float

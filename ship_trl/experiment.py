@@ -22,7 +22,7 @@ from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.train import Evaluated, Finished, train
 from ship_trl.learn.vision import computing
 from ship_trl.paths import replacing
-from ship_trl.plan import RESULT, Run
+from ship_trl.plan import ALGORITHM_VERSION, RESULT, Run
 from ship_trl.process import settle
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.planner import best_plan
@@ -171,6 +171,7 @@ def train_run(
             "training_collision_rate": sum(f.outcome == "collision" for f in finished) / len(finished),
             "device": str(device),
             "precision": str(computing(learn.precision, device)).removeprefix("torch."),
+            "algorithm_version": ALGORITHM_VERSION,
             "ship_trl": __version__,
             "torch": torch.__version__,
             "processor": platform.machine(),

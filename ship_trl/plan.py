@@ -16,6 +16,9 @@ from ship_trl.config import Config, ConfigError, Method, plain
 from ship_trl.sim.cases import Case, load_case
 
 RESULT = "result.json"
+# Goes up with every change of what a run of the same settings learns (world, network, learner, streams),
+# so that no run of an older program is shown as one of this.
+ALGORITHM_VERSION = 2
 # Begins the name of a folder that a study has set aside.
 DAMAGED = "damaged-"
 
@@ -140,6 +143,7 @@ def recipe_of(config: Config, target: Case, source: Run | None) -> str:
     elif config.method is not Method.scratch and config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
     values = {
+        "algorithm_version": ALGORITHM_VERSION,
         "target": target.fingerprint,
         "source": origin,
         "method": config.method.value,

@@ -106,7 +106,7 @@ WRONG = {
     "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
     "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb]",
     "+pair=high layers=3 wandb.mode=banana": "wandb.mode: Invalid value 'banana', expected one of",
-    "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, smooth_l1]",
+    "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, huber]",
     "+pair=high layers=3 learn.precision=fp8": "learn.precision: Invalid value 'fp8', expected one of [auto,",
     "+pair=high layers=3 device=tpu": "device: must be cpu or cuda, got tpu",
     "+pair=high layers=3 seed=-1": "seed: must be at least 0",

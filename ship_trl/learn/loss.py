@@ -21,7 +21,11 @@ def double_dqn_target(
     return reward + gamma * slow.gather(-1, choice) * ~terminated
 
 
-def td_loss(q: Tensor, action: Tensor, wanted: Tensor, kind: Loss) -> Tensor:
-    """Mean squared (equation 2) or Huber's loss: Q-values [B, A], actions [B], wanted [B, 1]."""
+def td_loss(q: Tensor, action: Tensor, wanted: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
+    """Mean squared (equation 2) or Huber's loss: Q-values [B, A], actions [B], wanted [B, 1].
+
+    Huber's is half the square of errors below `huber_delta`, in scaled rewards, and grows in proportion
+    to them above.
+    """
     got = q.gather(-1, action.unsqueeze(-1))
-    return F.mse_loss(got, wanted) if kind is Loss.l2 else F.smooth_l1_loss(got, wanted)
+    return F.mse_loss(got, wanted) if kind is Loss.l2 else F.huber_loss(got, wanted, delta=huber_delta)

@@ -46,11 +46,11 @@ def by_hand(online: DuelingNetwork, target: DuelingNetwork, data: TensorDict, le
     got = online(draw(data["observed"])).gather(-1, data["action"][:, None])
     if learn.loss is Loss["l2"]:
         return (got - wanted).square().mean()
-    return torch.nn.functional.smooth_l1_loss(got, wanted)
+    return torch.nn.functional.smooth_l1_loss(got, wanted, beta=learn.huber_delta) * learn.huber_delta
 
 
 def test_loss_is_double_dqn_with_bootstrapped_truncation() -> None:
-    for loss in ("l2", "smooth_l1"):
+    for loss in ("l2", "huber"):
         learner = agent(loss=Loss[loss])
         target = copy.deepcopy(learner.network)
         for _ in range(3):  # after the first update online and target differ

@@ -79,6 +79,7 @@ def schedule(**changes: Any) -> Learn:
         "update_every": 4,
         "tau": 0.05,
         "loss": Loss["l2"],
+        "huber_delta": 1.0,
         "precision": Precision["fp32"],
         "reward_scale": 0.01,
         "epsilon_start": 1.0,

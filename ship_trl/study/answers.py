@@ -1,39 +1,138 @@
-"""All claims measured on a study. What a figure tests is one family, within which p-values are adjusted."""
+"""Verdicts: which of the paper's claims hold, by the rules of docs/analysis-plan.md.
+
+A claim is a conjunction, so that it is supported at the largest p of its contrasts, with nothing
+adjusted among them (intersection-union test); Holm's method adjusts over the claims of a figure. One
+contrast that is surely the other way contradicts it; there Holm's method is over all contrasts of the
+figure. A study is looked at after every five seeds, by O'Brien and Fleming's levels; what a look decides
+stays decided.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ship_trl.study.claims import Hypothesis
-from ship_trl.study.conclusions import CONCLUSIONS
-from ship_trl.study.contrasts import Finding, Verdict, adjust, together
+from ship_trl.study.conclusions import CONCLUSIONS, OURS
+from ship_trl.study.contrasts import LEAST_SEEDS, Claimed, Finding, Verdict
 from ship_trl.study.hypotheses import HYPOTHESES
 from ship_trl.study.measured import Study
+from ship_trl.study.statistics import LEVEL, holm, look_level
 
 ALL = [*CONCLUSIONS, *HYPOTHESES]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """A claim measured; `missing` is how many of its contrasts have no runs."""
+    """A claim measured.
+
+    `p` is that of support, adjusted over the figure's claims; `missing` is how many of its contrasts lack
+    runs; `decided` after how many seeds the verdict fell, 0 while the claim is open; `claims` how many
+    its figure has.
+    """
 
     hypothesis: Hypothesis
     findings: list[Finding]
-    verdict: Verdict
-    missing: int
+    verdict: Verdict = Verdict.inconclusive
+    p: float = 1.0
+    missing: int = 0
+    decided: int = 0
+    claims: int = 1
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
-    """Measure all claims; within a figure p-values are adjusted together."""
+    """Judge claims at each look that the study's seeds allow; a figure's are judged together."""
+    decided: dict[str, Answer] = {}
+    answers: list[Answer] = []
+    looks = study.looks
+    for number, count in enumerate(looks, 1):
+        level = look_level(number, len(looks))
+        seen = study.first(count, level)
+        whole = {key[3] for key in seen.records} >= set(study.seeds[:count]) and count >= LEAST_SEEDS
+        answers = [found for family in families(hypotheses) for found in judge(seen, family, count, level)]
+        if not whole:
+            # Not yet reached: what there is, is shown, and decides nothing.
+            answers = [replace(found, verdict=Verdict.inconclusive, decided=0) for found in answers]
+            break
+        for found in answers:
+            if found.verdict is not Verdict.inconclusive:
+                decided.setdefault(found.hypothesis.name, found)
+    return [
+        replace(found, verdict=first.verdict, p=first.p, decided=first.decided)
+        if (first := decided.get(found.hypothesis.name))
+        else found
+        for found in answers
+    ]
+
+
+def explore(study: Study) -> list[Answer]:
+    """Judge each of our own contrasts alone, on all seeds that it has: it explains and decides nothing."""
+    seen = study.first(len(study.seeds), LEVEL / 2)
+    return [judge(seen, [hypothesis], None, LEVEL / 2)[0] for hypothesis in OURS]
+
+
+def families(hypotheses: Sequence[Hypothesis]) -> list[list[Hypothesis]]:
+    """Return claims by figure, in order."""
+    figures = dict.fromkeys(h.figure for h in hypotheses)
+    return [[h for h in hypotheses if h.figure == figure] for figure in figures]
+
+
+def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: float) -> list[Answer]:
+    """Judge the claims of a figure together at a one-sided level.
+
+    A contrast counts if it has `seeds` seeds; None takes as many as there are, at least five.
+    """
+    measured = [
+        [finding for test in hypothesis.tests for finding in test(study, hypothesis.name)]
+        for hypothesis in family
+    ]
+    every = [finding for findings in measured for finding in findings]
+    adjusted = iter(holm([finding.against if counts(finding, seeds) else 1.0 for finding in every]))
+    measured = [[replace(f, adjusted=next(adjusted)) for f in findings] for findings in measured]
+    # A figure has as many claims as the plan gives it, also while some lack runs.
+    support, equality = [], []
+    for hypothesis, findings in zip(family, measured, strict=True):
+        whole = len(findings) == len(hypothesis.tests) and all(counts(f, seeds) for f in findings)
+        support.append(max((f.p for f in findings), default=1.0) if whole else 1.0)
+        equality.append(max((f.within for f in findings), default=1.0) if whole else 1.0)
     answers = []
-    for figure in dict.fromkeys(h.figure for h in hypotheses):
-        family = [h for h in hypotheses if h.figure == figure]
-        measured = {h.name: [f for test in h.tests for f in test(study, h.name)] for h in family}
-        adjusted = iter(adjust([finding for found in measured.values() for finding in found]))
-        for hypothesis in family:
-            findings = [next(adjusted) for _ in measured[hypothesis.name]]
-            missing = len(hypothesis.tests) - len(findings)
-            verdict = together([finding.verdict for finding in findings], missing)
-            answers.append(Answer(hypothesis, findings, verdict, missing))
+    for hypothesis, findings, p, same in zip(family, measured, holm(support), holm(equality), strict=True):
+        contradicted = any(f.adjusted <= level for f in findings)
+        differences = all(f.claimed is Claimed.above for f in findings)
+        verdict = Verdict.inconclusive
+        if p <= level:
+            verdict = Verdict.supported
+        elif contradicted:
+            verdict = Verdict.contradicted
+        elif differences and same <= level:
+            verdict = Verdict.equivalent
+        count = seeds or max((f.seeds for f in findings), default=0)
+        answers.append(
+            Answer(
+                hypothesis,
+                [replace(f, verdict=alone(f, seeds, level)) for f in findings],
+                verdict,
+                p,
+                missing=len(hypothesis.tests) - sum(counts(f, seeds) for f in findings),
+                decided=0 if verdict is Verdict.inconclusive else count,
+                claims=len(family),
+            )
+        )
     return answers
+
+
+def counts(finding: Finding, seeds: int | None) -> bool:
+    """Return whether a contrast has the seeds that a look needs."""
+    return finding.seeds >= LEAST_SEEDS and (seeds is None or finding.seeds == seeds)
+
+
+def alone(finding: Finding, seeds: int | None, level: float) -> Verdict:
+    """Return what a contrast by itself says: inside a claim nothing is adjusted but what contradicts it."""
+    if not counts(finding, seeds):
+        return Verdict.inconclusive
+    if finding.p <= level:
+        return Verdict.supported
+    if finding.adjusted <= level:
+        return Verdict.contradicted
+    same = finding.claimed is Claimed.above and finding.within <= level
+    return Verdict.equivalent if same else Verdict.inconclusive

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 
-from ship_trl.study.config import NEW_CASE, RANDOM_ARM, REUSED_CASE, SELF_PAIR
-from ship_trl.study.contrasts import Claimed, Finding, judged
-from ship_trl.study.measured import Places, Study, levels, rises, sooner, steadier
+from ship_trl.study.config import NEW_CASE, REUSED_CASE, SELF_PAIR
+from ship_trl.study.contrasts import Claimed, Finding
+from ship_trl.study.measured import Places, Study, levels, steadier
+from ship_trl.study.metrics import TIMES
 from ship_trl.study.plan import ALONE, CONTROLS, LOW, ONE, OTHER_SOURCES, PAIRS
 
 FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
@@ -17,7 +19,10 @@ Test = Callable[[Study, str], list[Finding]]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A claim: its name, the figure it belongs to, a sentence, and how it is measured."""
+    """A claim: its name, the figure whose claims it is judged with, a sentence, and its contrasts.
+
+    It is a conjunction: all its contrasts must hold.
+    """
 
     name: str
     figure: str
@@ -26,120 +31,100 @@ class Hypothesis:
 
 
 def of(pair: str, *arms: str) -> Places:
-    """Arms of a pair by their names."""
+    """Return arms of a pair by their names."""
     return {arm: (PAIRS, pair, arm) for arm in arms}
 
 
+def weighted(
+    where: str,
+    what: str,
+    places: Places,
+    weights: Mapping[str, float],
+    metric: str,
+    claimed: Claimed = Claimed.above,
+) -> Test:
+    """Test a weighted sum of arms; of times the smaller is the better, so that they change sign."""
+    sign = -1.0 if metric in TIMES else 1.0
+    signed = {name: sign * weight for name, weight in weights.items()}
+    told = f"{where}: {what}"
+    return lambda study, claim: levels(study, claim, told, places, signed, metric, claimed)
+
+
+def at(where: str, places: Places, better: str, worse: str, metric: str = "area") -> Test:
+    """Test that one arm is better than another (sooner, where the metric is a time), wherever they lie."""
+    word = "sooner than" if metric in TIMES else "above"
+    compared = {name: places[name] for name in (better, worse)}
+    return weighted(where, f"{better} {word} {worse}", compared, {better: 1.0, worse: -1.0}, metric)
+
+
 def beats(pair: str, better: str, worse: str, metric: str = "area") -> Test:
-    """One arm is better than another."""
-    weights = {better: 1.0, worse: -1.0}
-    what = f"{pair}: {better} above {worse}"
-    return lambda study, claim: levels(study, claim, what, of(pair, better, worse), weights, metric)
+    """Test that one arm of a pair is better than another."""
+    return at(pair, of(pair, better, worse), better, worse, metric)
+
+
+def sooner(pair: str, early: str, late: str) -> Test:
+    """Test that one arm of a pair reaches the threshold sooner than another."""
+    return beats(pair, early, late, "time")
 
 
 def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
-    """The mean of some arms is better than that of others."""
+    """Test that the mean of some arms is better than that of others."""
     weights = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
-    what = f"{pair}: mean of {', '.join(better)} above {', '.join(worse)}"
-    return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, metric)
+    word = "sooner than" if metric in TIMES else "above"
+    what = f"mean of {', '.join(better)} {word} {', '.join(worse)}"
+    return weighted(pair, what, of(pair, *weights), weights, metric)
 
 
-def like_neighbours(pair: str, arm: str, neighbours: Sequence[str]) -> Test:
-    """An arm does not differ from the mean of its neighbours, within the margin."""
-    weights = {arm: 1.0} | {other: -1 / len(neighbours) for other in neighbours}
-    what = f"{pair}: {arm} like the mean of {', '.join(neighbours)}"
-    return lambda study, claim: levels(study, claim, what, of(pair, *weights), weights, "area", Claimed.alike)
+def no_more(pair: str, arms: Sequence[str], others: Sequence[str], metric: str = "area") -> Test:
+    """Test that the mean of some arms is not above that of others, but for the margin."""
+    weights = {arm: 1 / len(arms) for arm in arms} | {arm: -1 / len(others) for arm in others}
+    what = f"mean of {', '.join(arms)} no more than {', '.join(others)}"
+    return weighted(pair, what, of(pair, *weights), weights, metric, Claimed.no_more)
 
 
-def positive(pair: str, arm: str, metric: str) -> Test:
-    """A metric of an arm is above zero."""
-    what = f"{pair}: {arm} above zero"
-    return lambda study, claim: levels(study, claim, what, of(pair, arm), {arm: 1.0}, metric)
-
-
-def no_more(pair: str, arm: str, other: str, metric: str) -> Test:
-    """A metric of an arm is not above that of another, but for the margin."""
-    weights = {arm: 1.0, other: -1.0}
-    what = f"{pair}: {arm} no more than {other}"
-    return lambda study, claim: levels(
-        study, claim, what, of(pair, arm, other), weights, metric, Claimed.no_more
-    )
-
-
-def either(*tests: Test) -> Test:
-    """One of several contrasts holds: the most favourable, its p times their number.
-
-    Of contrasts that all point the other way that is the least certain: each of them has to fail.
-    """
-
-    def best(study: Study, claim: str) -> list[Finding]:
-        found = [finding for test in tests for finding in test(study, claim)]
-        if len(found) < len(tests):
-            return []
-        first = min(found, key=lambda f: (0, f.p) if f.estimate.value > 0 else (1, -f.p))
-        p = min(1.0, len(found) * first.p)
-        return [judged(replace(first, what=f"{first.what} (best of {len(found)})", p=p, adjusted=p))]
-
-    return best
-
-
-def more_in(pair: str, other: str, what: str, shares: Mapping[str, float]) -> Test:
-    """A weighted sum of arms is larger in one pair than in another."""
-    signs = {pair: 1.0, other: -1.0}
-    places = {f"{name} {arm}": (PAIRS, name, arm) for name in signs for arm in shares}
-    weights = {f"{name} {arm}": sign * share for name, sign in signs.items() for arm, share in shares.items()}
-    told = f"{what}: more in {pair} than in {other}"
-    return lambda study, claim: levels(study, claim, told, places, weights, "area")
-
-
-def interaction(pair: str, other: str, better: Sequence[str], worse: Sequence[str]) -> Test:
-    """The difference of two groups of arms is larger in one pair than in another."""
-    shares = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
-    return more_in(pair, other, f"mean of {', '.join(better)} above {', '.join(worse)}", shares)
-
-
-def steeper(pair: str, other: str, arms: Sequence[str]) -> Test:
-    """The score's rise from the first arm to the last, by the fitted line, is larger in one pair."""
-    middle, count = (len(arms) - 1) / 2, len(arms)
+def rises(pair: str, *order: str, metric: str = "area") -> Test:
+    """Test that arms rise in this order: the fitted line's rise from the first to the last."""
+    middle, count = (len(order) - 1) / 2, len(order)
     steps = 12 * (count - 1) / (count**3 - count)
-    shares = {arm: (k - middle) * steps for k, arm in enumerate(arms)}
-    return more_in(pair, other, f"fitted rise from {arms[0]} to {arms[-1]}", shares)
+    weights = {arm: (k - middle) * steps for k, arm in enumerate(order)}
+    return weighted(pair, f"rise over {', '.join(order)}", of(pair, *order), weights, metric)
 
 
-def steady(pair: str, arm: str, other: str, metric: str = "area") -> Test:
-    """An arm varies less over seeds."""
-    return lambda study, claim: steadier(study, claim, pair, of(pair, arm, other), arm, other, metric)
+def each_above_the_last(pair: str, *order: str, metric: str = "area") -> list[Test]:
+    """Test that each arm is better than the one before it."""
+    return [beats(pair, better, worse, metric) for worse, better in pairwise(order)]
 
 
-def trend(pair: str, *order: str, metric: str = "area") -> Test:
-    """Arms rise in this order."""
-    return lambda study, claim: rises(study, claim, pair, of(pair, *order), order, metric)
+def steady(pair: str, arm: str, other: str) -> Test:
+    """Test that an arm varies less over seeds than another."""
+    return lambda study, claim: steadier(study, claim, pair, of(pair, arm, other), arm, other)
 
 
-def early(pair: str, arm: str, other: str) -> Test:
-    """An arm reaches the threshold sooner."""
-    return lambda study, claim: sooner(study, claim, pair, of(pair, arm, other), arm, other)
+def control(pair: str, arm: str, kind: str, metric: str = "area") -> Test:
+    """Test that an arm is better than the same with frozen layers that hold no features."""
+    other = f"{arm}-{kind}"
+    return at(pair, {arm: (PAIRS, pair, arm), other: (CONTROLS, pair, other)}, arm, other, metric)
 
 
-def at(where: str, places: Places, better: str, worse: str) -> Test:
-    """One arm is better than another, wherever each lies."""
-    what, compared = f"{where}: {better} above {worse}", {name: places[name] for name in (better, worse)}
-    return lambda study, claim: levels(study, claim, what, compared, {better: 1.0, worse: -1.0}, "area")
+def itself(case: str, scratch_pair: str, label: str, better: str, worse: str) -> Test:
+    """Test that one arm of a case's transfer to itself is better than another of it, or than scratch."""
+    places = {
+        arm: (PAIRS, scratch_pair, arm) if arm == "scratch" else (CONTROLS, label, arm)
+        for arm in (better, worse)
+    }
+    return at(f"{case} to {case}", places, better, worse)
 
 
-SELF: Places = {"scratch": (PAIRS, "high", "scratch")} | {
-    arm: (CONTROLS, SELF_PAIR, arm) for arm in (*FE, *FT)
-}
-
-
-def frozen_random(pair: str) -> Test:
-    """FE3 is better than the same with layers that have learned nothing."""
-    places = {"FE3": (PAIRS, pair, "FE3"), "FE3-random": (CONTROLS, pair, RANDOM_ARM)}
-    return at(pair, places, "FE3", "FE3-random")
+def self_dips(case: str = "2", pair: str = "high", label: str = SELF_PAIR) -> list[Test]:
+    """Test that the dips of pair high are there from a case to itself too."""
+    return [
+        *(itself(case, pair, label, better, "FE2") for better in ("scratch", "FE1", "FE3")),
+        *(itself(case, pair, label, better, "FT1") for better in ("scratch", "FT2")),
+    ]
 
 
 def reuse(part: str, case: str = REUSED_CASE) -> tuple[str, str, str]:
-    """Where the runs of a reused network lie."""
+    """Return where the runs of a reused network lie."""
     return (part, f"{case}-{NEW_CASE}", "FTW")
 
 
@@ -154,25 +139,35 @@ REUSED: Places = {
 }
 
 
-def some(*names: str) -> Places:
-    """These of the runs on the new case."""
-    return {name: REUSED[name] for name in names}
+def network_effect(metric: str) -> Test:
+    """Test the main effect of the network in the 2 x 2 of network and starting epsilon."""
+    weights = {"reused, low": 0.5, "reused, 1": 0.5, "scratch, low": -0.5, "scratch, 1": -0.5}
+    return two_by_two("reused above scratch, mean of both epsilons", weights, metric)
 
 
-def network_effect(study: Study, claim: str) -> list[Finding]:
-    """The main effect of the network in the 2 x 2 of network and starting epsilon."""
-    names = ("reused, low", "reused, 1", "scratch, low", "scratch, 1")
-    weights = dict(zip(names, (0.5, 0.5, -0.5, -0.5), strict=True))
-    what = "new: reused above scratch, mean of both epsilons"
-    return levels(study, claim, what, some(*names), weights, "area")
+def interaction(metric: str) -> Test:
+    """Test whether the network's effect is larger with the low starting epsilon."""
+    weights = {"reused, low": 1.0, "reused, 1": -1.0, "scratch, low": -1.0, "scratch, 1": 1.0}
+    return two_by_two("reused above scratch, more with the low epsilon", weights, metric)
 
 
-def confounded(study: Study, claim: str) -> list[Finding]:
-    """The paper's comparison, which changes network and epsilon at once."""
-    places = some("reused, low", "scratch, 1")
-    return sooner(study, claim, "new", places, "reused, low", "scratch, 1")
+def two_by_two(what: str, weights: Mapping[str, float], metric: str) -> Test:
+    """Test a weighted sum of the 2 x 2."""
+    return weighted("new", what, {name: REUSED[name] for name in weights}, weights, metric)
+
+
+def confounded(metric: str) -> Test:
+    """Test the paper's comparison, which changes network and epsilon at once."""
+    return at("new", REUSED, "reused, low", "scratch, 1", metric)
 
 
 def best_source(other: str) -> Test:
-    """Case 2 is a better source than another."""
-    return at("new", some("case 2", f"case {other}"), "case 2", f"case {other}")
+    """Test that case 2 is a better source than another."""
+    return at("new", REUSED, f"case {REUSED_CASE}", f"case {other}")
+
+
+def by_path(arm: str, metric: str) -> Test:
+    """Test that a source with the target's path is better than one with the target's ship."""
+    path, ship = "same path (1 to 2)", "same ship (ship to 2)"
+    places = {path: (PAIRS, "high", arm), ship: (CONTROLS, "ship", arm)}
+    return at(arm, places, path, ship, metric)

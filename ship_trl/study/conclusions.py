@@ -1,35 +1,48 @@
-"""The paper's five conclusions, as contrasts; each claimed per pair, not for similarity as such."""
+"""The paper's five conclusions, and contrasts of ours that judge none of its claims."""
 
 from __future__ import annotations
 
-from ship_trl.study.claims import FE, FT, Hypothesis, beats, frozen_random, interaction, steeper, trend
+from ship_trl.study.claims import (
+    FE,
+    FT,
+    Hypothesis,
+    beats,
+    control,
+    interaction,
+    itself,
+    means,
+    network_effect,
+    rises,
+    self_dips,
+)
 from ship_trl.study.hypotheses import EXTRACTION_DIPS, FINETUNING_DIPS, NO_DIPS, SELF_DIPS
 
-FIGURE = "conclusions"
-PAIRS_OF_THE_PAPER = ("high", "low", "lowest")
+FIGURE, EXPLORATORY = "conclusions", "exploratory"
+# Pairs of the paper, the target of each, and the label of its transfer to itself.
+ITSELF = {"high": ("2", "self"), "low": ("4", "self4"), "lowest": ("6", "self6")}
 CONCLUSIONS = [
     Hypothesis(
         "C1",
         FIGURE,
         "There are features: FE3 beats scratch, and frozen layers that have learned nothing.",
-        [beats("high", "FE3", "scratch"), frozen_random("high")],
+        [beats("high", "FE3", "scratch"), *(control("high", "FE3", kind) for kind in ("random", "permuted"))],
     ),
     Hypothesis(
         "C2",
         FIGURE,
         "More layers help in pair high and harm in the others; so does extraction beside finetuning.",
         [
-            *(trend("high", *arms) for arms in (FE, FT)),
-            *(trend(pair, *arms[::-1]) for pair in ("low", "lowest") for arms in (FE, FT)),
-            *(steeper("high", pair, arms) for pair in ("low", "lowest") for arms in (FE, FT)),
-            *(interaction("high", pair, FE, FT) for pair in ("low", "lowest")),
+            *(rises("high", *arms) for arms in (FE, FT)),
+            *(rises(pair, *arms[::-1]) for pair in ("low", "lowest") for arms in (FE, FT)),
+            means("high", FE, FT),
+            *(means(pair, FT, FE) for pair in ("low", "lowest")),
         ],
     ),
     Hypothesis(
         "C3",
         FIGURE,
-        "FE3 beats FE4 in all pairs.",
-        [beats(pair, "FE3", "FE4") for pair in PAIRS_OF_THE_PAPER],
+        "FE3 is sooner than FE4, and ends higher, in all pairs.",
+        [beats(pair, "FE3", "FE4", metric) for pair in ITSELF for metric in ("time", "asymptote")],
     ),
     Hypothesis(
         "C4",
@@ -40,10 +53,49 @@ CONCLUSIONS = [
     Hypothesis(
         "C5",
         FIGURE,
-        "Finetuning everything is best early and gains least late.",
+        "Finetuning everything is best early and ends lower than finetuning the conv layers.",
         [
-            *(beats(pair, "FTW", "FT4", "early area") for pair in PAIRS_OF_THE_PAPER),
-            *(beats(pair, "FT4", "FTW", "late gain") for pair in PAIRS_OF_THE_PAPER),
+            *(beats(pair, "FTW", "FT4", "early area") for pair in ITSELF),
+            *(beats(pair, "FT4", "FTW", "asymptote") for pair in ITSELF),
         ],
+    ),
+]
+# Judged each alone and named so: they explain, and decide no claim.
+OURS = [
+    Hypothesis(
+        "E1",
+        EXPLORATORY,
+        "Frozen layers that have learned beat random ones, for each number of layers and pair.",
+        [control(pair, arm, "random") for pair in ITSELF for arm in FE],
+    ),
+    Hypothesis(
+        "E2",
+        EXPLORATORY,
+        "They beat the same weights permuted within each layer.",
+        [control(pair, arm, "permuted") for pair in ITSELF for arm in FE],
+    ),
+    Hypothesis(
+        "E3",
+        EXPLORATORY,
+        "Cases 4 and 6 to themselves dip too.",
+        [*self_dips("4", "low", "self4"), *self_dips("6", "lowest", "self6")],
+    ),
+    Hypothesis(
+        "E4",
+        EXPLORATORY,
+        "A case's own network, finetuned as a whole, beats learning it from scratch: the ceiling.",
+        [itself(case, pair, label, "FTW", "scratch") for pair, (case, label) in ITSELF.items()],
+    ),
+    Hypothesis(
+        "E5",
+        EXPLORATORY,
+        "A reused network gains more where exploration starts low, in time and in area; it is higher too.",
+        [interaction("time"), interaction("area"), network_effect("area")],
+    ),
+    Hypothesis(
+        "E6",
+        EXPLORATORY,
+        "FTW falls back into missing the goal less often than scratch.",
+        [beats(pair, "scratch", "FTW", "misses") for pair in ITSELF],
     ),
 ]

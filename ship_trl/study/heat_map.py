@@ -10,7 +10,7 @@ from ship_trl.study.claims import FE, FT
 from ship_trl.study.config import NEW_CASE, RANDOM_ARM, REUSED_ARM, REUSED_CASE, SELF_PAIR
 from ship_trl.study.figures import pairs
 from ship_trl.study.measured import Study
-from ship_trl.study.metrics import METRICS
+from ship_trl.study.metrics import measure
 from ship_trl.study.plan import ALONE, CONTROLS, LOW, OTHER_SOURCES, PAIRS, SELF_CASE, from_scratch
 
 ARMS = (*FE, RANDOM_ARM, *FT, "FTW")
@@ -46,7 +46,7 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
 def gain(study: Study, place: Place, scratch: Place) -> float:
     """Mean difference of areas over the seeds that both have; not a number where there are none."""
     runs = study.together({"arm": place, "scratch": scratch})
-    areas = [[METRICS["area"](run) for run in runs[name]] for name in ("arm", "scratch")]
+    areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
     return float(np.mean(areas[0]) - np.mean(areas[1])) if areas[0] else np.nan
 
 

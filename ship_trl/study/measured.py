@@ -1,68 +1,84 @@
-"""A study's runs by arm and seed, and the kinds of claim that are measured on them."""
+"""A study's runs by arm and seed, and the kinds of contrast that are measured on them."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ship_trl.study.contrasts import LEVEL, Claimed, Finding, contrast, found
-from ship_trl.study.metrics import METRICS, time_to_threshold
+from ship_trl.study.contrasts import Claimed, Finding, contrast
+from ship_trl.study.margins import margin
+from ship_trl.study.metrics import curve, measure
 from ship_trl.study.plan import PAIRS, PARTS
 from ship_trl.study.records import BrokenRunError, Record, find_runs, read_placed
-from ship_trl.study.statistics import (
-    RESAMPLES,
-    Estimate,
-    Sample,
-    bootstrap,
-    brown_forsythe,
-    interquartile_mean,
-    log_rank,
-    page_trend,
-    permutation,
-    slope,
-    steadiness,
-    unmeasured,
-)
+from ship_trl.study.settled import PLAN
+from ship_trl.study.statistics import LEVEL, OBRIEN_FLEMING, RESAMPLES, Sample, level_of, spread_test
 
 # Of all resampling: the same study gives the same report.
 SEED = 2022
-
+# So many seeds are run before the study is looked at again (docs/analysis-plan.md).
+BLOCK, MOST_LOOKS = 5, len(OBRIEN_FLEMING)
+# What stands beside a metric to show whether the choice of it decides.
+SENSITIVITY = {
+    "area": ("greedy area",),
+    "asymptote": ("greedy asymptote",),
+    "time": ("time to 0.5", "time to 0.8"),
+}
 
 Records = dict[tuple[str, str, str, int], Record]
+Places = Mapping[str, tuple[str, str, str]]
 
 
 @dataclass(frozen=True)
 class Study:
-    """The runs of a folder; `broken` are those that could not be read, with the reason.
+    """The runs of a folder.
 
-    `resamples` is how often its seeds are drawn anew for an interval; a `rough` one leaves out those
-    on which no verdict of a difference can hang.
+    `broken` are those that could not be read, with the reason. `planned` are the seeds of the pairs in
+    the order in which they are run, as planned; those that are there where no plan is known. `level` is
+    one-sided, of intervals and tests; `resamples` how often arms change places to test spreads.
     """
 
     records: Records
     broken: list[tuple[Path, str]] = field(default_factory=list)
+    planned: tuple[int, ...] = ()
+    level: float = LEVEL / 2
     resamples: int = RESAMPLES
-    rough: bool = False
 
-    def interval(self, values: Sequence[Sample], statistic: Callable[..., Any], p: float) -> Estimate:
-        """A statistic over seeds with its interval, for a contrast of this p."""
-        if self.rough and p > LEVEL:
-            return unmeasured(values, statistic)
-        return bootstrap(values, statistic, SEED, self.resamples)
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds that are looked at, in order."""
+        return self.planned or tuple(sorted({key[3] for key in self.records}))
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """After how many seeds the study is looked at: each block of five, and at the end."""
+        count = len(self.seeds)
+        return (*range(BLOCK, count, BLOCK), count)[-MOST_LOOKS:]
+
+    def first(self, count: int, level: float) -> Study:
+        """Return the runs of the first `count` seeds, to be judged at a level."""
+        seeds = set(self.seeds[:count])
+        kept = {key: record for key, record in self.records.items() if key[3] in seeds}
+        return replace(self, records=kept, level=level)
 
     def arm(self, part: str, pair: str, arm: str) -> dict[int, Record]:
-        """The runs of an arm by seed."""
-        return {
-            key[3]: record for key, record in sorted(self.records.items()) if key[:3] == (part, pair, arm)
-        }
+        """Return the runs of an arm by seed."""
+        return self._by_place.get((part, pair, arm), {})
+
+    @cached_property
+    def _by_place(self) -> dict[tuple[str, str, str], dict[int, Record]]:
+        places: dict[tuple[str, str, str], dict[int, Record]] = defaultdict(dict)
+        for (*place, seed), record in sorted(self.records.items()):
+            places[tuple(place)][seed] = record  # type: ignore[index]
+        return places
 
     def mixed(self) -> dict[str, dict[str, int]]:
-        """By what runs were computed where they differ: how many by each version, device, precision."""
+        """Count by what runs were computed where they differ: by version, device, precision."""
         found: dict[str, Counter[str]] = defaultdict(Counter)
         for record in self.records.values():
             for key, value in record.computed.items():
@@ -70,13 +86,13 @@ class Study:
         return {key: dict(sorted(counts.items())) for key, counts in found.items() if len(counts) > 1}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
-        """Source and target of a pair, by its runs; only those from scratch have no source."""
+        """Return source and target of a pair, by its runs; only those from scratch have no source."""
         runs = [r for (part, name, _, _), r in sorted(self.records.items()) if (part, name) == (PAIRS, pair)]
         source = next((r.source for r in runs if r.source), None)
         return source, runs[0].target
 
-    def together(self, places: Mapping[str, tuple[str, str, str]]) -> dict[str, list[Record]]:
-        """Runs by name, of the seeds that all of these (part, pair, arm) have, in order."""
+    def together(self, places: Places) -> dict[str, list[Record]]:
+        """Return runs by name, of the seeds that all of these (part, pair, arm) have, in order."""
         runs = {name: self.arm(*place) for name, place in places.items()}
         seeds = sorted(set.intersection(*(set(by_seed) for by_seed in runs.values())) if runs else set())
         return {name: [by_seed[seed] for seed in seeds] for name, by_seed in runs.items()}
@@ -84,7 +100,7 @@ class Study:
 
 def read_study(folder: Path) -> Study:
     """Read all runs below a folder; what cannot be read, or is no study's, is named in `broken`."""
-    study = Study({})
+    study = Study({}, planned=planned_seeds(folder))
     for path, part in find_runs(folder):
         try:
             if part not in PARTS:
@@ -94,28 +110,24 @@ def read_study(folder: Path) -> Study:
             study.broken.append((path, str(error)))
             continue
         study.records[part, record.pair, record.arm, record.seed] = record
-    return Study(same_zero(study.records), study.broken)
+    return replace(study, records=same_zero(study.records))
+
+
+def planned_seeds(folder: Path) -> tuple[int, ...]:
+    """Return the seeds of the pairs that a study's plan has; none where there is no plan to read."""
+    try:
+        jobs = json.loads((folder / PLAN).read_text())["jobs"]
+        return tuple(sorted({int(job["seed"]) for job in jobs if job["part"] == PAIRS}))
+    except (OSError, ValueError, KeyError, TypeError):
+        return ()
 
 
 def same_zero(records: Records) -> Records:
-    """One zero of the score for a case: each run has drawn random actions of its own."""
+    """Give all runs of a case one zero of the score: each has drawn random actions of its own."""
     drawn: dict[str, list[float]] = {}
     for record in records.values():
         drawn.setdefault(record.target, []).append(record.random)
     return {key: replace(r, random=float(np.mean(drawn[r.target]))) for key, r in records.items()}
-
-
-Places = Mapping[str, tuple[str, str, str]]
-
-
-def samples(study: Study, places: Places, measure: Callable[[Record], float]) -> dict[str, Sample]:
-    """One number a seed for each name."""
-    return {name: np.array([measure(r) for r in runs]) for name, runs in study.together(places).items()}
-
-
-def enough(values: Mapping[str, Any]) -> bool:
-    """Whether there are seeds to resample."""
-    return bool(values) and min(len(v) for v in values.values()) >= 2
 
 
 def levels(
@@ -127,75 +139,30 @@ def levels(
     metric: str,
     claimed: Claimed = Claimed.above,
 ) -> list[Finding]:
-    """A weighted sum of levels is above zero, or what else is claimed; nothing where runs are missing."""
-    found_samples = samples(study, places, METRICS[metric])
-    if not enough(found_samples):
-        return []
-    return [
-        contrast(
-            claim, f"{what} ({metric})", found_samples, weights, SEED, claimed, study.resamples, study.rough
-        )
-    ]
+    """Measure a weighted sum of arms within each seed, above zero or what else is claimed.
 
-
-def steadier(
-    study: Study, claim: str, where: str, places: Places, steady: str, other: str, metric: str
-) -> list[Finding]:
-    """One arm varies less over seeds than the other: logarithm of the ratio of standard deviations.
-
-    Here and below `where` says in words what cases this is about.
+    Nothing where there are less than two seeds that all arms have.
     """
-    values = samples(study, places, METRICS[metric])
-    if not enough(values):
-        return []
-    p = brown_forsythe(values[steady], values[other])
-    estimate = study.interval([values[steady], values[other]], steadiness, p)
-    what = f"{where}: {steady} varies less than {other} ({metric}; log of the ratio of standard deviations)"
-    return [found(claim, what, estimate, p, len(values[steady]))]
-
-
-def rises(
-    study: Study, claim: str, where: str, places: Places, order: Iterable[str], metric: str
-) -> list[Finding]:
-    """From arm to arm the level rises: the slope by least squares, and Page's test."""
-    names = list(order)
-    values = samples(study, places, METRICS[metric])
-    if not enough(values):
-        return []
-    ordered = [values[name] for name in names]
-
-    def rise(*arms: Sample, axis: int) -> Any:
-        return slope([interquartile_mean(arm, axis) for arm in arms])
-
-    # Two-sided: a fall contradicts.
-    p = min(1.0, 2 * min(page_trend(ordered), page_trend(ordered[::-1])))
-    estimate = study.interval(ordered, rise, p)
-    what = f"{where}: {' < '.join(names)} ({metric}; slope)"
-    return [found(claim, what, estimate, p, len(ordered[0]))]
-
-
-def sooner(study: Study, claim: str, where: str, places: Places, early: str, late: str) -> list[Finding]:
-    """One arm reaches the threshold earlier: share of episodes saved, and the log-rank test."""
     runs = study.together(places)
-    if not enough(runs):
+    if min(map(len, runs.values()), default=0) < 2:
         return []
-    times = {name: [time_to_threshold(r) for r in runs[name]] for name in (early, late)}
-    length = len(runs[early][0].training.total)
-    spent = {name: np.array([t for t, _ in found_times]) / length for name, found_times in times.items()}
-    seen = {name: np.array([there for _, there in found_times]) for name, found_times in times.items()}
-    seeds = len(seen[early])
-    if not (seen[early].any() or seen[late].any()):
-        # Nobody got there: there is nothing to compare.
-        what = f"{where}: {early} sooner at the threshold than {late} (neither gets there)"
-        return [found(claim, what, Estimate(0.0, -1.0, 1.0), 1.0, seeds)]
 
-    def saved(a: Sample, b: Sample, axis: int) -> Any:
-        return np.mean(b, axis=axis) - np.mean(a, axis=axis)
+    def differences(of: str) -> Sample:
+        parts = [share * np.array([measure(r, of) for r in runs[name]]) for name, share in weights.items()]
+        return np.sum(parts, axis=0)
 
-    p = log_rank((spent[early], seen[early]), (spent[late], seen[late]))
-    if p <= LEVEL:
-        # It is of many seeds; of few it is too small, and an exact test must agree.
-        p = max(p, permutation(spent[early], spent[late], SEED))
-    estimate = study.interval([spent[early], spent[late]], saved, p)
-    what = f"{where}: {early} sooner at the threshold than {late} (share of the episodes)"
-    return [found(claim, what, estimate, p, seeds)]
+    bound = margin(next(iter(runs.values()))[0].target, metric)
+    found = contrast(claim, f"{what} ({metric})", metric, differences(metric), bound, claimed, study.level)
+    beside = {name: level_of(differences(name), study.level) for name in SENSITIVITY.get(metric, ())}
+    return [replace(found, beside=beside)]
+
+
+def steadier(study: Study, claim: str, where: str, places: Places, steady: str, other: str) -> list[Finding]:
+    """Measure how much less one arm's curves vary over seeds than another's (see `spread_test`)."""
+    runs = study.together(places)
+    if min(map(len, runs.values())) < 2:
+        return []
+    curves = {name: np.stack([curve(record) for record in runs[name]]) for name in (steady, other)}
+    estimate, p, against = spread_test(curves[steady], curves[other], SEED, study.level, study.resamples)
+    what = f"{where}: {steady} varies less than {other} (spread; logarithm of the ratio)"
+    return [Finding(claim, what, "spread", estimate, p, against, seeds=len(curves[steady]))]

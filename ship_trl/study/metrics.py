@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.study.records import Record
 
-# The first mean of so many training episodes at the threshold or above counts as having got there.
-WINDOW, THRESHOLD = 100, 0.8
+# The first mean of so large a share of the training episodes at the threshold or above counts as having
+# got there; the first threshold is the primary one.
+WINDOW, THRESHOLDS = 0.03, (0.65, 0.5, 0.8)
 LAST, EARLY = 0.1, 0.2
+# A run has fallen back if, exploration over, so many training episodes in a row miss the goal.
+FALLEN = 10
+# Along a curve of moving scores; more places do not change its mean.
+PLACES = 100
 
 
 def share(record: Record, part: float) -> int:
@@ -27,14 +33,6 @@ def area(record: Record) -> float:
 def early_area(record: Record) -> float:
     """The mean score of the first fifth of the training episodes."""
     return float(np.mean(record.score(record.training.total[: share(record, EARLY)])))
-
-
-def late_gain(record: Record) -> float:
-    """How much higher the last tenth of the training episodes scores than the middle fifth."""
-    scores = record.score(record.training.total)
-    count = len(scores)
-    middle = scores[int(0.4 * count) : max(int(0.6 * count), int(0.4 * count) + 1)]
-    return float(np.mean(scores[-share(record, LAST) :]) - np.mean(middle))
 
 
 def asymptote(record: Record) -> float:
@@ -53,9 +51,10 @@ def greedy_asymptote(record: Record) -> float:
     return float(np.mean(record.score(record.greedy.total[-count:])))
 
 
-def jumpstart(record: Record) -> float:
-    """How much more the greedy policy scores before training than that of the same network untransferred."""
-    return float(record.score(record.before) - record.score(record.scratch))
+def start(record: Record) -> float:
+    """The mean greedy score before training, over draws of the layers that are not copied."""
+    draws = record.draws if len(record.draws) else np.array([record.before])
+    return float(np.mean(record.score(draws)))
 
 
 def best(record: Record) -> float:
@@ -83,23 +82,39 @@ def smallest_dcpa(record: Record) -> float:
     return float(record.greedy.dcpa[-1])
 
 
-def moving_scores(record: Record, window: int = WINDOW) -> NDArray[np.float64]:
-    """Mean scores of `window` training episodes in a row (all, where there are fewer): [E - window + 1]."""
+def moving_scores(record: Record) -> NDArray[np.float64]:
+    """Mean scores of `WINDOW` of the training episodes in a row: [E - window + 1]."""
     scores = record.score(record.training.total)
-    window = min(window, len(scores))
+    window = share(record, WINDOW)
     sums = np.concatenate([[0.0], np.cumsum(scores)])
     return (sums[window:] - sums[:-window]) / window
 
 
-def time_to_threshold(record: Record) -> tuple[float, bool]:
-    """Episodes until the moving score first reaches the threshold, and whether it does.
-
-    Of a run that never does, all its episodes: it is censored there.
-    """
+def curve(record: Record) -> NDArray[np.float64]:
+    """Moving scores at `PLACES` places, evenly along the run (at each, where there are fewer)."""
     scores = moving_scores(record)
-    reached = np.flatnonzero(scores >= THRESHOLD)
-    total = len(record.training.total)
-    return (float(total - len(scores) + 1 + reached[0]), True) if reached.size else (float(total), False)
+    return scores[np.unique(np.linspace(0, len(scores) - 1, PLACES).round().astype(int))]
+
+
+def reached(record: Record, threshold: float = THRESHOLDS[0]) -> bool:
+    """Whether the moving score ever is at the threshold."""
+    return bool(np.any(moving_scores(record) >= threshold))
+
+
+def time_to_threshold(record: Record, threshold: float = THRESHOLDS[0]) -> float:
+    """Share of the training episodes until the moving score first is at the threshold.
+
+    Of a run that never is, all of them: time is restricted to the length of a run.
+    """
+    scores, total = moving_scores(record), len(record.training.total)
+    there = np.flatnonzero(scores >= threshold)
+    return float(total - len(scores) + 1 + there[0]) / total if there.size else 1.0
+
+
+def total_time(record: Record) -> float:
+    """The same with the episodes counted on which the source was trained (Taylor and Stone, 2009)."""
+    trained = record.source is not None and not record.arm.endswith("-random")
+    return time_to_threshold(record) + float(trained)
 
 
 def around_annealed(record: Record) -> tuple[slice, slice]:
@@ -131,16 +146,40 @@ def collision_rise(record: Record) -> float:
     return float(np.mean(record.training.collision[after]) - np.mean(record.training.collision[before]))
 
 
+def after_exploration(record: Record) -> slice:
+    """The training episodes after exploration has ended; the last one at least."""
+    end = around_annealed(record)[1].start
+    return slice(end, None)
+
+
+def misses(record: Record) -> float:
+    """Share of the training episodes after exploration that do not end at the goal."""
+    return float(np.mean(~record.training.goal[after_exploration(record)]))
+
+
+def fell(record: Record) -> float:
+    """1 if, exploration over, `FALLEN` training episodes in a row do not end at the goal, else 0."""
+    longest = row = 0
+    for goal in record.training.goal[after_exploration(record)]:
+        row = 0 if goal else row + 1
+        longest = max(longest, row)
+    return float(longest >= FALLEN)
+
+
 # Everything of a run that is one number, by the report's names.
 METRICS: dict[str, Callable[[Record], float]] = {
     "area": area,
-    "early area": early_area,
-    "late gain": late_gain,
+    "time": time_to_threshold,
+    **{f"time to {level}": partial(time_to_threshold, threshold=level) for level in sorted(THRESHOLDS[1:])},
+    "total time": total_time,
     "asymptote": asymptote,
+    "early area": early_area,
+    "start": start,
     "greedy area": greedy_area,
     "greedy asymptote": greedy_asymptote,
-    "jumpstart": jumpstart,
     "best": best,
+    "fell": fell,
+    "misses": misses,
     "success": success,
     "collisions": collisions,
     "early collisions": early_collisions,
@@ -148,3 +187,12 @@ METRICS: dict[str, Callable[[Record], float]] = {
     "collision rise": collision_rise,
     "DCPA": smallest_dcpa,
 }
+# Less is better of these.
+TIMES = ("time", "time to 0.5", "time to 0.8", "total time")
+
+
+def measure(record: Record, name: str) -> float:
+    """Return a metric of a run, which is computed once."""
+    if name not in record.measured:
+        record.measured[name] = METRICS[name](record)
+    return record.measured[name]

@@ -6,7 +6,7 @@ import base64
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,11 @@ import jinja2
 
 from ship_trl.study.answers import Answer
 from ship_trl.study.conclusions import FIGURE as CONCLUSIONS
-from ship_trl.study.contrasts import LEAST_SEEDS, LEVEL, MARGIN, Finding, Verdict
+from ship_trl.study.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.measured import Study
 from ship_trl.study.placebo import Placebo
 from ship_trl.study.similarities import EQUATION
-from ship_trl.study.statistics import Estimate
+from ship_trl.study.statistics import LEVEL, Estimate, look_level
 from ship_trl.study.tables import Row
 
 ARM_METRICS = (
@@ -27,9 +27,11 @@ ARM_METRICS = (
     "transfer ratio",
     "greedy area",
     "asymptote",
-    "jumpstart",
-    "time to threshold",
+    "start",
+    "time",
+    "total time",
     "reached",
+    "fell",
     "success",
     "collisions",
     "best",
@@ -56,28 +58,24 @@ def interval(found: Estimate | None) -> str:
     return "" if found is None else f"{found.low:+.3f} to {found.high:+.3f}"
 
 
-def contrast_row(claim: str, finding: Finding) -> dict[str, Any]:
-    """A contrast as words."""
-    improvement = finding.improvement
+def contrast_row(answer: Answer, finding: Finding) -> dict[str, Any]:
+    """Return a contrast as words."""
+    values = [finding.seen(), finding.seen(LEVEL / 2 / answer.claims)]
     return {
-        "claim": claim,
+        "claim": answer.hypothesis.name,
         "what": finding.what,
         "estimate": f"{finding.estimate.value:+.3f}",
         "interval": interval(finding.estimate),
-        "improvement": "" if improvement is None else f"{improvement.value:.2f}",
         "claimed": finding.claimed.value,
-        "p": f"{finding.adjusted:.3f}",
-        "beyond": f"{finding.beyond:.3f}",
+        "p": f"{finding.p:.4f}",
+        "against": f"{finding.adjusted:.3f}",
+        "margin": "" if finding.margin is None else f"{finding.margin:.3f}",
+        "within": "" if finding.margin is None else f"{finding.within:.3f}",
         "seeds": finding.seeds,
-        "seen": seen(finding),
+        "seen": " / ".join(f"{value:.2f}" for value in values) if isfinite(values[0]) else "",
+        "beside": "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
         "verdict": finding.verdict.value,
     }
-
-
-def seen(finding: Finding) -> str:
-    """What so many seeds could have shown: alone, and adjusted for the figure's other contrasts."""
-    values = [finding.seen(LEVEL), finding.seen(LEVEL / finding.family)]
-    return " / ".join(f"{value:.2f}" for value in values) if isfinite(values[0]) else ""
 
 
 def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
@@ -86,7 +84,7 @@ def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
     for row in rows:
         line = [row["part"], row["pair"], row["arm"], str(row["seeds"])]
         for name in ARM_METRICS:
-            digits = 0 if name in ("time to threshold", "reached", "DCPA") else 2
+            digits = 0 if name in ("reached", "DCPA") else 2
             ends = [row.get(f"{name} {end}", "") for end in ("low", "high")]
             whole = all(isinstance(end, float) and isfinite(end) for end in ends)
             between = f" ({number(ends[0], digits)} to {number(ends[1], digits)})" if whole else ""
@@ -96,24 +94,26 @@ def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
 
 
 def in_a_sentence(answer: Answer) -> str:
-    """What was measured of a claim: its number, or how its contrasts came out and between which."""
+    """Say what was measured of a claim: its number, or how its contrasts came out and between which."""
     findings = answer.findings
     if not findings:
         return "No runs."
     if len(findings) == 1:
         (one,) = findings
-        value, ends = f"{one.estimate.value:+.3f}", interval(one.estimate)
-        words = f"{one.what}: {value} ({ends}), adjusted p {one.adjusted:.3f}."
+        words = f"{one.what}: {one.estimate.value:+.3f} ({interval(one.estimate)}), p {one.p:.3f}"
     else:
         found = Counter(finding.verdict.value for finding in findings)
         counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
         values = [finding.estimate.value for finding in findings]
         leaning = sum(finding.as_claimed for finding in findings)
         words = f"{len(findings)} contrasts: {counts}; {leaning} estimated as claimed"
-        words += f" ({min(values):+.3f} to {max(values):+.3f})."
-    open_ = [f for f in findings if f.verdict is Verdict.inconclusive and isfinite(f.deviation)]
+        words += f" ({min(values):+.3f} to {max(values):+.3f}); largest p {max(f.p for f in findings):.3f}"
+    words += f", adjusted {answer.p:.3f}."
+    if answer.decided:
+        words += f" Decided after {answer.decided} seeds."
+    open_ = [f for f in findings if f.verdict is Verdict.inconclusive and isfinite(f.error)]
     if open_:
-        alone, after = ([f.seen(LEVEL / m) for f in open_] for m in (1, open_[0].family))
+        alone, after = ([f.seen(LEVEL / 2 / m) for f in open_] for m in (1, answer.claims))
         words += f" Could see differences from {spread(alone)} on, adjusted {spread(after)}."
     return words + (f" Without runs: {answer.missing} of its contrasts." if answer.missing else "")
 
@@ -130,7 +130,7 @@ def claim(answer: Answer) -> dict[str, str]:
         "name": answer.hypothesis.name,
         "figure": answer.hypothesis.figure,
         "sentence": answer.hypothesis.sentence,
-        "verdict": answer.verdict.value,
+        "verdict": answer.verdict.value if answer.findings else "no runs",
         "measured": in_a_sentence(answer),
     }
 
@@ -148,6 +148,7 @@ def as_markdown(answers: Sequence[Answer]) -> str:
 def render(
     study: Study,
     answers: Sequence[Answer],
+    explored: Sequence[Answer],
     arms: Sequence[Row],
     similar: Sequence[Row],
     figures: Sequence[Drawn],
@@ -159,6 +160,7 @@ def render(
     Args:
         study: what was read.
         answers: the claims measured.
+        explored: our own contrasts, which judge no claim.
         arms: rows of `tables.arm_rows`.
         similar: rows of `similarities.table_2`.
         figures: what was drawn.
@@ -179,19 +181,21 @@ def render(
         profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.total)) for r in records})),
         seeds=seeds,
-        # Of exact tests of as many runs on two sides: all of one beyond all of the other.
-        least_p=number(2 / comb(2 * seeds, seeds), 4),
         missing=missing,
         mixed={
             key: ", ".join(f"{value} ({count})" for value, count in counts.items())
             for key, counts in study.mixed().items()
         },
-        margin=MARGIN,
+        looks=[
+            {"seeds": count, "level": number(look_level(k, len(study.looks)), 4)}
+            for k, count in enumerate(study.looks, 1)
+        ],
         least=LEAST_SEEDS,
         shuffled=shuffled,
         conclusions=[claim(a) for a in answers if a.hypothesis.figure == CONCLUSIONS],
         claims=[claim(a) for a in answers if a.hypothesis.figure != CONCLUSIONS],
-        contrasts=[contrast_row(a.hypothesis.name, finding) for a in answers for finding in a.findings],
+        contrasts=[contrast_row(a, finding) for a in (*answers, *explored) for finding in a.findings],
+        explored=[claim(a) for a in explored],
         arm_columns=("part", "pair", "arm", "seeds", *ARM_METRICS),
         arms=arm_cells(arms),
         similar=[

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,9 @@ class Record:
     training: Training
     greedy: Greedy
     computed: dict[str, str]
+    draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    # Its metrics, as far as they have been asked for; another record has its own.
+    measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def score(self, values: Any) -> Any:
         """Returns as a share of the way from random actions to the best known: 0 to 1, less if worse."""

@@ -10,7 +10,7 @@ from ship_trl.cli import complain
 from ship_trl.config import ConfigError
 from ship_trl.paths import replacing
 from ship_trl.study import figures, tables
-from ship_trl.study.answers import answer
+from ship_trl.study.answers import answer, explore
 from ship_trl.study.contrasts import LEAST_SEEDS
 from ship_trl.study.heat_map import draw_gains
 from ship_trl.study.measured import Study, read_study
@@ -50,11 +50,12 @@ def report(folder: Path, output: Path) -> None:
 
 def write(study: Study, folder: Path, output: Path) -> None:
     """Measure and write everything."""
-    answers, arms, similar = answer(study), tables.arm_rows(study), table_2()
+    answers, explored = answer(study), explore(study)
+    arms, similar = tables.arm_rows(study), table_2()
     for name, rows in (
         ("runs", tables.run_rows(study)),
         ("arms", arms),
-        ("claims", tables.claim_rows(answers)),
+        ("claims", tables.claim_rows([*answers, *explored])),
         ("table_2", similar),
     ):
         tables.write_csv(output / f"{name}.csv", rows)
@@ -75,7 +76,7 @@ def write(study: Study, folder: Path, output: Path) -> None:
         drawn.append(Drawn(title, caption, png))
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
-    page = render(study, answers, arms, similar, drawn, shuffled, missing(folder, study))
+    page = render(study, answers, explored, arms, similar, drawn, shuffled, missing(folder, study))
     for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers))):
         with replacing(output / name) as draft:
             draft.write_text(text)

@@ -11,11 +11,11 @@ import numpy as np
 
 from ship_trl.paths import replacing
 from ship_trl.study.answers import Answer
-from ship_trl.study.contrasts import LEAST_SEEDS, LEVEL
+from ship_trl.study.contrasts import LEAST_SEEDS
 from ship_trl.study.measured import SEED, Study
-from ship_trl.study.metrics import METRICS, time_to_threshold
+from ship_trl.study.metrics import METRICS, measure, reached
 from ship_trl.study.plan import from_scratch
-from ship_trl.study.statistics import Estimate, bootstrap, interquartile_mean
+from ship_trl.study.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
 
 Row = dict[str, Any]
 
@@ -25,8 +25,8 @@ def run_rows(study: Study) -> list[Row]:
     rows = []
     for (part, pair, arm, seed), record in sorted(study.records.items()):
         row: Row = {"part": part, "pair": pair, "arm": arm, "seed": seed}
-        row |= {name: measure(record) for name, measure in METRICS.items()}
-        row["time to threshold"], row["reached"] = time_to_threshold(record)
+        row |= {name: measure(record, name) for name in METRICS}
+        row["reached"] = reached(record)
         rows.append(row)
     return rows
 
@@ -38,13 +38,13 @@ def arm_rows(study: Study) -> list[Row]:
     for part, pair, arm in places:
         runs = list(study.arm(part, pair, arm).values())
         row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
-        for name, measure in METRICS.items():
-            row |= columns(name, estimate([measure(run) for run in runs]))
-        areas = [METRICS["area"](run) for run in runs]
+        for name in METRICS:
+            row |= columns(name, estimate([measure(run, name) for run in runs]))
+        areas = [measure(run, "area") for run in runs]
         row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
-        times = [time_to_threshold(run) for run in runs]
-        row |= columns("time to threshold", estimate([time for time, _ in times]))
-        row["reached"] = sum(there for _, there in times)
+        row["reached"] = sum(map(reached, runs))
+        # A share of runs is no level: all of them count.
+        row |= columns("fell", share_interval(sum(int(measure(run, "fell")) for run in runs), len(runs)))
         row |= columns("transfer ratio", transfer_ratio(study, part, pair, arm))
         rows.append(row)
     return rows
@@ -70,7 +70,7 @@ def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | N
     runs = study.together({"arm": (part, pair, arm), "scratch": from_scratch(part, pair)})
     if arm == "scratch" or len(runs["arm"]) < LEAST_SEEDS:
         return None
-    areas = [np.array([METRICS["area"](run) for run in runs[name]]) for name in ("arm", "scratch")]
+    areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
 
     def ratio(one: Any, scratch: Any, axis: int) -> Any:
         base = interquartile_mean(scratch, axis)
@@ -80,24 +80,29 @@ def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | N
 
 
 def claim_rows(answers: Sequence[Answer]) -> list[Row]:
-    """Every contrast of every claim, with the claim's verdict."""
+    """Return every contrast of every claim, with the claim's verdict."""
     return [
         {
             "claim": answer.hypothesis.name,
             "figure": answer.hypothesis.figure,
             "sentence": answer.hypothesis.sentence,
             "claim's verdict": answer.verdict.value,
+            "claim's p": answer.p,
+            "decided after seeds": answer.decided or "",
             "contrast": finding.what,
+            "metric": finding.metric,
             **columns("estimate", finding.estimate),
-            **columns("improvement", finding.improvement),
             "claimed": finding.claimed.value,
             "p": finding.p,
-            "p adjusted": finding.adjusted,
-            "p beyond margin": finding.beyond,
+            "p against": finding.against,
+            "p against adjusted": finding.adjusted,
+            "margin": "" if finding.margin is None else finding.margin,
+            "p beyond margin": finding.within,
             "seeds": finding.seeds,
-            "seen alone": finding.seen(LEVEL),
-            "seen adjusted": finding.seen(LEVEL / finding.family),
+            "seen alone": finding.seen(),
+            "seen adjusted": finding.seen(LEVEL / 2 / answer.claims),
             "verdict": finding.verdict.value,
+            "beside": "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
         }
         for answer in answers
         for finding in answer.findings

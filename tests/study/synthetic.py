@@ -97,10 +97,27 @@ def make_study(
     ends: Mapping[tuple[str, str, str], float], seeds: int = 15, sd: float = 0.02, episodes: int = 120
 ) -> Study:
     """Runs of each (part, pair, arm), which all learn towards the given score."""
+    return learned(ends, dict.fromkeys(ends, 10.0), seeds, sd, episodes)
+
+
+def ranked(merits: Mapping[tuple[str, str, str], float], seeds: int = 15) -> Study:
+    """Runs that all learn their case; those of more merit are higher throughout, and sooner."""
+    ends = {place: 0.75 + 0.2 * merit for place, merit in merits.items()}
+    return learned(ends, {place: 30.0 * (1.2 - merit) for place, merit in merits.items()}, seeds, 0.004, 240)
+
+
+def learned(
+    ends: Mapping[tuple[str, str, str], float],
+    halves: Mapping[tuple[str, str, str], float],
+    seeds: int,
+    sd: float,
+    episodes: int,
+) -> Study:
+    """Runs by the score at their end, and by when they have learned half of it."""
     records = {}
     for k, (place, end) in enumerate(ends.items()):
         for seed in range(seeds):
             rng = np.random.default_rng([k, seed])
-            scores = learning(rng, episodes, end + rng.normal(0, sd), half=10.0, noise=0.02)
+            scores = learning(rng, episodes, end + rng.normal(0, sd), halves[place], noise=0.02)
             records[(*place, seed)] = make_record(scores, *place, seed)
     return Study(records)

@@ -39,6 +39,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     parser.add_argument("--picture", type=Path, help="draw the learning curves beside each other, as PNG")
     parser.add_argument("--test", action="store_true", help="test whether runs of two folders learn alike")
+    parser.add_argument(
+        "--stability", action="store_true", help="how often runs fall back, and how they spread"
+    )
     options = parser.parse_args(arguments)
     folders = options.folders or [Path("outputs")]
     found: list[dict[str, Any]] = []
@@ -55,6 +58,10 @@ def main(arguments: list[str] | None = None) -> None:
     if options.picture is not None:
         picture(options.picture, found)
     show(HEADINGS, rows, options.markdown)
+    if options.stability:
+        from ship_trl.study import stability
+
+        show(stability.HEADINGS, list(stability.rows(grouped(found))), options.markdown)
     if options.test:
         if len(folders) != 2:
             complain(f"--test: two folders are needed, got {len(folders)}")
@@ -97,22 +104,30 @@ def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:
     return found, broken
 
 
-def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
-    """One row for each part, profile, pair and arm."""
+def grouped(results: Iterable[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Runs of each folder, part, profile, pair and arm, by the name of their row, in the order of seeds."""
     groups: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for result in results:
         names = (result["below"], result["part"], result.get("profile"), result["pair"], result["arm"])
-        key = tuple(map(str, names))
-        groups.setdefault(key, []).append(result)
+        groups.setdefault(tuple(map(str, names)), []).append(result)
     several = len({below for below, *_ in groups}) > 1
+    rows: dict[str, list[dict[str, Any]]] = {}
     for (below, part, _, pair, arm), runs in sorted(groups.items()):
-        name = " ".join([place(part, pair), arm])
-        runs.sort(key=lambda r: int(r["seed"]))
+        name = f"{place(part, pair)} {arm}"
+        rows.setdefault(f"{below}: {name}" if several else name, []).extend(
+            sorted(runs, key=lambda r: int(r["seed"]))
+        )
+    return rows
+
+
+def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
+    """One row for each part, profile, pair and arm."""
+    for name, runs in grouped(results).items():
         known = runs[0]["best_known_return"]
         best, final = ([r[which] for r in runs] for which in ("best", "final"))
         lowest = min(b["return"] for b in best)
         yield [
-            f"{below}: {name}" if several else name,
+            name,
             " ".join(str(r["seed"]) for r in runs),
             f"{known:.1f}",
             " ".join(f"{b['return']:.1f}" for b in best),

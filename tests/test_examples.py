@@ -1,0 +1,35 @@
+"""Each example runs as its first lines say."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.test_cli import ROOT
+
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+DRAWS = {"huber_threshold": "huber_threshold.png"}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs(path: Path, tmp_path: Path) -> None:
+    line = [sys.executable, str(path), *([DRAWS[path.stem]] if path.stem in DRAWS else [])]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    subprocess.run(line, cwd=tmp_path, env=environment, check=True, timeout=120)
+    if path.stem in DRAWS:
+        picture = np.asarray(Image.open(tmp_path / DRAWS[path.stem]))
+        assert picture.std() > 5
+
+
+def test_a_collision_is_forgotten_with_a_small_threshold() -> None:
+    sys.path.insert(0, str(ROOT / "examples"))
+    from huber_threshold import COLLISION, settled
+
+    for share in (0.1, 0.25):
+        assert settled(1.0, share) == pytest.approx(-share / (1 - share), abs=0.05)
+        assert settled(10.0, share) == pytest.approx(-10 * share / (1 - share), abs=0.05)
+        assert settled(20.0, share) == pytest.approx(COLLISION * share, abs=0.05)

@@ -74,7 +74,8 @@ def test_a_process_whose_launcher_is_gone_before_it_begins_ends(name: str, code:
 
 def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
     grid = ("target=1", "method=scratch", "profile=smoke", "learn.episodes=2000", "seed=0,1")
-    line = [sys.executable, "-m", "ship_trl", "-m", *grid]
+    # By itself it would run one after the other, and in no process of its own, where there is one core.
+    line = [sys.executable, "-m", "ship_trl", "-m", "hydra.launcher.n_jobs=2", *grid]
     child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 120
     try:

@@ -27,7 +27,7 @@ def test_a_part_runs(tmp_path: Path) -> None:
         env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "100"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert "GFLOP/s fp32" in done.stdout and "ours, states (scratch)" in done.stdout

@@ -1,5 +1,5 @@
 # make run    the main job; make run ARGS="+pair=low method=scratch" another one
-# make test   style, types and tests
+# make test   style, types and tests; those that precision touches once more without bfloat16
 # Both install into .venv first, once for each change of pyproject.toml.
 
 PYTHON ?= python3
@@ -24,6 +24,7 @@ test: $(VENV)/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
+	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m precision
 
 format: $(VENV)/.test
 	$(BIN)/ruff check --fix .

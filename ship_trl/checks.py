@@ -12,7 +12,7 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.config import CONV_LAYERS, Config, ConfigError, Method, Reward, explain
+from ship_trl.config import CONV_LAYERS, Config, ConfigError, Method, Reward, bfloat16_allowed, explain
 
 
 def to_config(values: DictConfig) -> Config:
@@ -70,6 +70,7 @@ def named(prefix: str, values: object, fields: str) -> dict[str, float]:
 
 def check(config: Config) -> None:
     """Check ranges and what the keys say together (cases are checked where they are loaded)."""
+    bfloat16_allowed()
     learn, world = config.learn, config.world
     counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
     at_least(1, named("learn", learn, counts))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from pathlib import Path
@@ -12,6 +13,8 @@ from omegaconf import OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException, ValidationError
 
 CONV_LAYERS = 4
+# An environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
+BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
 class ConfigError(Exception):
@@ -52,6 +55,18 @@ class Precision(Enum):
     auto = "auto"
     fp32 = "fp32"
     bf16 = "bf16"
+
+
+def bfloat16_allowed() -> bool:
+    """Read `SHIP_TRL_BFLOAT16`: `off` makes any machine one that does not multiply bfloat16.
+
+    Raises:
+        ConfigError: it is neither `on` nor `off`.
+    """
+    value = os.environ.get(BFLOAT16) or "on"
+    if value not in ("on", "off"):
+        raise ConfigError(f"{BFLOAT16}: must be on or off, got {value}")
+    return value == "on"
 
 
 @dataclass

@@ -1,6 +1,7 @@
-"""Shared by all tests: the paper's world, cases by hand, one torch thread."""
+"""Shared by all tests: an empty folder to work in, the paper's world, cases by hand, one torch thread."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,6 +20,12 @@ settings.load_profile("steady")
 def paper_world() -> World:
     """The shared physics of conf/world/paper.yaml."""
     return load_world()
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in a folder of the test's own: results and cases of the one it was started in must not count."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture

@@ -9,6 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
+
+from ship_trl.config import Precision
+from ship_trl.learn.vision import computing
 
 ROOT = Path(__file__).parent.parent
 SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
@@ -62,6 +66,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert "FE1, FE2, FE3, FE3-random, FE4, FT1, FT2, FT3, FT4, FTW, scratch" in done.stdout
 
 
+@pytest.mark.precision
 def test_main_command_leaves_a_whole_result(trained: Path) -> None:
     outputs = trained / "outputs/smoke"
     for run in ("1/scratch/seed=0", "high/FT3/seed=0"):
@@ -72,6 +77,8 @@ def test_main_command_leaves_a_whole_result(trained: Path) -> None:
     result = json.loads((outputs / "high/FT3/seed=0/result.json").read_text())
     assert (result["arm"], result["source"], result["target"], result["episodes"]) == ("FT3", "1", "2", 6)
     assert result["best_known_return"] == pytest.approx(83.9, abs=0.01)
+    # The child saw the same switch.
+    assert f"torch.{result['precision']}" == str(computing(Precision.auto, torch.device("cpu")))
     with (outputs / "high/FT3/seed=0/curve.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(r["episode"]) for r in rows if r["return"]] == [1, 2, 3, 4, 5, 6]
@@ -103,6 +110,7 @@ def test_finished_run_is_shown_not_trained_again(trained: Path) -> None:
     assert files(trained / "outputs/smoke/high/FT3") == before
 
 
+@pytest.mark.precision
 def test_same_seed_same_bytes(trained: Path, tmp_path: Path) -> None:
     ship_trl(*SMOKE, folder=tmp_path)
     for name in ("curve.csv", "policy.safetensors", "policy_last.safetensors", "episode.gif"):
@@ -111,6 +119,7 @@ def test_same_seed_same_bytes(trained: Path, tmp_path: Path) -> None:
             assert mine.read_bytes() == other.read_bytes(), (run, name)
 
 
+@pytest.mark.precision
 def test_frozen_layers_are_the_source_s_bytes(trained: Path) -> None:
     from safetensors import safe_open
 
@@ -200,8 +209,6 @@ REFUSED = {
 
 @pytest.mark.parametrize("line", REFUSED)
 def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) -> None:
-    import torch
-
     if "device=cuda" in line and torch.cuda.is_available():
         line = "+pair=high layers=3 device=cuda:99"
     (tmp_path / "taken").write_text("mine")

@@ -7,7 +7,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
 from ship_trl.checks import to_config
-from ship_trl.config import Config, ConfigError, Method, plain
+from ship_trl.config import BFLOAT16, Config, ConfigError, Method, plain
 from ship_trl.paths import conf_dir
 from ship_trl.plan import make_run
 
@@ -149,6 +149,15 @@ def test_wrong_values_are_refused(line: str) -> None:
     message = str(caught.value)
     assert message.startswith(WRONG[line])
     assert "\n" not in message
+
+
+def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for value in ("on", "off", ""):
+        monkeypatch.setenv(BFLOAT16, value)
+        composed(*HIGH)
+    monkeypatch.setenv(BFLOAT16, "no")
+    with pytest.raises(ConfigError, match=r"^SHIP_TRL_BFLOAT16: must be on or off, got no$"):
+        composed(*HIGH)
 
 
 UNRUNNABLE = {

@@ -11,6 +11,10 @@ def test_conf_is_the_checkout_s() -> None:
     assert conf_dir() == Path(__file__).parent.parent / "conf"
 
 
+def test_every_test_works_in_an_empty_folder() -> None:
+    assert not list(Path.cwd().iterdir())
+
+
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     path.write_text("old")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ship_trl.cli import complain, make_parser
+from ship_trl.config import ConfigError, bfloat16_allowed
 
 PARTS = ("simulator", "replay", "update", "loop", "frozen", "memory", "cores", "startup", "growth")
 
@@ -44,6 +45,10 @@ def refusal(options: argparse.Namespace) -> str:
         return f"--json: no folder {options.json.absolute().parent}"
     if find_spec("stable_baselines3") is None:
         return "bench: stable_baselines3 is missing; pip install 'ship_trl[bench]' brings it"
+    try:
+        bfloat16_allowed()
+    except ConfigError as error:
+        return str(error)
     return ""
 
 

@@ -16,8 +16,8 @@ from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 from ship_trl.learn.vision import DeltaVision, DenseVision, Draw, computing
 
 # From this many frozen layers on, their output is kept in the replay in place of the state: 3,136
-# numbers after the third (in bfloat16 6 kB, a little less than a picture), 200 after the fourth. That
-# is far more than a state, but in a fraction of the time that computing it again takes.
+# numbers after the third (in half precision 6 kB, a little less than a picture), 200 after the fourth.
+# That is far more than a state, but in a fraction of the time that computing it again takes.
 KEPT_FROM = 3
 
 
@@ -53,6 +53,7 @@ class Agent:
 
     `observes` names what it takes for an observation: `state`, or `features` where so many layers
     are frozen that their output is kept in place of the state; `encode` makes the one of the other.
+    `kept` is the precision in which features are kept, of two bytes on every machine.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class Agent:
         on_cpu = device.type == "cpu"
         self.observes = "features" if on_cpu and self.frozen >= KEPT_FROM else "state"
         self.vision = (DeltaVision if on_cpu else DenseVision)(draw, computing(learn.precision, device))
+        # Where float32 computes, float16 keeps three bits more of it than bfloat16 would.
+        self.kept = torch.bfloat16 if self.vision.dtype is torch.bfloat16 else torch.float16
         self._online = self.vision.reader(network, self.frozen)
         self._slow = self.vision.reader(self.average, self.frozen)
         self._online.learn()
@@ -84,15 +87,17 @@ class Agent:
         return self.average(self.draw(state))
 
     def encode(self, state: Tensor) -> Tensor:
-        """What the frozen layers make of states, in the precision that learns: [N, S] to [N, F]."""
+        """What the frozen layers make of states, to be kept: [N, S] to [N, F] in half precision."""
         assert isinstance(self._actor, Glance)
-        return self._actor.encode(self.draw(state)).to(self.vision.dtype)
+        features = self._actor.encode(self.draw(state))
+        # float16 ends at 65,504, and would keep what is beyond as infinite; nothing is negative.
+        return features.clamp_(max=torch.finfo(self.kept).max).to(self.kept)
 
     @torch.no_grad()
     def look(self, observation: Tensor) -> object:
         """An observation [N, ...] through the frozen layers, for the networks to read on."""
         if self.observes == "features":
-            return Rows(observation, (None,) * (len(CONV_NAMES) - self.frozen))
+            return Rows(observation.to(self.vision.dtype), (None,) * (len(CONV_NAMES) - self.frozen))
         return self._online.advance(self.vision.look(observation), self.frozen)
 
     def act(self, observation: Tensor, epsilon: float) -> Tensor:

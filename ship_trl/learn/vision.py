@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor
 
-from ship_trl.config import Precision
+from ship_trl.config import Precision, bfloat16_allowed
 from ship_trl.learn.delta import Cutter, Rows
 from ship_trl.learn.filters import Filters
 from ship_trl.learn.glance import Glance
@@ -144,8 +144,13 @@ class DenseReader:
 
 
 def computing(precision: Precision, device: torch.device) -> torch.dtype:
-    """The precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively."""
-    if device.type == "cuda":
+    """The precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
+
+    `SHIP_TRL_BFLOAT16=off` says that no device does.
+    """
+    if not bfloat16_allowed():
+        native = False
+    elif device.type == "cuda":
         native = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
         able = torch.cpu.get_capabilities()

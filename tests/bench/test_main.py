@@ -13,10 +13,12 @@ import torch
 from ship_trl.bench import __main__ as command
 from ship_trl.bench import parts
 from ship_trl.bench.footprint import held_bytes, peak_bytes
+from ship_trl.config import BFLOAT16
 
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.precision
 def test_a_part_runs(tmp_path: Path) -> None:
     arguments = ["memory", "--json", "out.json", "--rounds", "1", "--seconds", "0.01"]
     done = subprocess.run(
@@ -25,7 +27,7 @@ def test_a_part_runs(tmp_path: Path) -> None:
         env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "100"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert "GFLOP/s fp32" in done.stdout and "ours, states (scratch)" in done.stdout
@@ -65,6 +67,16 @@ def test_missing_library_is_one_line(
     error = capsys.readouterr().err
     assert ended.value.code == 1 and error.count("\n") == 1
     assert "pip install 'ship_trl[bench]'" in error
+
+
+def test_a_wrong_switch_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(BFLOAT16, "no")
+    with pytest.raises(SystemExit) as ended:
+        command.main(["memory"])
+    assert ended.value.code == 1
+    assert capsys.readouterr().err == "ship_trl: SHIP_TRL_BFLOAT16: must be on or off, got no\n"
 
 
 def test_every_part_is_named() -> None:

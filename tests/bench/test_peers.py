@@ -136,6 +136,7 @@ def test_double_target_is_torchrls() -> None:
     assert not torch.allclose((value - simple).square(), squared, rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.precision
 @pytest.mark.parametrize("arm", ARMS)
 def test_our_arms_learn_all_but_their_frozen_layers(arm: str) -> None:
     ours = Ours(arm, learn=short())
@@ -146,6 +147,7 @@ def test_our_arms_learn_all_but_their_frozen_layers(arm: str) -> None:
         assert moved != (name[:5] in [f"conv{k + 1}" for k in range(frozen_layers(arm))]), name
 
 
+@pytest.mark.precision
 def test_our_parts_run() -> None:
     ours = Ours(learn=short())
     ours.fill(16)

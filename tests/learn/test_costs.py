@@ -49,27 +49,29 @@ def counted(action: Callable[[], object]) -> tuple[int, float, float]:
     return counting.calls, counting.copied / 1e6, flops.get_total_flops() / 1e6
 
 
-def ours(arm: str) -> Ours:
-    made = Ours(arm, learn=learn_config(precision=Precision.bf16))
+def ours(arm: str, precision: str = "bf16") -> Ours:
+    made = Ours(arm, learn=learn_config(precision=Precision[precision]))
     made.fill(300)
     return made
 
 
 # Calls, megabytes, millions of operations.
 UPDATE = {
-    "scratch": (150, 14.5, 1000.0),
-    "FE2": (120, 13.0, 720.0),
-    "FE3": (80, 5.4, 177.0),
-    "FE4": (61, 0.08, 11.0),
+    ("scratch", "bf16"): (150, 14.5, 1000.0),
+    ("FE2", "bf16"): (120, 13.0, 720.0),
+    ("FE3", "bf16"): (80, 5.4, 177.0),
+    ("FE4", "bf16"): (61, 0.08, 11.0),
+    ("FE3", "fp32"): (75, 6.1, 177.0),
+    ("FE4", "fp32"): (60, 0.06, 11.0),
 }
 
 
-@pytest.mark.parametrize("arm", UPDATE)
-def test_an_update(arm: str) -> None:
-    learner = ours(arm)
+@pytest.mark.parametrize(("arm", "precision"), UPDATE)
+def test_an_update(arm: str, precision: str) -> None:
+    learner = ours(arm, precision)
     batch = learner.sample()
     found = counted(lambda: learner.update(batch))
-    assert all(got <= limit for got, limit in zip(found, UPDATE[arm], strict=True)), found
+    assert all(got <= limit for got, limit in zip(found, UPDATE[arm, precision], strict=True)), found
 
 
 def test_an_update_leaves_out_almost_half_the_operations() -> None:

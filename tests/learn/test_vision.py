@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Generator
 
-from ship_trl.config import Precision
+from ship_trl.config import BFLOAT16, Precision
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.vision import DeltaVision, DenseVision, computing
 from tests.learn.worlds import draw
@@ -61,4 +61,18 @@ def test_auto_is_bfloat16_where_the_processor_multiplies_it(
     precision: str, able: dict[str, bool], wanted: torch.dtype, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: able)
+    monkeypatch.delenv(BFLOAT16, raising=False)
     assert computing(Precision[precision], torch.device("cpu")) is wanted
+
+
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+@pytest.mark.parametrize(
+    ("precision", "wanted"), [("auto", torch.float32), ("fp32", torch.float32), ("bf16", torch.bfloat16)]
+)
+def test_switched_off_bfloat16_is_only_where_it_is_asked_for(
+    precision: str, wanted: torch.dtype, device: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": True})
+    monkeypatch.setattr(torch.cuda, "is_bf16_supported", lambda **_: True)
+    monkeypatch.setenv(BFLOAT16, "off")
+    assert computing(Precision[precision], torch.device(device)) is wanted

@@ -159,13 +159,12 @@ def test_whole_numbers_will_do(tmp_path: Path, world: World) -> None:
     assert case.goal == [0.0, 600.0] and isinstance(case.target_ships[0].speed, float)
 
 
-def test_a_users_case_by_name(tmp_path: Path, world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     folder = tmp_path / "conf" / "case"
     folder.mkdir(parents=True)
     (folder / "mine.yaml").write_text(GOOD)
     # The working directory's cases come before the shipped ones.
     (folder / "1.yaml").write_text(GOOD)
-    monkeypatch.chdir(tmp_path)
     assert case_names() == sorted([*SHIPPED, "mine"])
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]

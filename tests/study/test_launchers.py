@@ -74,9 +74,10 @@ def test_a_process_whose_launcher_is_gone_before_it_begins_ends(name: str, code:
 
 def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
     grid = ("target=1", "method=scratch", "profile=smoke", "learn.episodes=2000", "seed=0,1")
-    line = [sys.executable, "-m", "ship_trl", "-m", *grid]
+    # By itself it would run one after the other, and in no process of its own, where there is one core.
+    line = [sys.executable, "-m", "ship_trl", "-m", "hydra.launcher.n_jobs=2", *grid]
     child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 300
     try:
         while len(list(tmp_path.rglob("curve.csv"))) < 2:
             assert time.monotonic() < deadline and child.poll() is None
@@ -121,7 +122,7 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
         line = [sys.executable, "-m", "ship_trl.study", *SMALL, "retries=0", "launcher=ray_cluster", where]
         child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
         try:
-            deadline = time.monotonic() + 120
+            deadline = time.monotonic() + 300
             while not (list(tmp_path.rglob("curve.csv")) and descendants(nodes, b"ray::_run_job")):
                 assert time.monotonic() < deadline and child.poll() is None
                 time.sleep(0.1)

@@ -83,10 +83,7 @@ def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:
         ("pairs=[self]", "arms=[scratch,FTW]", "controls=false", "reuse=false"),
     ],
 )
-def test_nothing_is_trained_twice(
-    overrides: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_nothing_is_trained_twice(overrides: tuple[str, ...]) -> None:
     config = to_study([*overrides, "seeds=2", "profile=smoke"])
     planned = plan_jobs(config)
     for job in planned:

@@ -129,7 +129,9 @@ class Agent:
         with torch.no_grad():
             online, slow = self._online.q_values(later), self._slow.q_values(later)
         wanted = double_dqn_target(online, slow, batch["reward"], batch["terminated"], self.learn.gamma)
-        loss = td_loss(self._online.q_values(now), batch["action"], wanted, self.learn.loss, self.learn.huber_delta)
+        loss = td_loss(
+            self._online.q_values(now), batch["action"], wanted, self.learn.loss, self.learn.huber_delta
+        )
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         self._online.hand_back()

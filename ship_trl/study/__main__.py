@@ -24,7 +24,8 @@ python -m ship_trl.study: every run of figures 5 to 7 and 9, and our controls.
 
 Stopped and started again it goes on where it was. Keys, with their values in conf/study.yaml:
 
-  profile=NAME      smoke, quick or paper      seeds=N          0 to N - 1
+  profile=NAME      smoke, quick or paper      seeds=N          how many
+  first_seed=N      the first of them, 0 by default
   pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
   output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
   launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster

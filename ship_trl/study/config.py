@@ -48,6 +48,7 @@ class StudyConfig:
 
     profile: str = MISSING
     seeds: int | None = None
+    first_seed: int = MISSING
     profile_seeds: dict[str, int] = MISSING
     pairs: list[str] = MISSING
     arms: list[str] = MISSING
@@ -64,6 +65,11 @@ class StudyConfig:
     def count(self) -> int:
         """How many seeds."""
         return self.profile_seeds[self.profile] if self.seeds is None else self.seeds
+
+    @property
+    def numbers(self) -> range:
+        """The seeds."""
+        return range(self.first_seed, self.first_seed + self.count)
 
     @property
     def folder(self) -> Path:
@@ -124,8 +130,9 @@ def check(config: StudyConfig) -> None:
             raise ConfigError(f"{key}: {control} is one of the controls; allowed: controls=false")
     if config.count < 2:
         raise ConfigError(f"seeds: must be at least 2, got {config.count}")
-    if config.retries < 0:
-        raise ConfigError(f"retries: must be at least 0, got {config.retries}")
+    for key, least in (("first_seed", 0), ("retries", 0)):
+        if getattr(config, key) < least:
+            raise ConfigError(f"{key}: must be at least {least}, got {getattr(config, key)}")
     if config.reuse and (REUSED_PAIR not in config.pairs or REUSED_ARM not in config.arms):
         raise ConfigError(
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "

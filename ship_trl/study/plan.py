@@ -53,7 +53,7 @@ class Job:
 
 def plan_jobs(config: StudyConfig) -> list[Job]:
     """All runs of a study, in the order of their stages."""
-    jobs = [job for seed in range(config.count) for job in of_seed(config, seed)]
+    jobs = [job for seed in config.numbers for job in of_seed(config, seed)]
     return sorted(jobs, key=lambda job: (job.stage, job.seed))
 
 

@@ -17,6 +17,8 @@ from ship_trl.study.config import StudyConfig, names, to_study
         ("arms=[]", "arms: each at most once and at least one"),
         ("seeds=1", "seeds: must be at least 2, got 1"),
         ("seeds=many", "seeds: Value 'many'"),
+        ("first_seed=-1", "first_seed: must be at least 0, got -1"),
+        ("first_seed=one", "first_seed: Value 'one'"),
         ("retries=-1", "retries: must be at least 0, got -1"),
         ("launcher=condor", "launcher: no condor; allowed: joblib"),
         ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),

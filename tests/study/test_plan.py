@@ -35,6 +35,14 @@ def test_the_paper_has_fifteen_seeds() -> None:
     assert {j.seed for j in jobs("seeds=3")} == {0, 1, 2}
 
 
+def test_seeds_begin_where_it_is_said() -> None:
+    planned = jobs("seeds=3", "first_seed=100")
+    assert {j.seed for j in planned} == {100, 101, 102}
+    # Seeds apart, it is the same study.
+    shifted = Counter((j.stage, j.part, j.label, j.arm, j.seed - 100) for j in planned)
+    assert shifted == Counter((j.stage, j.part, j.label, j.arm, j.seed) for j in jobs("seeds=3"))
+
+
 def test_reuse_is_two_networks_by_two_epsilons_and_other_sources() -> None:
     found = {(j.part, j.label): j for j in jobs() if j.part.startswith("reuse") and j.seed == 0}
     low = {"new", "2-new", "1-new", "3-new", "5-new"}

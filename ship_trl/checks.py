@@ -12,7 +12,16 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.config import CONV_LAYERS, Config, ConfigError, Method, Reward, bfloat16_allowed, explain
+from ship_trl.config import (
+    CONV_LAYERS,
+    Config,
+    ConfigError,
+    Method,
+    Reward,
+    SourceWeights,
+    bfloat16_allowed,
+    explain,
+)
 
 
 def to_config(values: DictConfig) -> Config:
@@ -103,7 +112,7 @@ def check(config: Config) -> None:
 
 def check_arm(config: Config) -> None:
     """Check method, layers, source and target against one another."""
-    layers = config.layers
+    layers, weights = config.layers, config.source_weights
     if config.target is None:
         raise ConfigError(
             "pair: none given; give +pair=NAME (see --help for the names), "
@@ -112,10 +121,12 @@ def check_arm(config: Config) -> None:
     if config.method is Method.scratch:
         require(layers is None, "layers", "left out with method=scratch", layers)
         require(config.source_file is None, "source_file", "left out with method=scratch", config.source_file)
-        require(not config.random_source, "random_source", "false with method=scratch", "true")
+        learned = weights is SourceWeights.learned
+        require(learned, "source_weights", "learned with method=scratch", weights.value)
         return
-    both = config.random_source and config.source_file is not None
-    require(not both, "random_source", "false with a source_file", "true")
+    drawn = weights is SourceWeights.random
+    both = drawn and config.source_file is not None
+    require(not both, "source_weights", "learned or permuted with a source_file", weights.value)
     require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
     numbers = "1, 2, 3, 4" if config.method is Method.feature_extraction else "1, 2, 3, 4 or all"
     known = type(layers) is int and 1 <= layers <= CONV_LAYERS

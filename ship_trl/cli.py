@@ -32,7 +32,7 @@ What to run
   layers=N              1 to 4 conv layers, or all (finetune only)
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file
-  random_source=true    a control: copy layers of a network that has learned nothing
+  source_weights=NAME   learned; controls: random (has learned nothing), permuted (learned, then shuffled)
   seed=N                0 by default
 
 How

@@ -29,6 +29,14 @@ class Method(StrEnum):
     finetune = "finetune"
 
 
+class SourceWeights(StrEnum):
+    """What is copied of the source: what it learned or, in a control, weights that hold no features."""
+
+    learned = "learned"
+    random = "random"
+    permuted = "permuted"
+
+
 Loss = Enum("Loss", ["l2", "huber"])
 Logger = Enum("Logger", ["csv", "wandb"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
@@ -127,7 +135,7 @@ class Config:
     source: str | None
     target: str | None
     source_file: str | None
-    random_source: bool
+    source_weights: SourceWeights
     method: Method
     layers: Any
     seed: int
@@ -144,11 +152,12 @@ class Config:
 
     @property
     def arm(self) -> str:
-        """The curve's name in the paper's figures: scratch, FE1-4, FT1-4 or FTW; `-random` is a control."""
+        """The curve's name in the figures: scratch, FE1-4, FT1-4 or FTW, a control's with its weights."""
         if self.method is Method.scratch:
             return "scratch"
         arm = ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))
-        return f"{arm}-random" if self.random_source else arm
+        learned = self.source_weights is SourceWeights.learned
+        return arm if learned else f"{arm}-{self.source_weights.value}"
 
     @property
     def label(self) -> str:

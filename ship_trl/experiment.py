@@ -14,7 +14,7 @@ import torch
 from torch import Generator
 
 from ship_trl import __version__, console
-from ship_trl.config import ConfigError, Method
+from ship_trl.config import ConfigError, Method, SourceWeights
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.evaluate import Episode, evaluate
 from ship_trl.learn.network import DuelingNetwork
@@ -30,7 +30,7 @@ from ship_trl.sim.random_policy import random_return
 from ship_trl.sim.render import Rasteriser
 from ship_trl.tracking import Tracker
 from ship_trl.transfer.casebase import POLICY, CaseBase, Entry
-from ship_trl.transfer.layers import Transfer, apply, load_weights, save_weights
+from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
 
@@ -157,7 +157,7 @@ def train_run(
             "source_network": None
             if transfer is None
             else "random"
-            if config.random_source
+            if config.source_weights is SourceWeights.random
             else str(source.policy if source else config.source_file),
             "best_known_return": known,
             "random_return": random_return(run.target, config.world, run.stream("random policy")),
@@ -191,13 +191,15 @@ def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Tr
     config = run.config
     if config.method is Method.scratch:
         return None
-    if config.random_source:
+    if config.source_weights is SourceWeights.random:
         # A network like the target's before it learns, drawn from a stream of its own.
         drawn = copy.deepcopy(network)
         drawn.reset(Generator().manual_seed(run.stream("random source")))
         return Transfer(drawn.state_dict(), config.layers, config.method is Method.feature_extraction)
     path = source.policy if source else Path(str(config.source_file))
     weights = load_weights(path, network, "source_file" if source is None else "case_base")
+    if config.source_weights is SourceWeights.permuted:
+        weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
     return Transfer(weights, config.layers, config.method is Method.feature_extraction)
 
 

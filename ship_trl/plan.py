@@ -12,7 +12,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config import Config, ConfigError, Method, plain
+from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
 from ship_trl.sim.cases import Case, load_case
 
 RESULT = "result.json"
@@ -104,7 +104,7 @@ def make_run(config: Config) -> Run:
     source = None
     if config.method is not Method.scratch:
         load_case(str(config.source), world, "source")
-        if config.source_file is None and not config.random_source:
+        if config.source_file is None and config.source_weights is not SourceWeights.random:
             alone = dataclasses.replace(
                 config,
                 pair=None,
@@ -112,6 +112,7 @@ def make_run(config: Config) -> Run:
                 target=config.source,
                 method=Method.scratch,
                 layers=None,
+                source_weights=SourceWeights.learned,
                 # It was said of the target's folder.
                 overwrite=False,
             )
@@ -138,10 +139,12 @@ def folder_of(config: Config) -> Path:
 def recipe_of(config: Config, target: Case, source: Run | None) -> str:
     """Twelve hex digits over all that decides the outcome; names and folders do not."""
     origin = source.recipe if source else None
-    if config.random_source:
-        origin = "random"
-    elif config.method is not Method.scratch and config.source_file is not None:
+    if config.method is not Method.scratch and config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
+    if config.source_weights is SourceWeights.random:
+        origin = "random"
+    elif config.source_weights is SourceWeights.permuted:
+        origin = f"permuted {origin}"
     values = {
         "algorithm_version": ALGORITHM_VERSION,
         "target": target.fingerprint,

@@ -63,7 +63,7 @@ def test_help_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert "+pair=high method=finetune layers=3" in done.stdout
-    assert "FE1, FE2, FE3, FE3-random, FE4, FT1, FT2, FT3, FT4, FTW, scratch" in done.stdout
+    assert "FE1, FE1-permuted, FE1-random, FE2," in done.stdout
 
 
 @pytest.mark.precision
@@ -149,6 +149,26 @@ def test_a_random_source_is_copied_and_frozen(tmp_path: Path) -> None:
     for key, value in load_file(folder / "policy_last.safetensors").items():
         same = bool((value == drawn.state_dict()[key]).all())
         assert same == key.startswith(CONV_NAMES[:3]), key
+
+
+def test_a_permuted_source_is_the_learned_one_shuffled(trained: Path) -> None:
+    from safetensors.torch import load_file
+    from torch import Generator
+
+    from ship_trl.learn.network import CONV_NAMES
+    from ship_trl.plan import make_run
+    from ship_trl.transfer.layers import permuted
+    from tests.test_config import composed
+
+    line = ("+pair=high", "+arm=FE2-permuted", "profile=smoke")
+    ship_trl(*line, folder=trained)
+    folder = trained / "outputs/smoke/high/FE2-permuted/seed=0"
+    learned = trained / json.loads((folder / "result.json").read_text())["source_network"]
+    assert learned.parent.parent.name == "scratch"  # of the case base
+    generator = Generator().manual_seed(make_run(composed(*line)).stream("permuted source"))
+    shuffled = permuted(load_file(learned), generator)
+    for key, value in load_file(folder / "policy_last.safetensors").items():
+        assert bool((value == shuffled[key]).all()) == key.startswith(CONV_NAMES[:2]), key
 
 
 def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:

@@ -100,8 +100,10 @@ WRONG = {
     "+pair=high method=feature_extraction": "layers: must be 1, 2, 3, 4 with",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
     "+pair=high method=scratch source_file=x": "source_file: must be left out with method=scratch",
-    "+pair=high method=scratch random_source=true": "random_source: must be false with method=scratch",
-    "+pair=high layers=3 source_file=x random_source=true": "random_source: must be false with a source_file",
+    "+pair=high method=scratch source_weights=random": "source_weights: must be learned with method=scratch",
+    "+pair=high method=scratch source_weights=permuted": "source_weights: must be learned with",
+    "+pair=high layers=3 source_file=x source_weights=random": "source_weights: must be learned or",
+    "+pair=high layers=3 source_weights=banana": "source_weights: Invalid value 'banana', expected one of [",
     "target=2 layers=2": "source: must be a case",
     "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
     "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb]",
@@ -161,7 +163,7 @@ def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 UNRUNNABLE = {
-    "target=9 method=scratch": "target: no case 9; allowed: 1, 2, 3, 4, 5, 6, new, or a path",
+    "target=9 method=scratch": "target: no case 9; allowed: 1, 2, 3, 4, 5, 6, new, ship, or a path",
     "source=9 target=1 layers=1": "source: no case 9; allowed: 1,",
     "+pair=high layers=3 source_file=nowhere": "source_file: no file nowhere",
 }

@@ -31,6 +31,25 @@ def test_a_random_source_is_not_trained_and_else_the_same() -> None:
     assert all(random.stream(name) == trained.stream(name) for name in ("weights", "exploration", "replay"))
 
 
+def test_a_permuted_source_is_trained_like_any_other_and_told_apart() -> None:
+    permuted, learned = run("+pair=high", "+arm=FE3-permuted"), run("+pair=high", "+arm=FE3")
+    assert permuted.source is not None and learned.source is not None
+    assert permuted.source == learned.source
+    assert permuted.recipe != learned.recipe and permuted.folder != learned.folder
+    assert permuted.recipe != run("+pair=high", "+arm=FE3-permuted", "learn.lr=0.5").recipe
+    assert all(permuted.stream(name) == learned.stream(name) for name in ("weights", "exploration", "replay"))
+
+
+def test_a_source_by_file_may_be_permuted(tmp_path: Path) -> None:
+    path = tmp_path / "policy.safetensors"
+    path.write_bytes(b"one")
+    line = ("+pair=high", "+arm=FE3", f"source_file={path}")
+    learned, permuted = run(*line), run(*line, "source_weights=permuted")
+    path.write_bytes(b"another")
+    other = run(*line, "source_weights=permuted")
+    assert len({learned.recipe, permuted.recipe, other.recipe}) == 3
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -41,7 +60,8 @@ def test_a_random_source_is_not_trained_and_else_the_same() -> None:
         "learn.lr=0.5",
         "learn.episodes=7",
         "source=3",
-        "random_source=true",
+        "source_weights=random",
+        "source_weights=permuted",
     ],
 )
 def test_recipe_tells_runs_apart(change: str) -> None:

@@ -24,9 +24,11 @@ python -m ship_trl.study: every run of figures 5 to 7 and 9, and our controls.
 
 Stopped and started again it goes on where it was. Keys, with their values in conf/study.yaml:
 
-  profile=NAME      smoke, quick or paper      seeds=N          0 to N - 1
+  profile=NAME      smoke, quick or paper      seeds=N          how many
+  first_seed=N      the first of them, 0      block=N          so many are run whole before others
   pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
   output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
+  processes=N       runs at once, of joblib
   launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster
   overrides=[..]    of every run, as overrides=[learn.episodes=1000]
   logger=csv|wandb  wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
@@ -73,8 +75,9 @@ def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
                 seconds, how = seconds_per_run(jobs, config, display.episodes)
             except RuntimeError as error:
                 raise ConfigError(f"overrides: {error}") from None
-            total = in_words(len(missing) * seconds / processes())
-            say(f"{len(missing)} of {len(jobs)} runs to do, about {total} on {processes()} cores, by {how}")
+            at_once = processes(config)
+            total = in_words(len(missing) * seconds / at_once)
+            say(f"{len(missing)} of {len(jobs)} runs to do, about {total}, {at_once} at once, by {how}")
         elif missing:
             say(f"{len(missing)} of {len(jobs)} runs to do, by {config.launcher}")
         return run_jobs(missing, config, display.show)

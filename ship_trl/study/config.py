@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -16,8 +19,16 @@ from ship_trl.paths import conf_dir
 
 # Section 4.3: the case that is most like the new one, and by which arm its network was made.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
-# Controls, which are arms and pairs of a study that has them anyway.
-RANDOM_ARM, SELF_PAIR = "FE3-random", "self"
+# Controls, which are arms and pairs of a study that has them anyway: frozen layers without features, on
+# every pair; cases to themselves; and a source with the target's ship, but not its ideal path, to set
+# beside pair high, whose source has the path, but no ship (section 4.1).
+RANDOM_ARM, PERMUTED_ARM, SELF_PAIR, SHIP_PAIR = "FE3-random", "FE3-permuted", "self", "ship"
+LAYERED = tuple(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5))
+CONTROL_ARMS = (RANDOM_ARM, PERMUTED_ARM)
+CONTROL_PAIRS = {SELF_PAIR: LAYERED, SHIP_PAIR: ("FE3", "FTW")}
+# These explore, and are run with the first block of seeds only.
+EXPLORING_ARMS = tuple(f"FE{n}-{kind}" for kind in ("random", "permuted") for n in (1, 2, 4))
+EXPLORING_PAIRS = {SELF_PAIR: ("FTW",), "self4": (*LAYERED, "FTW"), "self6": (*LAYERED, "FTW")}
 # Hydra's launchers (conf/hydra/launcher) and the plugins that bring them.
 LAUNCHERS = {
     "joblib": "hydra_joblib_launcher",
@@ -28,7 +39,7 @@ LAUNCHERS = {
 }
 # What a job sets.
 FIXED = (
-    *("pair", "source", "target", "source_file", "random_source", "method", "layers", "arm", "seed"),
+    *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
     *("profile", "output", "case_base", "logger", "overwrite"),
 )
 
@@ -48,6 +59,8 @@ class StudyConfig:
 
     profile: str = MISSING
     seeds: int | None = None
+    first_seed: int = MISSING
+    block: int = MISSING
     profile_seeds: dict[str, int] = MISSING
     pairs: list[str] = MISSING
     arms: list[str] = MISSING
@@ -55,6 +68,7 @@ class StudyConfig:
     controls: bool = MISSING
     output: str | None = None
     launcher: str = MISSING
+    processes: int | None = None
     retries: int = MISSING
     overrides: list[str] = field(default_factory=list)
     logger: Logger = MISSING
@@ -64,6 +78,11 @@ class StudyConfig:
     def count(self) -> int:
         """How many seeds."""
         return self.profile_seeds[self.profile] if self.seeds is None else self.seeds
+
+    @property
+    def numbers(self) -> range:
+        """The seeds."""
+        return range(self.first_seed, self.first_seed + self.count)
 
     @property
     def folder(self) -> Path:
@@ -119,18 +138,29 @@ def check(config: StudyConfig) -> None:
     check_overrides(config)
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
-    for key, got, control in (("pairs", config.pairs, SELF_PAIR), ("arms", config.arms, RANDOM_ARM)):
-        if config.controls and control in got:
-            raise ConfigError(f"{key}: {control} is one of the controls; allowed: controls=false")
-    if config.count < 2:
-        raise ConfigError(f"seeds: must be at least 2, got {config.count}")
-    if config.retries < 0:
-        raise ConfigError(f"retries: must be at least 0, got {config.retries}")
+    control_names = {*CONTROL_PAIRS, *EXPLORING_PAIRS, *CONTROL_ARMS, *EXPLORING_ARMS}
+    for key in ("pairs", "arms"):
+        for name in getattr(config, key):
+            if config.controls and name in control_names:
+                raise ConfigError(f"{key}: {name} is one of the controls; allowed: controls=false")
+    check_numbers(config)
     if config.reuse and (REUSED_PAIR not in config.pairs or REUSED_ARM not in config.arms):
         raise ConfigError(
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "
             "allowed: reuse=false"
         )
+
+
+def check_numbers(config: StudyConfig) -> None:
+    """Check what is counted."""
+    if config.count < 2:
+        raise ConfigError(f"seeds: must be at least 2, got {config.count}")
+    for key, least in (("first_seed", 0), ("block", 1), ("processes", 1), ("retries", 0)):
+        value = getattr(config, key)
+        if value is not None and value < least:
+            raise ConfigError(f"{key}: must be at least {least}, got {value}")
+    if config.processes is not None and config.launcher != "joblib":
+        raise ConfigError(f"processes: must be left out with launcher={config.launcher}, which has its own")
 
 
 def check_overrides(config: StudyConfig) -> None:
@@ -154,7 +184,8 @@ def one_of(key: str, got: list[str], allowed: list[str]) -> None:
         raise ConfigError(f"{key}: each at most once and at least one, got {', '.join(got) or 'none'}")
 
 
-def read(group: str, name: str) -> dict[str, Any]:
-    """The values of a config group's choice."""
+@cache
+def read(group: str, name: str) -> Mapping[str, Any]:
+    """The values of a config group's choice; a plan asks for the same few again and again."""
     values: Any = OmegaConf.to_container(OmegaConf.load(conf_dir() / group / f"{name}.yaml"))
-    return dict(values)
+    return MappingProxyType(values)

@@ -62,6 +62,7 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
         *(sys.executable, "-m", "ship_trl", "--multirun"),
         *("--config-dir", str((config.folder / JOBS).absolute())),
         *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
+        *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
         f"profile={config.profile}",
         *logging(config),
         *config.overrides,
@@ -122,10 +123,12 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
 
 def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:
     """What is given to the launcher at once: everything, if the launcher waits for a free core."""
-    most = processes() if config.launcher == "slurm_local" else len(jobs)
+    most = processes(config) if config.launcher == "slurm_local" else len(jobs)
     return [jobs[k : k + most] for k in range(0, len(jobs), most)]
 
 
-def processes() -> int:
-    """How many runs go on at once on this machine: one a core."""
+def processes(config: StudyConfig) -> int:
+    """How many runs go on at once on this machine: as many as are asked for, else one a core."""
+    if config.processes is not None:
+        return config.processes
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -23,7 +23,7 @@ CASE = "4"
 
 
 def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tuple[float, str]:
-    """Seconds of one run among as many as there are cores, and by what that was measured."""
+    """Seconds of one run among as many as go on at once, and by what that was measured."""
     known = [float(r["seconds"]) for r in (finished(job, config) for job in jobs) if r and "seconds" in r]
     if len(known) >= ENOUGH:
         return statistics.mean(known), f"the {len(known)} finished runs"
@@ -37,14 +37,14 @@ def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tupl
 
 
 def timed(config: StudyConfig, episodes: int) -> float:
-    """Mean seconds of runs of so many episodes from scratch, one a core at once, with updates from the start.
+    """Mean seconds of runs of so many episodes from scratch, with updates from the start, several at once.
 
     Raises:
         RuntimeError: they failed; the text is the last line of their complaint.
     """
     children: list[subprocess.Popen[str]] = []
     with tempfile.TemporaryDirectory() as folder, ExitStack() as ends:
-        for k in range(processes()):
+        for k in range(processes(config)):
             line = (f"target={CASE}", "method=scratch", f"profile={config.profile}", *config.of_runs)
             short = (
                 f"learn.episodes={episodes}",

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ship_trl.study.config import (
+    CONTROL_ARMS,
+    CONTROL_PAIRS,
+    EXPLORING_ARMS,
+    EXPLORING_PAIRS,
     NEW_CASE,
-    RANDOM_ARM,
     REUSED_ARM,
     REUSED_CASE,
     REUSED_PAIR,
-    SELF_PAIR,
     StudyConfig,
     read,
 )
@@ -24,18 +26,20 @@ LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
 # The low epsilon too; case 2's network here was trained on case 2 alone, as those of other sources were.
 ALONE = f"{REUSE}/alone"
 PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
-OTHER_SOURCES = ("1", "3", "5")
+# Sources of the paper's pairs, and targets of them.
+OTHER_SOURCES, FURTHER_SOURCES = ("1", "3", "5"), ("4", "6")
 LOW_EPSILON = 0.1
 SELF_CASE = "2"
-SELF_ARMS = ("FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4")
+# The pair whose runs from scratch are those of a control's target.
+COMPARED = {"self": "high", "ship": "high", "self4": "low", "self6": "lowest"}
 
 
 @dataclass(frozen=True)
 class Job:
     """One run of a study.
 
-    `stage` orders what depends on one another: all of a stage may run at once. `values` are set in
-    the run's configuration, `groups` are chosen in it.
+    `stage` orders blocks of seeds, what is run first in a block, and what depends on one another: all
+    of a stage may run at once. `values` are set in the run's configuration.
     """
 
     name: str
@@ -53,35 +57,71 @@ class Job:
 
 def plan_jobs(config: StudyConfig) -> list[Job]:
     """All runs of a study, in the order of their stages."""
-    jobs = [job for seed in range(config.count) for job in of_seed(config, seed)]
+    jobs = [job for seed in config.numbers for job in of_seed(config, seed)]
     return sorted(jobs, key=lambda job: (job.stage, job.seed))
 
 
-def sources_of(config: StudyConfig) -> set[str]:
-    """Cases whose networks others begin with."""
-    needed = {str(read("pair", pair)["source"]) for pair in config.pairs}
-    if config.reuse:
-        needed |= {REUSED_CASE, *OTHER_SOURCES}
-    return needed | {SELF_CASE} if config.controls else needed
-
-
 def of_seed(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """The runs of one seed."""
-    sources = sources_of(config)
-    for case in sorted(sources):
-        if trained_alone(config, case) == (SOURCES, case):
-            yield alone(SOURCES, case, seed, stage=0)
+    """The runs of one seed: figures 5 to 7, reuse, controls, each behind the sources that it needs."""
+    groups = (pair_jobs, reuse_jobs, control_jobs, exploring_jobs)
+    stage = 2 * len(groups) * block_of(config, seed)
+    known: set[str] = set()
+    for group in groups:
+        runs = list(group(config, seed))
+        needed = {str(run.values["source"]) for run in runs if needs_source(run)}
+        for case in sorted(needed - known):
+            if trained_alone(config, case) == (SOURCES, case):
+                yield replace(alone(SOURCES, case, seed), stage=stage)
+        for run in runs:
+            serves = (run.part, run.arm) == (PAIRS, "scratch") and str(run.values["target"]) in needed
+            yield replace(run, stage=stage if serves else stage + 1)
+        known |= needed
+        stage += 2
+
+
+def block_of(config: StudyConfig, seed: int) -> int:
+    """The block of a seed, counted from 0."""
+    return (seed - config.first_seed) // config.block
+
+
+def needs_source(run: Job) -> bool:
+    """Whether a run begins with a network that was trained."""
+    return run.arm != "scratch" and run.values.get("source_weights") != "random"
+
+
+def pair_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
+    """Figures 5 to 7."""
     for pair in config.pairs:
         for arm in config.arms:
-            serves = arm == "scratch" and str(read("pair", pair)["target"]) in sources
-            yield transfer(PAIRS, pair, arm, seed, stage=0 if serves else 1)
-        if config.controls:
-            yield transfer(CONTROLS, pair, RANDOM_ARM, seed, stage=1)
-    if config.controls:
-        for arm in SELF_ARMS:
-            yield transfer(CONTROLS, SELF_PAIR, arm, seed, stage=1)
-    if config.reuse:
-        yield from reuse_jobs(config, seed)
+            yield transfer(PAIRS, pair, arm, seed)
+
+
+def control_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
+    """Controls that are run with all seeds."""
+    return controls(config, seed, CONTROL_ARMS, CONTROL_PAIRS)
+
+
+def exploring_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
+    """Controls that are run with the first block of seeds only."""
+    if block_of(config, seed) > 0:
+        return iter(())
+    return controls(config, seed, EXPLORING_ARMS, EXPLORING_PAIRS)
+
+
+def controls(
+    config: StudyConfig, seed: int, arms: Sequence[str], pairs: Mapping[str, Sequence[str]]
+) -> Iterator[Job]:
+    """Arms on all pairs, and pairs on targets that the study has, for there they can be compared."""
+    if not config.controls:
+        return
+    for pair in config.pairs:
+        for arm in arms:
+            yield transfer(CONTROLS, pair, arm, seed)
+    targets = {read("pair", pair)["target"] for pair in config.pairs}
+    for pair, own in pairs.items():
+        if read("pair", pair)["target"] in targets:
+            for arm in own:
+                yield transfer(CONTROLS, pair, arm, seed)
 
 
 def trained_alone(config: StudyConfig, case: str) -> tuple[str, str]:
@@ -94,46 +134,49 @@ def trained_alone(config: StudyConfig, case: str) -> tuple[str, str]:
 
 def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     """Network (reused, from scratch) by starting epsilon (low, 1); at the low one, sources trained alike."""
+    if not config.reuse:
+        return
     low: dict[str, Any] = {"learn": {"epsilon_start": LOW_EPSILON}}
 
     def policy(*place: str) -> str:
         return str(config.folder.absolute().joinpath(*place, f"seed={seed}", "policy.safetensors"))
 
     for part, extra in ((ONE, {}), (LOW, low)):
-        yield alone(part, NEW_CASE, seed, 1, **extra)
-        yield whole(part, REUSED_CASE, seed, 2, source_file=policy(PAIRS, REUSED_PAIR, REUSED_ARM), **extra)
-    for part, case in ((ALONE, REUSED_CASE), *((LOW, other) for other in OTHER_SOURCES)):
+        yield alone(part, NEW_CASE, seed, **extra)
+        yield whole(part, REUSED_CASE, seed, source_file=policy(PAIRS, REUSED_PAIR, REUSED_ARM), **extra)
+    others = ((LOW, case) for case in OTHER_SOURCES + FURTHER_SOURCES)
+    for part, case in ((ALONE, REUSED_CASE), *others):
         # By file, because a source of its own would be trained with the low epsilon too.
         source = policy(*trained_alone(config, case), "scratch")
-        yield whole(part, case, seed, 1, source_file=source, **low)
+        yield whole(part, case, seed, source_file=source, **low)
 
 
-def job(stage: int, part: str, label: str, arm: str, seed: int, values: dict[str, Any]) -> Job:
-    """A run; its name is also that of the file from which it can be started alone."""
+def job(part: str, label: str, arm: str, seed: int, values: dict[str, Any]) -> Job:
+    """A run, not yet in its stage; its name is also that of the file from which it can be started alone."""
     name = "-".join((part.replace("/", "-"), label, arm, str(seed)))
-    return Job(name, stage, part, label, arm, seed, values | {"seed": seed})
+    return Job(name, 0, part, label, arm, seed, values | {"seed": seed})
 
 
-def alone(part: str, case: str, seed: int, stage: int, **extra: Any) -> Job:
+def alone(part: str, case: str, seed: int, **extra: Any) -> Job:
     """A case from scratch."""
-    return job(stage, part, case, "scratch", seed, {"target": case, **read("arm", "scratch"), **extra})
+    return job(part, case, "scratch", seed, {"target": case, **read("arm", "scratch"), **extra})
 
 
-def transfer(part: str, pair: str, arm: str, seed: int, stage: int) -> Job:
+def transfer(part: str, pair: str, arm: str, seed: int) -> Job:
     """An arm on a pair."""
-    return job(stage, part, pair, arm, seed, {**read("pair", pair), **read("arm", arm)})
+    return job(part, pair, arm, seed, {**read("pair", pair), **read("arm", arm)})
 
 
-def whole(part: str, source: str, seed: int, stage: int, **extra: Any) -> Job:
+def whole(part: str, source: str, seed: int, **extra: Any) -> Job:
     """The whole network of another case on the new one."""
     cases = {"source": source, "target": NEW_CASE}
-    return job(stage, part, f"{source}-{NEW_CASE}", "FTW", seed, {**cases, **read("arm", "FTW"), **extra})
+    return job(part, f"{source}-{NEW_CASE}", "FTW", seed, {**cases, **read("arm", "FTW"), **extra})
 
 
 def from_scratch(part: str, label: str) -> tuple[str, str, str]:
     """Part, label and arm of the runs from scratch that those of a label are compared with."""
     if part in (LOW, ONE, ALONE):
         return (ONE if part == ONE else LOW), NEW_CASE, "scratch"
-    if (part, label) == (CONTROLS, SELF_PAIR):
-        return PAIRS, REUSED_PAIR, "scratch"
+    if part == CONTROLS:
+        return PAIRS, COMPARED.get(label, label), "scratch"
     return (SOURCES if part == SOURCES else PAIRS), label, "scratch"

@@ -59,6 +59,7 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
     shared = run_config(config)
     settings: dict[str, Any] = {
         "profile": config.profile,
+        "first_seed": config.first_seed,
         "learn": plain(shared.learn),
         "world": plain(shared.world),
         "colour": shared.colour,

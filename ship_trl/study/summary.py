@@ -57,7 +57,7 @@ def log_summary(config: StudyConfig) -> None:
             id=f"{REPORT}-{hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]}",
             resume="allow",
             tags=[config.profile],
-            config={"seeds": config.count, "pairs": config.pairs, "arms": config.arms},
+            config={"seeds": list(config.numbers), "pairs": config.pairs, "arms": config.arms},
             reinit="finish_previous",
         ) as run:
             logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}

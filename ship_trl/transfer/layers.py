@@ -7,8 +7,9 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+import torch
 from safetensors import SafetensorError, safe_open
-from torch import Tensor, nn
+from torch import Generator, Tensor, nn
 
 from ship_trl.config import ConfigError
 from ship_trl.learn.network import CONV_NAMES
@@ -38,6 +39,16 @@ def apply(network: nn.Module, transfer: Transfer) -> None:
         if transfer.layers == "all" or key.split(".")[0] in names:
             parameter.data.copy_(transfer.weights[key])
             parameter.requires_grad_(not transfer.frozen)
+
+
+def permuted(weights: Weights, generator: Generator) -> Weights:
+    """Shuffle the numbers of each weight tensor and of each bias: the same scale, but no features."""
+    found = {}
+    for name in sorted(weights):
+        value = weights[name]
+        order = torch.randperm(value.numel(), generator=generator)
+        found[name] = value.flatten()[order].reshape(value.shape)
+    return found
 
 
 def save_weights(path: Path, network: nn.Module, about: Mapping[str, object]) -> None:

@@ -5,7 +5,16 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError
-from ship_trl.study.config import StudyConfig, names, to_study
+from ship_trl.study.config import (
+    CONTROL_ARMS,
+    CONTROL_PAIRS,
+    EXPLORING_ARMS,
+    EXPLORING_PAIRS,
+    StudyConfig,
+    names,
+    to_study,
+)
+from tests.test_config import composed
 
 
 @pytest.mark.parametrize(
@@ -17,15 +26,25 @@ from ship_trl.study.config import StudyConfig, names, to_study
         ("arms=[]", "arms: each at most once and at least one"),
         ("seeds=1", "seeds: must be at least 2, got 1"),
         ("seeds=many", "seeds: Value 'many'"),
+        ("first_seed=-1", "first_seed: must be at least 0, got -1"),
+        ("first_seed=one", "first_seed: Value 'one'"),
+        ("block=0", "block: must be at least 1, got 0"),
+        ("block=none", "block: Value 'none'"),
+        ("processes=0", "processes: must be at least 1, got 0"),
+        ("processes=all", "processes: Value 'all'"),
         ("retries=-1", "retries: must be at least 0, got -1"),
         ("launcher=condor", "launcher: no condor; allowed: joblib"),
         ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
+        ("overrides=[source_weights=random]", "overrides: source_weights tells the study's runs apart"),
         ("overrides=[+arm=FE3]", "overrides: arm tells the study's runs apart"),
         ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start tells"),
         ("arms=scratch,FE3", "arms: a list is written arms=[ONE,OTHER]"),
         ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
         ("pairs=[high,self]", "pairs: self is one of the controls; allowed: controls=false"),
+        ("pairs=[high,self4]", "pairs: self4 is one of the controls; allowed: controls=false"),
+        ("pairs=[ship]", "pairs: ship is one of the controls; allowed: controls=false"),
         ("arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: controls=false"),
+        ("arms=[FE1-permuted]", "arms: FE1-permuted is one of the controls; allowed: controls=false"),
         ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
         ("pairs=[low]", "reuse: needs pair high with arm FTW"),
     ],
@@ -51,6 +70,18 @@ def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -
         ConfigError, match=r"launcher: ray_cluster is not installed; ship_trl\[ray\] brings it"
     ):
         to_study(["launcher=ray_cluster"])
+
+
+def test_processes_are_of_joblib() -> None:
+    with pytest.raises(ConfigError, match="processes: must be left out with launcher=slurm, which has its"):
+        to_study(["launcher=slurm", "processes=1"])
+
+
+def test_every_control_composes_and_says_what_it_is() -> None:
+    for arm in (*CONTROL_ARMS, *EXPLORING_ARMS):
+        assert composed("+pair=low", f"+arm={arm}").arm == arm
+    for pair, arms in (*CONTROL_PAIRS.items(), *EXPLORING_PAIRS.items()):
+        assert set(arms) <= set(names("arm")) and pair in names("pair")
 
 
 def test_the_folder_follows_the_profile() -> None:

@@ -34,7 +34,7 @@ def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None
     jobs = plan_jobs(config)
     parts = batches(jobs, config)
     assert [job for part in parts for job in part] == jobs
-    assert max(map(len, parts)) == processes()
+    assert max(map(len, parts)) == processes(config)
     assert batches(jobs, to_study(["profile=smoke"])) == [jobs]
 
 

@@ -31,6 +31,7 @@ def test_pairs_and_seeds_may_be_added(tmp_path: Path) -> None:
     [
         (["overrides=[learn.lr=0.1]"], "study of other settings \\(learn\\)"),
         (["overrides=[colour=true]"], "study of other settings \\(colour\\)"),
+        (["first_seed=5"], "study of other settings \\(first_seed\\)"),
     ],
 )
 def test_other_settings_are_refused(overrides: list[str], said: str, tmp_path: Path) -> None:

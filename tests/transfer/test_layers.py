@@ -10,7 +10,7 @@ from torch import Generator
 
 from ship_trl.config import ConfigError
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
-from ship_trl.transfer.layers import Transfer, apply, load_weights, save_weights
+from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 
 
 def network(seed: int, channels: int = 1) -> DuelingNetwork:
@@ -37,6 +37,18 @@ def test_just_the_first_layers_are_copied(saved: Path, layers: int | str, frozen
         wanted = dict((source if mine else fresh).named_parameters())[name]
         assert torch.equal(parameter, wanted)
         assert parameter.requires_grad != (mine and frozen)
+
+
+def test_permuting_keeps_the_numbers_of_each_tensor_and_no_order() -> None:
+    learned = network(1).state_dict() | {"conv1.bias": torch.arange(32.0)}
+    one, again = (permuted(learned, Generator().manual_seed(5)) for _ in range(2))
+    other = permuted(learned, Generator().manual_seed(6))
+    assert one.keys() == learned.keys()
+    for key, value in learned.items():
+        assert one[key].shape == value.shape and torch.equal(one[key], again[key])
+        assert torch.equal(one[key].flatten().sort().values, value.flatten().sort().values)
+    for key in ("conv1.weight", "conv4.weight", "conv1.bias"):
+        assert not torch.equal(one[key], learned[key]) and not torch.equal(one[key], other[key])
 
 
 def test_saving_and_loading_keeps_every_bit_and_the_layout(saved: Path) -> None:

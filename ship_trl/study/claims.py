@@ -10,7 +10,7 @@ from ship_trl.study.config import NEW_CASE, REUSED_CASE, SELF_PAIR
 from ship_trl.study.contrasts import Claimed, Finding
 from ship_trl.study.measured import Places, Study, levels, steadier
 from ship_trl.study.metrics import TIMES
-from ship_trl.study.plan import ALONE, CONTROLS, LOW, ONE, OTHER_SOURCES, PAIRS
+from ship_trl.study.plan import ALONE, CONTROLS, FURTHER_SOURCES, LOW, ONE, OTHER_SOURCES, PAIRS
 
 FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
 TRANSFERS = (*FE, *FT, "FTW")
@@ -33,6 +33,11 @@ class Hypothesis:
 def of(pair: str, *arms: str) -> Places:
     """Return arms of a pair by their names."""
     return {arm: (PAIRS, pair, arm) for arm in arms}
+
+
+def together(arms: Sequence[str]) -> str:
+    """Name some arms as one side of a contrast."""
+    return arms[0] if len(arms) == 1 else f"mean of {', '.join(arms)}"
 
 
 def weighted(
@@ -71,14 +76,14 @@ def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = 
     """Test that the mean of some arms is better than that of others."""
     weights = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
     word = "sooner than" if metric in TIMES else "above"
-    what = f"mean of {', '.join(better)} {word} {', '.join(worse)}"
+    what = f"{together(better)} {word} {together(worse)}"
     return weighted(pair, what, of(pair, *weights), weights, metric)
 
 
 def no_more(pair: str, arms: Sequence[str], others: Sequence[str], metric: str = "area") -> Test:
     """Test that the mean of some arms is not above that of others, but for the margin."""
     weights = {arm: 1 / len(arms) for arm in arms} | {arm: -1 / len(others) for arm in others}
-    what = f"mean of {', '.join(arms)} no more than {', '.join(others)}"
+    what = f"{together(arms)} no more than {together(others)}"
     return weighted(pair, what, of(pair, *weights), weights, metric, Claimed.no_more)
 
 
@@ -135,7 +140,7 @@ REUSED: Places = {
     "scratch, 1": (ONE, NEW_CASE, "scratch"),
     # Trained alike, each on its case alone; the reused one was trained on two.
     f"case {REUSED_CASE}": reuse(ALONE),
-    **{f"case {case}": reuse(LOW, case) for case in OTHER_SOURCES},
+    **{f"case {case}": reuse(LOW, case) for case in (*OTHER_SOURCES, *FURTHER_SOURCES)},
 }
 
 

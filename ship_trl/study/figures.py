@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ship_trl.paths import replacing
 from ship_trl.study.config import NEW_CASE, REUSED_ARM, REUSED_CASE
 from ship_trl.study.measured import Study
-from ship_trl.study.plan import ALONE, LOW, LOW_EPSILON, ONE, OTHER_SOURCES, PAIRS
+from ship_trl.study.plan import ALONE, FURTHER_SOURCES, LOW, LOW_EPSILON, ONE, OTHER_SOURCES, PAIRS
 from ship_trl.study.records import Record
 
 # Okabe and Ito's colours, which are told apart without colour vision; dashes do it in print.
@@ -92,7 +92,7 @@ def draw_reuse(study: Study) -> Figure | None:
         },
         {
             f"case {case}": (ALONE if case == REUSED_CASE else LOW, f"{case}-{NEW_CASE}", REUSED_ARM)
-            for case in sorted((REUSED_CASE, *OTHER_SOURCES))
+            for case in sorted((REUSED_CASE, *OTHER_SOURCES, *FURTHER_SOURCES))
         },
     )
     found = [{n: list(study.arm(*place).values()) for n, place in panel.items()} for panel in panels]

@@ -11,7 +11,16 @@ from ship_trl.study.config import NEW_CASE, RANDOM_ARM, REUSED_ARM, REUSED_CASE,
 from ship_trl.study.figures import pairs
 from ship_trl.study.measured import Study
 from ship_trl.study.metrics import measure
-from ship_trl.study.plan import ALONE, CONTROLS, LOW, OTHER_SOURCES, PAIRS, SELF_CASE, from_scratch
+from ship_trl.study.plan import (
+    ALONE,
+    CONTROLS,
+    FURTHER_SOURCES,
+    LOW,
+    OTHER_SOURCES,
+    PAIRS,
+    SELF_CASE,
+    from_scratch,
+)
 
 ARMS = (*FE, RANDOM_ARM, *FT, "FTW")
 Place = tuple[str, str, str]
@@ -32,7 +41,10 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
     reused = {
         f"1, {REUSED_CASE} to {NEW_CASE}": (LOW, label, REUSED_ARM),
         f"{REUSED_CASE} to {NEW_CASE}": (ALONE, label, REUSED_ARM),
-        **{f"{case} to {NEW_CASE}": (LOW, f"{case}-{NEW_CASE}", REUSED_ARM) for case in OTHER_SOURCES},
+        **{
+            f"{case} to {NEW_CASE}": (LOW, f"{case}-{NEW_CASE}", REUSED_ARM)
+            for case in OTHER_SOURCES + FURTHER_SOURCES
+        },
     }
     for name, place in reused.items():
         found[name] = from_scratch(LOW, place[1]), {REUSED_ARM: place}

@@ -23,7 +23,7 @@ from ship_trl.study.claims import (
     sooner,
     steady,
 )
-from ship_trl.study.plan import OTHER_SOURCES
+from ship_trl.study.plan import FURTHER_SOURCES, OTHER_SOURCES
 
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
 GROWING = ("FT2", "FT3", "FT4", "FTW")
@@ -172,6 +172,6 @@ HYPOTHESES = [
         "H9b",
         "9",
         "Case 2 is the best source, each case's network trained on it alone.",
-        [best_source(case) for case in OTHER_SOURCES],
+        [best_source(case) for case in (*OTHER_SOURCES, *FURTHER_SOURCES)],
     ),
 ]

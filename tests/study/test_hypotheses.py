@@ -9,7 +9,7 @@ from ship_trl.study.answers import ALL, answer
 from ship_trl.study.contrasts import Verdict
 from ship_trl.study.hypotheses import HYPOTHESES
 from ship_trl.study.measured import read_study
-from ship_trl.study.plan import OTHER_SOURCES
+from ship_trl.study.plan import FURTHER_SOURCES, OTHER_SOURCES
 from tests.study.synthetic import learning, make_study, ranked, write_run
 
 ARMS = ("scratch", *(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5)), "FTW")
@@ -44,7 +44,10 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
         (one, "2-new", "FTW"): 0.8,
         (low, "new", "scratch"): 0.5,
     }
-    places |= {(one, "new", "scratch"): 0.4, **{(low, f"{case}-new", "FTW"): 0.6 for case in OTHER_SOURCES}}
+    places |= {
+        (one, "new", "scratch"): 0.4,
+        **{(low, f"{case}-new", "FTW"): 0.6 for case in (*OTHER_SOURCES, *FURTHER_SOURCES)},
+    }
     found |= {place: 0.65 + sign * (score - 0.65) for place, score in places.items()}
     return found
 

@@ -35,7 +35,7 @@ def ship_trl(
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
     )
     assert done.returncode == code, done.stdout + done.stderr
     return done

@@ -160,7 +160,7 @@ def train_run(
             if config.source_weights is SourceWeights.random
             else str(source.policy if source else config.source_file),
             "best_known_return": known,
-            "random_return": random_return(run.target, config.world, run.stream("random policy")),
+            "random_return": random_return(run.target, config.world),
             "scratch": score(scratch, 0),
             "before": score(evaluated[0].sailed, 0),
             "best": score(best.sailed, best.episode),

@@ -14,8 +14,11 @@ from ship_trl.sim.transition import Transition
 EPISODES = 10_000
 
 
-def random_return(case: Case, world: World, seed: int, episodes: int = EPISODES) -> float:
-    """Mean return of uniform random actions over so many episodes, drawn from `seed`."""
+def random_return(case: Case, world: World, seed: int = 0, episodes: int = EPISODES) -> float:
+    """Return the mean return of uniform random actions over so many episodes, drawn from `seed`.
+
+    It belongs to the case: all runs take the same draws, so that they have one zero of the score.
+    """
     reference = Transition(case, world, torch.device("cpu"))
     step, generator = CompiledStep(reference), Generator().manual_seed(seed)
     state = reference.start.expand(episodes, -1).contiguous()

@@ -24,11 +24,12 @@ ALL = [*CONCLUSIONS, *HYPOTHESES]
 
 @dataclass(frozen=True)
 class Answer:
-    """A claim measured.
+    """A claim measured at the look that decided it, or at the last one.
 
-    `p` is that of support, adjusted over the figure's claims; `missing` is how many of its contrasts lack
-    runs; `decided` after how many seeds the verdict fell, 0 while the claim is open; `claims` how many
-    its figure has.
+    `p` is what the verdict stands on, adjusted: of contradiction over the figure's contrasts, else over
+    its claims, and that of support while the claim is open. `missing` is how many of its contrasts lack
+    seeds at that look of `seeds`, whose one-sided level is `level`; `decided` after how many the verdict
+    fell, 0 while the claim is open; `claims` how many its figure has.
     """
 
     hypothesis: Hypothesis
@@ -36,33 +37,28 @@ class Answer:
     verdict: Verdict = Verdict.inconclusive
     p: float = 1.0
     missing: int = 0
+    seeds: int = 0
+    level: float = LEVEL / 2
     decided: int = 0
     claims: int = 1
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
     """Judge claims at each look that the study's seeds allow; a figure's are judged together."""
+    looks = study.looks
     decided: dict[str, Answer] = {}
     answers: list[Answer] = []
-    looks = study.looks
     for number, count in enumerate(looks, 1):
         level = look_level(number, len(looks))
         seen = study.first(count, level)
-        whole = {key[3] for key in seen.records} >= set(study.seeds[:count]) and count >= LEAST_SEEDS
         answers = [found for family in families(hypotheses) for found in judge(seen, family, count, level)]
-        if not whole:
-            # Not yet reached: what there is, is shown, and decides nothing.
-            answers = [replace(found, verdict=Verdict.inconclusive, decided=0) for found in answers]
-            break
         for found in answers:
-            if found.verdict is not Verdict.inconclusive:
+            if found.decided:
                 decided.setdefault(found.hypothesis.name, found)
-    return [
-        replace(found, verdict=first.verdict, p=first.p, decided=first.decided)
-        if (first := decided.get(found.hypothesis.name))
-        else found
-        for found in answers
-    ]
+        if len({key[3] for key in seen.records}) < count:
+            # Not yet reached: what there is, is shown.
+            break
+    return [decided.get(found.hypothesis.name, found) for found in answers]
 
 
 def explore(study: Study) -> list[Answer]:
@@ -86,34 +82,37 @@ def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: 
         [finding for test in hypothesis.tests for finding in test(study, hypothesis.name)]
         for hypothesis in family
     ]
-    every = [finding for findings in measured for finding in findings]
-    adjusted = iter(holm([finding.against if counts(finding, seeds) else 1.0 for finding in every]))
+    # A figure has as many claims and contrasts as the plan gives it, also while some lack runs.
+    planned = sum(len(hypothesis.tests) for hypothesis in family)
+    against = [f.against if counts(f, seeds) else 1.0 for findings in measured for f in findings]
+    adjusted = iter(holm(against + [1.0] * (planned - len(against))))
     measured = [[replace(f, adjusted=next(adjusted)) for f in findings] for findings in measured]
-    # A figure has as many claims as the plan gives it, also while some lack runs.
     support, equality = [], []
     for hypothesis, findings in zip(family, measured, strict=True):
         whole = len(findings) == len(hypothesis.tests) and all(counts(f, seeds) for f in findings)
-        support.append(max((f.p for f in findings), default=1.0) if whole else 1.0)
-        equality.append(max((f.within for f in findings), default=1.0) if whole else 1.0)
+        support.append(max(f.p for f in findings) if whole else 1.0)
+        differences = whole and all(f.claimed is Claimed.above for f in findings)
+        equality.append(max(f.within for f in findings) if differences else 1.0)
     answers = []
     for hypothesis, findings, p, same in zip(family, measured, holm(support), holm(equality), strict=True):
-        contradicted = any(f.adjusted <= level for f in findings)
-        differences = all(f.claimed is Claimed.above for f in findings)
-        verdict = Verdict.inconclusive
+        opposite = min((f.adjusted for f in findings), default=1.0)
+        verdict, stands_on = Verdict.inconclusive, p
         if p <= level:
             verdict = Verdict.supported
-        elif contradicted:
-            verdict = Verdict.contradicted
-        elif differences and same <= level:
-            verdict = Verdict.equivalent
+        elif opposite <= level:
+            verdict, stands_on = Verdict.contradicted, opposite
+        elif same <= level:
+            verdict, stands_on = Verdict.equivalent, same
         count = seeds or max((f.seeds for f in findings), default=0)
         answers.append(
             Answer(
                 hypothesis,
                 [replace(f, verdict=alone(f, seeds, level)) for f in findings],
                 verdict,
-                p,
+                stands_on,
                 missing=len(hypothesis.tests) - sum(counts(f, seeds) for f in findings),
+                seeds=count,
+                level=level,
                 decided=0 if verdict is Verdict.inconclusive else count,
                 claims=len(family),
             )

@@ -7,7 +7,7 @@ study, and counts the verdicts that are wrong.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -16,23 +16,22 @@ from rich.console import Console
 from rich.table import Table
 
 from ship_trl.cli import complain, make_parser
-from ship_trl.study.statistics import (
-    LEVEL,
-    Sample,
-    holm,
-    look_level,
-    p_above,
-    p_below,
-    p_within,
-    spread_test,
-)
+from ship_trl.study.answers import judge
+from ship_trl.study.claims import Hypothesis, Test
+from ship_trl.study.contrasts import Claimed, Verdict, contrast
+from ship_trl.study.measured import Study
+from ship_trl.study.statistics import LEVEL, Sample, look_level, spread_test
 
 SEEDS, BLOCK = (5, 10, 15), 5
 REPEATS = 2000
 SD, MARGIN = 0.1, 0.05
 # Of arms that fall back into colliding: how often, and what it costs of a score.
 COLLAPSE, COST = 0.2, 0.5
+# Claims of a figure, and contrasts of each: about those of figure 5.
+CLAIMS, CONTRASTS = 11, 4
 Draw = Callable[[np.random.Generator, int], Sample]
+Wrong = Callable[[np.random.Generator, int], bool]
+NOTHING = Study({})
 
 
 @dataclass(frozen=True)
@@ -57,84 +56,116 @@ def skewed(sd: float = SD) -> Draw:
     return lambda rng, count: sd * (1.0 - rng.exponential(1.0, count))
 
 
+def bounded(rng: np.random.Generator, count: int) -> Sample:
+    """Draw an arm with no tails, as times that are cut off at a run's end have none."""
+    return rng.uniform(-SD, SD, count)
+
+
 def collapsing(draw: Draw) -> Draw:
     """Draw an arm that collapses in some seeds."""
     return lambda rng, count: draw(rng, count) - COST * (rng.random(count) < COLLAPSE)
 
 
-def differs(differences: Sample, level: float = LEVEL / 2) -> bool:
-    """Judge a contrast of two arms: are they said to differ?"""
-    return min(p_above(differences), p_below(differences)) <= level
+def claim(name: str, *contrasts: Sample, claimed: Claimed = Claimed.above) -> Hypothesis:
+    """Make a claim whose contrasts are these differences by seed."""
+
+    def test(values: Sample) -> Test:
+        return lambda study, claim: [contrast(claim, "", "area", values, MARGIN, claimed, study.level)]
+
+    return Hypothesis(name, "simulated", "", [test(values) for values in contrasts])
 
 
-def pair(one: Draw, other: Draw) -> Callable[[np.random.Generator, int], bool]:
+def verdicts(claims: Sequence[Hypothesis], count: int, level: float = LEVEL / 2) -> set[Verdict]:
+    """Judge a figure of claims by the rules of the study."""
+    return {found.verdict for found in judge(NOTHING, claims, count, level)}
+
+
+DIFFERENT = {Verdict.supported, Verdict.contradicted}
+
+
+def pair(one: Draw, other: Draw) -> Wrong:
     """Say whether two arms are said to differ."""
-    return lambda rng, count: differs(one(rng, count) - other(rng, count))
-
-
-def equal(difference: float) -> Callable[[np.random.Generator, int], bool]:
-    """Say whether arms that differ so much are called equivalent."""
-    steady = SD / 10  # so that it can be decided
-    return lambda rng, count: (
-        p_within(normal(steady, difference)(rng, count) - normal(steady)(rng, count), MARGIN) <= LEVEL / 2
+    return lambda rng, count: bool(
+        verdicts([claim("A", one(rng, count) - other(rng, count))], count) & DIFFERENT
     )
 
 
-def looks(rng: np.random.Generator, count: int) -> bool:
-    """Say whether arms that are alike are said to differ at any look."""
-    values = normal()(rng, count) - normal()(rng, count)
-    ends = range(BLOCK, count + 1, BLOCK)
-    return any(differs(values[:end], look_level(k, len(ends))) for k, end in enumerate(ends, 1))
+def called(verdict: Verdict, difference: float, claimed: Claimed = Claimed.above) -> Wrong:
+    """Say whether arms that differ so much, and vary little, get this verdict."""
+    arm = normal(SD / 10, difference)
+
+    def wrong(rng: np.random.Generator, count: int) -> bool:
+        differences = arm(rng, count) - normal(SD / 10)(rng, count)
+        return verdict in verdicts([claim("A", differences, claimed=claimed)], count)
+
+    return wrong
 
 
 def conjunction(rng: np.random.Generator, count: int) -> bool:
     """Say whether a claim of four contrasts is supported of which three are surely true and one is not."""
     true = [normal(mean=5 * SD)(rng, count) for _ in range(3)]
-    return max(p_above(values) for values in (*true, normal()(rng, count))) <= LEVEL / 2
+    return Verdict.supported in verdicts([claim("A", *true, normal()(rng, count))], count)
 
 
-def figure(rng: np.random.Generator, count: int) -> bool:
-    """Say whether any of a figure's nine arms, all like scratch, is said to differ from it."""
-    scratch = normal()(rng, count)
-    arms = [normal()(rng, count) - scratch for _ in range(9)]
-    support, against = (holm([test(values) for values in arms]) for test in (p_above, p_below))
-    return min(*support, *against) <= LEVEL / 2
-
-
-def curves(rng: np.random.Generator, count: int, spread: Sample | float, mean: float) -> Sample:
-    """Draw curves by seed whose seeds differ all along the curve: [count, T]."""
-    places = np.linspace(0, 1, 20)
-    return (
-        mean * places
-        + spread * rng.normal(size=(count, 1)) * places
-        + 0.3 * SD * rng.normal(size=(count, len(places)))
-    )
-
-
-def spreads(sd: float, mean: float) -> Callable[[np.random.Generator, int], bool]:
-    """Say whether two arms whose spreads are alike, and levels perhaps not, are said to vary differently."""
+def figure(draw: Draw, looks: bool, contrasts: int = 1) -> Wrong:
+    """Say whether any claim of a figure is decided whose arms are all like scratch, at any look."""
 
     def wrong(rng: np.random.Generator, count: int) -> bool:
-        one, other = curves(rng, count, sd, 0.5), curves(rng, count, sd, 0.5 + mean)
-        _, steadier, wilder = spread_test(one, other, seed=0, resamples=400)
+        scratch = draw(rng, count)
+        arms = [[draw(rng, count) - scratch for _ in range(contrasts)] for _ in range(CLAIMS)]
+        ends = list(range(BLOCK, count + 1, BLOCK)) if looks else [count]
+        for number, end in enumerate(ends, 1):
+            claims = [claim(str(k), *(values[:end] for values in arm)) for k, arm in enumerate(arms)]
+            if verdicts(claims, end, look_level(number, len(ends))) & DIFFERENT:
+                return True
+        return False
+
+    return wrong
+
+
+def curves(rng: np.random.Generator, count: int, local: bool, mean: float, collapse: bool) -> Sample:
+    """Draw curves by seed [count, T] whose spread along the curve is the same however they vary.
+
+    Seeds differ along the whole curve, or each place by itself (`local`); some may collapse half-way.
+    """
+    places = np.linspace(0, 1, 20)
+    differ = rng.normal(size=(count, 20) if local else (count, 1)) * np.ones(20)
+    fallen = (rng.random((count, 1)) < COLLAPSE) * (places > 0.5) * collapse
+    return mean * places + SD * differ - COST * fallen
+
+
+def spreads(local: tuple[bool, bool], mean: float = 0.0, collapse: bool = False) -> Wrong:
+    """Say whether two arms of equal spread are said to vary differently."""
+
+    def wrong(rng: np.random.Generator, count: int) -> bool:
+        one, other = (
+            curves(rng, count, how, level, collapse) for how, level in zip(local, (0, mean), strict=True)
+        )
+        _, steadier, wilder = spread_test(one, other, seed=0, resamples=256)
         return min(steadier, wilder) <= LEVEL / 2
 
     return wrong
 
 
-TRIED: tuple[tuple[str, float | None, Callable[[np.random.Generator, int], bool]], ...] = (
+TRIED: tuple[tuple[str, float | None, Wrong], ...] = (
     ("two arms alike, spreads equal: said to differ", LEVEL, pair(normal(), normal())),
-    ("two arms alike, spreads 1 to 3: said to differ", LEVEL, pair(normal(), normal(3 * SD))),
+    ("two arms alike, spreads 1 to 3", LEVEL, pair(normal(), normal(3 * SD))),
     ("two arms alike, each collapses in a fifth of its seeds", LEVEL, pair(*[collapsing(normal())] * 2)),
-    ("two arms alike but that one collapses in a fifth", None, pair(normal(), collapsing(normal()))),
+    ("two arms alike, but one collapses in a fifth", None, pair(normal(), collapsing(normal()))),
     ("two arms of equal mean, one with a long tail", LEVEL, pair(normal(), skewed())),
-    ("looks after every five seeds, arms alike", LEVEL, looks),
+    ("two arms alike, without tails", LEVEL, pair(bounded, bounded)),
     ("a claim of four contrasts, one of them null: supported", LEVEL / 2, conjunction),
-    ("nine arms like scratch, Holm: any said to differ", LEVEL, figure),
-    ("arms that differ by the margin: called equivalent", LEVEL / 2, equal(MARGIN)),
-    ("arms that differ by the margin and a half: equivalent", LEVEL / 2, equal(1.5 * MARGIN)),
-    ("spreads alike, levels alike: said to vary differently", LEVEL, spreads(SD, 0.0)),
-    ("spreads alike, levels not: said to vary differently", LEVEL, spreads(SD, 0.3)),
+    ("a figure of 11 claims, arms like scratch: any decided", LEVEL, figure(normal(), looks=False)),
+    ("the same, looked at after every five seeds", LEVEL, figure(normal(), looks=True)),
+    ("the same, without tails", LEVEL, figure(bounded, looks=True)),
+    ("the same, four contrasts a claim", LEVEL, figure(normal(), looks=True, contrasts=CONTRASTS)),
+    ("arms that differ by the margin: equivalent", LEVEL / 2, called(Verdict.equivalent, MARGIN)),
+    ("the same: no more", LEVEL / 2, called(Verdict.supported, MARGIN, Claimed.no_more)),
+    ("the same: no more contradicted", LEVEL / 2, called(Verdict.contradicted, MARGIN, Claimed.no_more)),
+    ("spreads alike: said to vary differently", LEVEL, spreads((False, False))),
+    ("spreads alike, levels not", LEVEL, spreads((False, False), mean=0.3)),
+    ("spreads alike, some seeds collapse", LEVEL, spreads((False, False), collapse=True)),
+    ("spreads alike, whole curves differ or each place by itself", LEVEL, spreads((False, True))),
 )
 
 

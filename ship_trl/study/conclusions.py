@@ -53,7 +53,7 @@ CONCLUSIONS = [
     Hypothesis(
         "C5",
         FIGURE,
-        "Finetuning everything is best early and ends lower than finetuning the conv layers.",
+        "Finetuning everything is better early than finetuning the conv layers, and ends lower.",
         [
             *(beats(pair, "FTW", "FT4", "early area") for pair in ITSELF),
             *(beats(pair, "FT4", "FTW", "asymptote") for pair in ITSELF),
@@ -95,7 +95,7 @@ OURS = [
     Hypothesis(
         "E6",
         EXPLORATORY,
-        "FTW falls back into missing the goal less often than scratch.",
+        "FTW misses the goal less often than scratch once exploration is over.",
         [beats(pair, "scratch", "FTW", "misses") for pair in ITSELF],
     ),
 ]

@@ -21,6 +21,7 @@ from ship_trl.study.plan import (
     SELF_CASE,
     from_scratch,
 )
+from ship_trl.study.statistics import interquartile_mean
 
 ARMS = (*FE, RANDOM_ARM, *FT, "FTW")
 Place = tuple[str, str, str]
@@ -56,10 +57,11 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
 
 
 def gain(study: Study, place: Place, scratch: Place) -> float:
-    """Mean difference of areas over the seeds that both have; not a number where there are none."""
+    """Interquartile mean of the difference of areas; not a number without seeds that both have."""
     runs = study.together({"arm": place, "scratch": scratch})
     areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
-    return float(np.mean(areas[0]) - np.mean(areas[1])) if areas[0] else np.nan
+    differences = np.array(areas[0]) - np.array(areas[1])
+    return float(interquartile_mean(differences)) if len(differences) else np.nan
 
 
 def draw_gains(study: Study) -> Figure | None:

@@ -13,16 +13,18 @@ import numpy as np
 
 from ship_trl.study.contrasts import Claimed, Finding, contrast
 from ship_trl.study.margins import margin
-from ship_trl.study.metrics import curve, measure
+from ship_trl.study.metrics import TIMES, curve, measure, reached
 from ship_trl.study.plan import PAIRS, PARTS
 from ship_trl.study.records import BrokenRunError, Record, find_runs, read_placed
 from ship_trl.study.settled import PLAN
-from ship_trl.study.statistics import LEVEL, OBRIEN_FLEMING, RESAMPLES, Sample, level_of, spread_test
+from ship_trl.study.statistics import LEVEL, OBRIEN_FLEMING, SWAPS, Sample, level_of, spread_test
 
 # Of all resampling: the same study gives the same report.
 SEED = 2022
 # So many seeds are run before the study is looked at again (docs/analysis-plan.md).
 BLOCK, MOST_LOOKS = 5, len(OBRIEN_FLEMING)
+# Times of arms can be called equal if at least this share of the runs of each got there.
+REACHED = 0.75
 # What stands beside a metric to show whether the choice of it decides.
 SENSITIVITY = {
     "area": ("greedy area",),
@@ -38,8 +40,9 @@ Places = Mapping[str, tuple[str, str, str]]
 class Study:
     """The runs of a folder.
 
-    `broken` are those that could not be read, with the reason. `planned` are the seeds of the pairs in
-    the order in which they are run, as planned; those that are there where no plan is known. `level` is
+    `broken` are those that could not be read, with the reason. `planned` are the seeds that the study was
+    begun with: they alone are judged, however many are run later; all that are there where no plan is
+    known. `level` is
     one-sided, of intervals and tests; `resamples` how often arms change places to test spreads.
     """
 
@@ -47,7 +50,7 @@ class Study:
     broken: list[tuple[Path, str]] = field(default_factory=list)
     planned: tuple[int, ...] = ()
     level: float = LEVEL / 2
-    resamples: int = RESAMPLES
+    resamples: int = SWAPS
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -56,9 +59,10 @@ class Study:
 
     @property
     def looks(self) -> tuple[int, ...]:
-        """After how many seeds the study is looked at: each block of five, and at the end."""
+        """After how many seeds the study is looked at: each five (or fifth of many), and at the end."""
         count = len(self.seeds)
-        return (*range(BLOCK, count, BLOCK), count)[-MOST_LOOKS:]
+        step = max(BLOCK, -(-count // MOST_LOOKS))
+        return (*range(step, count, step), count)
 
     def first(self, count: int, level: float) -> Study:
         """Return the runs of the first `count` seeds, to be judged at a level."""
@@ -114,20 +118,21 @@ def read_study(folder: Path) -> Study:
 
 
 def planned_seeds(folder: Path) -> tuple[int, ...]:
-    """Return the seeds of the pairs that a study's plan has; none where there is no plan to read."""
+    """Return the seeds that a study was begun with; none where there is no plan to read."""
     try:
-        jobs = json.loads((folder / PLAN).read_text())["jobs"]
-        return tuple(sorted({int(job["seed"]) for job in jobs if job["part"] == PAIRS}))
-    except (OSError, ValueError, KeyError, TypeError):
+        plan = json.loads((folder / PLAN).read_text())
+        seeds = plan.get("judged") or {job["seed"] for job in plan["jobs"] if job["part"] == PAIRS}
+        return tuple(sorted(map(int, seeds)))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return ()
 
 
 def same_zero(records: Records) -> Records:
-    """Give all runs of a case one zero of the score: each has drawn random actions of its own."""
+    """Give all runs of a case one zero of the score; those of older programs have each drawn their own."""
     drawn: dict[str, list[float]] = {}
     for record in records.values():
         drawn.setdefault(record.target, []).append(record.random)
-    return {key: replace(r, random=float(np.mean(drawn[r.target]))) for key, r in records.items()}
+    return {key: replace(r, random=float(np.median(drawn[r.target]))) for key, r in records.items()}
 
 
 def levels(
@@ -152,6 +157,9 @@ def levels(
         return np.sum(parts, axis=0)
 
     bound = margin(next(iter(runs.values()))[0].target, metric)
+    if metric in TIMES and any(np.mean([reached(r) for r in records]) < REACHED for records in runs.values()):
+        # Runs that are cut off at their end are not alike because their times are.
+        bound = None
     found = contrast(claim, f"{what} ({metric})", metric, differences(metric), bound, claimed, study.level)
     beside = {name: level_of(differences(name), study.level) for name in SENSITIVITY.get(metric, ())}
     return [replace(found, beside=beside)]

@@ -8,6 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ship_trl.study.config import REUSED_CASE
+from ship_trl.study.plan import LOW, ONE
 from ship_trl.study.records import Record
 
 # The first mean of so large a share of the training episodes at the threshold or above counts as having
@@ -91,9 +93,9 @@ def moving_scores(record: Record) -> NDArray[np.float64]:
 
 
 def curve(record: Record) -> NDArray[np.float64]:
-    """Moving scores at `PLACES` places, evenly along the run (at each, where there are fewer)."""
+    """Moving scores at `PLACES` places, evenly along the run."""
     scores = moving_scores(record)
-    return scores[np.unique(np.linspace(0, len(scores) - 1, PLACES).round().astype(int))]
+    return np.interp(np.linspace(0, len(scores) - 1, PLACES), np.arange(len(scores)), scores)
 
 
 def reached(record: Record, threshold: float = THRESHOLDS[0]) -> bool:
@@ -112,9 +114,13 @@ def time_to_threshold(record: Record, threshold: float = THRESHOLDS[0]) -> float
 
 
 def total_time(record: Record) -> float:
-    """The same with the episodes counted on which the source was trained (Taylor and Stone, 2009)."""
+    """The same with the episodes counted on which its sources were trained (Taylor and Stone, 2009).
+
+    The network that figure 9 reuses was trained twice: on case 1, and then on case 2.
+    """
     trained = record.source is not None and not record.arm.endswith("-random")
-    return time_to_threshold(record) + float(trained)
+    twice = record.part in (LOW, ONE) and record.source == REUSED_CASE
+    return time_to_threshold(record) + trained + twice
 
 
 def around_annealed(record: Record) -> tuple[slice, slice]:
@@ -158,7 +164,10 @@ def misses(record: Record) -> float:
 
 
 def fell(record: Record) -> float:
-    """1 if, exploration over, `FALLEN` training episodes in a row do not end at the goal, else 0."""
+    """1 if, exploration over, `FALLEN` training episodes in a row do not end at the goal, else 0.
+
+    It may have been at the goal before, or never: `reached` tells.
+    """
     longest = row = 0
     for goal in record.training.goal[after_exploration(record)]:
         row = 0 if goal else row + 1

@@ -18,7 +18,7 @@ from ship_trl.study.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.measured import Study
 from ship_trl.study.placebo import Placebo
 from ship_trl.study.similarities import EQUATION
-from ship_trl.study.statistics import LEVEL, Estimate, look_level
+from ship_trl.study.statistics import Estimate, look_level
 from ship_trl.study.tables import Row
 
 ARM_METRICS = (
@@ -60,7 +60,7 @@ def interval(found: Estimate | None) -> str:
 
 def contrast_row(answer: Answer, finding: Finding) -> dict[str, Any]:
     """Return a contrast as words."""
-    values = [finding.seen(), finding.seen(LEVEL / 2 / answer.claims)]
+    values = [finding.seen(answer.level), finding.seen(answer.level / answer.claims)]
     return {
         "claim": answer.hypothesis.name,
         "what": finding.what,
@@ -108,14 +108,17 @@ def in_a_sentence(answer: Answer) -> str:
         leaning = sum(finding.as_claimed for finding in findings)
         words = f"{len(findings)} contrasts: {counts}; {leaning} estimated as claimed"
         words += f" ({min(values):+.3f} to {max(values):+.3f}); largest p {max(f.p for f in findings):.3f}"
-    words += f", adjusted {answer.p:.3f}."
+    words += f"; adjusted {answer.p:.3f} for the verdict."
     if answer.decided:
         words += f" Decided after {answer.decided} seeds."
     open_ = [f for f in findings if f.verdict is Verdict.inconclusive and isfinite(f.error)]
     if open_:
-        alone, after = ([f.seen(LEVEL / 2 / m) for f in open_] for m in (1, answer.claims))
+        alone, after = ([f.seen(answer.level / m) for f in open_] for m in (1, answer.claims))
         words += f" Could see differences from {spread(alone)} on, adjusted {spread(after)}."
-    return words + (f" Without runs: {answer.missing} of its contrasts." if answer.missing else "")
+    if answer.missing:
+        count = len(answer.hypothesis.tests)
+        words += f" Still without {answer.seeds} seeds: {answer.missing} of {count} contrasts."
+    return words
 
 
 def spread(values: Sequence[float]) -> str:

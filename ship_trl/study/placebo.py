@@ -13,7 +13,7 @@ from ship_trl.study.measured import SEED, Study
 
 SHUFFLES = 20
 # Of permutations for spreads: what is at stake is a rate, not a p.
-RESAMPLES = 500
+RESAMPLES = 256
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,10 @@ CURVES = (
     "Mean over seeds, moving over a twentieth of the episodes; the band is one standard deviation over "
     "seeds. In brackets the number of runs."
 )
-GAINS = "Mean difference of the area under the training-return curve, in scores, from scratch on the target."
+GAINS = (
+    "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
+    "scratch on the target."
+)
 
 
 def report(folder: Path, output: Path) -> None:

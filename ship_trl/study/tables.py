@@ -15,7 +15,7 @@ from ship_trl.study.contrasts import LEAST_SEEDS
 from ship_trl.study.measured import SEED, Study
 from ship_trl.study.metrics import METRICS, measure, reached
 from ship_trl.study.plan import from_scratch
-from ship_trl.study.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
+from ship_trl.study.statistics import Estimate, bootstrap, interquartile_mean, share_interval
 
 Row = dict[str, Any]
 
@@ -99,8 +99,8 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "margin": "" if finding.margin is None else finding.margin,
             "p beyond margin": finding.within,
             "seeds": finding.seeds,
-            "seen alone": finding.seen(),
-            "seen adjusted": finding.seen(LEVEL / 2 / answer.claims),
+            "seen alone": finding.seen(answer.level),
+            "seen adjusted": finding.seen(answer.level / answer.claims),
             "verdict": finding.verdict.value,
             "beside": "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
         }

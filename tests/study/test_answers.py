@@ -105,10 +105,44 @@ def test_looks_follow_the_plan_and_not_what_is_there() -> None:
     assert first.verdict is Verdict.inconclusive
 
 
-def test_a_study_in_the_midst_of_a_look_decides_by_the_last_one() -> None:
-    study = replace(make_study(high(FE1=0.9, FE2=0.3), seeds=7, sd=0.005), planned=tuple(range(15)))
-    (found,) = answer(study, [claim("A", ("FE1", "FE2"))])
-    assert found.findings[0].seeds == 7 and (found.decided or 5) == 5
+def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> None:
+    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 7, sd=0.002), planned=tuple(range(15)))
+    sure, none = answer(study, [claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))])
+    assert (sure.verdict, sure.decided, sure.missing) == (Verdict.supported, 5, 0)
+    assert sure.findings[0].seeds == 5 and sure.level < 0.001
+    # The other one awaits ten seeds.
+    assert none.verdict is Verdict.inconclusive
+    assert (none.seeds, none.missing, none.findings[0].seeds) == (10, 1, 7)
+
+
+def test_seeds_that_come_later_undo_no_decision() -> None:
+    places = high(FE1=0.9, FE2=0.3, FE3=0.32, FT1=0.3)
+    claims = [claim(f"{a}{b}", (a, b)) for a in ("FE1", "FE3") for b in ("FE2", "FT1")]
+    whole = replace(make_study(places, 20, sd=0.004), planned=tuple(range(15)))
+    assert whole.looks == (5, 10, 15)
+    decided: dict[str, tuple[Verdict, int]] = {}
+    for count in range(5, 21):
+        kept = {key: record for key, record in whole.records.items() if key[3] < count}
+        for found in answer(replace(whole, records=kept), claims):
+            if found.hypothesis.name in decided:
+                assert (found.verdict, found.decided) == decided[found.hypothesis.name]
+            elif found.decided:
+                decided[found.hypothesis.name] = (found.verdict, found.decided)
+    assert len(decided) >= 2
+
+
+def test_what_has_no_runs_counts_in_the_family_of_contradictions() -> None:
+    study = make_study(high(FE1=0.6, FE2=0.9))
+    lacking = claim("A", ("FE1", "FE2"), *(("FE1", f"FT{n}") for n in range(1, 5)))
+    (found,) = judge(study, [lacking], 15, 0.025)
+    assert found.missing == 4 and found.findings[0].adjusted == pytest.approx(5 * found.findings[0].against)
+
+
+def test_times_of_arms_that_do_not_get_there_are_not_alike() -> None:
+    study = make_study(high(FE1=0.55, FE2=0.3))
+    tests = [beats("high", "FE1", "FE2", "time")]
+    (found,) = judge(study, [Hypothesis("A", "5", "", tests)], 15, 0.025)
+    assert found.verdict is Verdict.inconclusive and found.findings[0].within == 1.0
 
 
 @pytest.mark.parametrize("seeds", [2, 4])

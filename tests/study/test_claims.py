@@ -71,9 +71,9 @@ def test_means_of_arms_are_compared() -> None:
 
 
 def test_the_margin_is_a_share_of_what_could_be_gained_on_the_target() -> None:
-    study = make_study(pair("high", FE1=0.6, FT1=0.6))
+    study = make_study(pair("high", FE1=0.9, FT1=0.9))
     gains = analysis()["gains"]["2"]
-    assert one(beats("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["score"])
+    assert one(beats("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["area"])
     assert one(sooner("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["time"])
     assert one(beats("high", "FE1", "FT1", "collision rise"), study).margin is None
 

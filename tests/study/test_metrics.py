@@ -62,6 +62,8 @@ def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
     run = record(tmp_path, [0.9] * 100)
     assert run.source == "1"
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
+    reused = replace(run, part="reuse/epsilon_1", source="2")
+    assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
     for alone in (replace(run, source=None), replace(run, arm="FE3-random")):
         assert metrics.total_time(alone) == metrics.time_to_threshold(run)
 
@@ -83,7 +85,9 @@ def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
     width = max(1, round(0.03 * len(scores)))
     wanted = [np.mean(scores[k : k + width]) for k in range(len(scores) - width + 1)]
     np.testing.assert_allclose(metrics.moving_scores(made), wanted, atol=1e-9)
-    assert len(metrics.curve(made)) == min(len(wanted), metrics.PLACES)
+    along = metrics.curve(made)
+    assert len(along) == metrics.PLACES
+    np.testing.assert_allclose([along[0], along[-1]], [wanted[0], wanted[-1]], atol=1e-9)
 
 
 def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:

@@ -96,6 +96,7 @@ class Learn:
     epsilon_end: float
     epsilon_fraction: float
     evaluate_every: int
+    jumpstart_draws: int
 
 
 @dataclass

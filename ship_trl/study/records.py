@@ -6,7 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +53,8 @@ class Record:
     """One finished run.
 
     `part` is the share of the study that it belongs to: its folder in it; `computed` says by what
-    version, device and precision.
+    version, device and precision. `draws` are the greedy returns before training over draws of what is not
+    copied: [D], empty where an older program did not note them.
     """
 
     folder: Path
@@ -72,6 +73,7 @@ class Record:
     training: Training
     greedy: Greedy
     computed: dict[str, str]
+    draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
     def score(self, values: Any) -> Any:
         """Returns as a share of the way from random actions to the best known: 0 to 1, less if worse."""
@@ -89,7 +91,8 @@ def read_run(folder: Path, part: str = "") -> Record:
         if key not in result:
             raise BrokenRunError(f"{RESULT} has no {key}")
     numbers = [result[key] for key in NUMBERS] + [result[key]["return"] for key in ("scratch", "before")]
-    if not all(map(is_number, numbers)):
+    draws = result.get("draws", [])
+    if not isinstance(draws, list) or not all(map(is_number, numbers + draws)):
         raise BrokenRunError(f"{RESULT} holds what is no number")
     if result["best_known_return"] <= result["random_return"]:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
@@ -111,6 +114,7 @@ def read_run(folder: Path, part: str = "") -> Record:
         training=training,
         greedy=greedy,
         computed={key: str(result[key]) for key in COMPUTED if key in result},
+        draws=np.array(draws, np.float64),
     )
 
 

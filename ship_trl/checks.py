@@ -83,7 +83,7 @@ def check(config: Config) -> None:
     learn, world = config.learn, config.world
     counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
     at_least(1, named("learn", learn, counts))
-    at_least(0, named("learn", learn, "warmup_steps") | {"seed": config.seed})
+    at_least(0, named("learn", learn, "warmup_steps jumpstart_draws") | {"seed": config.seed})
     positive(named("learn", learn, "lr lr_end reward_scale huber_delta"))
     within(named("learn", learn, "gamma tau epsilon_start epsilon_end epsilon_fraction"))
     positive(named("learn", learn, "tau epsilon_fraction"))

@@ -111,6 +111,7 @@ class Learn:
     epsilon_end: float
     epsilon_fraction: float
     evaluate_every: int
+    jumpstart_draws: int
 
 
 @dataclass

@@ -17,6 +17,7 @@ from ship_trl import __version__, console
 from ship_trl.config import ConfigError, Method, SourceWeights
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.evaluate import Episode, evaluate
+from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.train import Evaluated, Finished, train
@@ -33,6 +34,9 @@ from ship_trl.transfer.casebase import POLICY, CaseBase, Entry
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
+
+# So many networks sail side by side before training; each takes 3 MB.
+FLEET = 25
 
 
 def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
@@ -118,6 +122,7 @@ def train_run(
         run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
     )
     replay = StateReplay(learn.replay_size, learn.reward_scale, streams["replay"], device, agent.observes)
+    draws = find_draws(run, agent, eval_env)
     known = best_plan(run.target, config.world).total
 
     finished: list[Finished] = []
@@ -165,6 +170,7 @@ def train_run(
             "before": score(evaluated[0].sailed, 0),
             "best": score(best.sailed, best.episode),
             "final": score(last.sailed, last.episode),
+            "draws": draws,
             "episodes": learn.episodes,
             "steps": last.steps,
             "training_goal_rate": sum(f.outcome == "goal" for f in finished) / len(finished),
@@ -201,6 +207,21 @@ def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Tr
     if config.source_weights is SourceWeights.permuted:
         weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
     return Transfer(weights, config.layers, config.method is Method.feature_extraction)
+
+
+def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
+    """Greedy returns before training over many draws of what is not copied; one where all is."""
+    config = run.config
+    count, layers = config.learn.jumpstart_draws, config.layers or 0
+    if count == 0:
+        return []
+    if layers == "all":
+        return [evaluate(eval_env, agent).total]
+    env = ShipEnv(
+        run.target, config.world, min(count, FLEET), colour=config.colour, device=str(eval_env.device)
+    )
+    generator = Generator().manual_seed(run.stream("jumpstart"))
+    return jumpstart(env, agent.vision, agent.network, layers, count, generator)
 
 
 def score(episode: Episode, at: int) -> dict[str, Any]:

@@ -145,6 +145,9 @@ def recipe_of(config: Config, target: Case, source: Run | None) -> str:
         origin = "random"
     elif config.source_weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
+    learn = plain(config.learn)
+    # Decides nothing of what is learned.
+    del learn["jumpstart_draws"]
     values = {
         "algorithm_version": ALGORITHM_VERSION,
         "target": target.fingerprint,
@@ -154,7 +157,7 @@ def recipe_of(config: Config, target: Case, source: Run | None) -> str:
         "seed": config.seed,
         "colour": config.colour,
         "world": plain(config.world),
-        "learn": plain(config.learn),
+        "learn": learn,
     }
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 

@@ -86,6 +86,7 @@ def test_main_command_leaves_a_whole_result(trained: Path) -> None:
     assert list(greedy) == [0, 3, 6]
     assert result["best"]["return"] == max(greedy.values()) == greedy[result["best"]["episode"]]
     assert result["final"]["return"] == greedy[6] and result["before"]["return"] == greedy[0]
+    assert len(result["draws"]) == 3
     hidden = {p.name for p in trained.rglob(".*")}
     assert hidden <= {".locks"}  # no half-made entry is left
 

@@ -121,6 +121,8 @@ WRONG = {
     "+pair=high layers=3 learn.update_every=0": "learn.update_every: must be at least 1",
     "+pair=high layers=3 learn.evaluate_every=0": "learn.evaluate_every: must be at least 1",
     "+pair=high layers=3 learn.warmup_steps=-1": "learn.warmup_steps: must be at least 0",
+    "+pair=high layers=3 learn.jumpstart_draws=-1": "learn.jumpstart_draws: must be at least 0, got -1",
+    "+pair=high layers=3 learn.jumpstart_draws=all": "learn.jumpstart_draws: Value 'all'",
     "+pair=high layers=3 learn.lr=0": "learn.lr: must be above 0",
     "+pair=high layers=3 learn.lr=nan": "learn.lr: must be above 0, got nan",
     "+pair=high layers=3 learn.lr_end=0": "learn.lr_end: must be above 0",

@@ -69,7 +69,10 @@ def test_recipe_tells_runs_apart(change: str) -> None:
     assert run(*lines).recipe != run(*lines, change).recipe
 
 
-@pytest.mark.parametrize("change", ["output=elsewhere", "logger=wandb", "wandb.project=x", "overwrite=true"])
+@pytest.mark.parametrize(
+    "change",
+    ["output=elsewhere", "logger=wandb", "wandb.project=x", "overwrite=true", "learn.jumpstart_draws=0"],
+)
 def test_recipe_ignores_what_is_not_learned_from(change: str) -> None:
     lines = ["+pair=high", "layers=3"]
     assert run(*lines).recipe == run(*lines, change).recipe

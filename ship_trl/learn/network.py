@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor, nn
@@ -38,13 +40,15 @@ class DuelingNetwork(nn.Module):
         self.reset(generator)
 
     @torch.no_grad()
-    def reset(self, generator: Generator) -> None:
-        """Draw all weights anew (He et al., 2015) and set the biases to zero.
+    def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
+        """Draw weights anew (He et al., 2015) and set biases to zero, of all layers but those `kept`.
 
         PyTorch's default shrinks the signal to a third at each ReLU layer; the first hundred
         episodes then go into growing it again.
         """
-        for layer in self.children():
+        for name, layer in self.named_children():
+            if name in kept:
+                continue
             assert isinstance(layer, nn.Conv2d | nn.Linear) and layer.bias is not None
             nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu", generator=generator)
             nn.init.zeros_(layer.bias)

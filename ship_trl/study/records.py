@@ -53,7 +53,8 @@ class Record:
     """One finished run.
 
     `part` is the share of the study that it belongs to: its folder in it; `computed` says by what
-    version, device and precision.
+    version, device and precision. `draws` are the greedy returns before training over draws of what is not
+    copied: [D], empty where an older program did not note them.
     """
 
     folder: Path
@@ -92,7 +93,8 @@ def read_run(folder: Path, part: str = "") -> Record:
         if key not in result:
             raise BrokenRunError(f"{RESULT} has no {key}")
     numbers = [result[key] for key in NUMBERS] + [result[key]["return"] for key in ("scratch", "before")]
-    if not all(map(is_number, numbers)):
+    draws = result.get("draws", [])
+    if not isinstance(draws, list) or not all(map(is_number, numbers + draws)):
         raise BrokenRunError(f"{RESULT} holds what is no number")
     if result["best_known_return"] <= result["random_return"]:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
@@ -114,6 +116,7 @@ def read_run(folder: Path, part: str = "") -> Record:
         training=training,
         greedy=greedy,
         computed={key: str(result[key]) for key in COMPUTED if key in result},
+        draws=np.array(draws, np.float64),
     )
 
 

@@ -22,6 +22,13 @@ def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
 
 
+def test_draws_before_training_are_read_and_an_older_run_has_none(tmp_path: Path) -> None:
+    scores = learning(np.random.default_rng(0), 50)
+    record = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
+    assert record.draws.tolist() == [-300.0, 80.5]
+    assert read_run(write_run(tmp_path, scores, seed=2)).draws.shape == (0,)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
@@ -65,6 +72,8 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
         ({"scratch": "return lost"}, "not a result of this program"),
         ({"before": ["return"]}, "not a result of this program"),
         ({"before": {"return": None}}, "holds what is no number"),
+        ({"draws": [1.0, None]}, "holds what is no number"),
+        ({"draws": 3.0}, "holds what is no number"),
         ({"best_known_return": 10**400}, "holds what is no number"),
     ],
 )

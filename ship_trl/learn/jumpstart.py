@@ -1,0 +1,82 @@
+"""What a network scores before training, over many draws of the layers that are not copied.
+
+One draw says little: before training a network often holds one action, and whether that leads to
+the goal is luck.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+
+import torch
+from torch import Generator, Tensor
+from torchrl.envs import EnvBase
+
+from ship_trl.learn.agent import KEPT_FROM
+from ship_trl.learn.glance import Glance
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.vision import DeltaVision, DenseVision
+
+# One ship's observation [1, ...] to its action [1].
+Decide = Callable[[Tensor], Tensor]
+
+
+def jumpstart(
+    env: EnvBase,
+    vision: DeltaVision | DenseVision,
+    network: DuelingNetwork,
+    copied: int,
+    draws: int,
+    generator: Generator,
+) -> list[float]:
+    """Greedy returns of `draws` networks that share the first layers of `network`, and draw the others.
+
+    They sail side by side: a step of many ships costs little more than a step of one. `network` stays
+    as it is, and so does every other stream.
+
+    Args:
+        env: the world, with a batch of as many ships as sail at once.
+        vision: how networks see.
+        network: what training begins with.
+        copied: how many conv layers, counted from the image, are shared.
+        draws: how many.
+        generator: of the draws, on the CPU.
+    """
+    shared, drawn = CONV_NAMES[:copied], copy.deepcopy(network).cpu()
+    fleet = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
+    actors = [vision.actor(each, copied) for each in fleet]
+    look: Callable[[Tensor], Tensor] = vision.draw
+    decide: list[Decide] = [actor.actions for actor in actors]
+    glances = [actor for actor in actors if isinstance(actor, Glance)]
+    if copied >= KEPT_FROM and glances:
+        # What so many layers make of the pictures is computed for all ships at once.
+        first = glances[0]
+        look, decide = lambda state: first.encode(vision.draw(state)), [g.actions_on for g in glances]
+    found: list[float] = []
+    while len(found) < draws:
+        count = min(len(fleet), draws - len(found))
+        for each, actor in zip(fleet[:count], actors, strict=False):
+            drawn.reset(generator, shared)
+            each.load_state_dict(drawn.state_dict())
+            actor.changed()
+        found += sail(env, look, decide[:count])
+    return found
+
+
+@torch.no_grad()
+def sail(env: EnvBase, look: Callable[[Tensor], Tensor], decide: Sequence[Decide]) -> list[float]:
+    """Returns of one greedy episode of each decider, in the first rows of the environment's batch."""
+    step = env.reset()
+    totals = torch.zeros(len(decide), dtype=torch.float64, device=env.device)
+    going = list(range(len(decide)))
+    while going:
+        action = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
+        for ship, seen in zip(going, look(step["state"][going]).split(1), strict=True):
+            action[ship] = decide[ship](seen)[0]
+        stepped, step = env.step_and_maybe_reset(step.set("action", action))
+        after = stepped["next"]
+        totals[going] += after["reward"][going, 0]
+        ended = after["done"].squeeze(-1).tolist()
+        going = [ship for ship in going if not ended[ship]]
+    return [float(total) for total in totals]

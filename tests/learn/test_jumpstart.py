@@ -1,0 +1,43 @@
+"""Returns before training over many draws: those of the same networks, one after another."""
+
+import copy
+
+import pytest
+import torch
+from torch import Generator
+
+from ship_trl.learn.agent import Agent
+from ship_trl.learn.evaluate import evaluate
+from ship_trl.learn.jumpstart import jumpstart
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from tests.learn.worlds import Corridor, draw, schedule
+
+DRAWS = 7
+
+
+def agent_of(network: DuelingNetwork) -> Agent:
+    return Agent(network, draw, 3, schedule(), Generator().manual_seed(0))
+
+
+@pytest.mark.parametrize("copied", range(5))
+@pytest.mark.parametrize("at_once", [1, 3, 10])
+def test_they_are_what_each_drawn_network_scores_alone(copied: int, at_once: int) -> None:
+    network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1)) for _ in range(2))
+    agent, before = agent_of(network), copy.deepcopy(network.state_dict())
+    found = jumpstart(Corridor(at_once), agent.vision, network, copied, DRAWS, Generator().manual_seed(2))
+    generator, wanted = Generator().manual_seed(2), []
+    for _ in range(DRAWS):
+        alone.reset(generator, CONV_NAMES[:copied])
+        shared = {
+            key: value for key, value in alone.state_dict().items() if key.startswith(CONV_NAMES[:copied])
+        }
+        assert all(torch.equal(value, before[key]) for key, value in shared.items())
+        wanted.append(evaluate(Corridor(1), agent_of(alone)).total)
+    assert found == wanted
+    assert len(set(found)) > 1
+    assert all(torch.equal(value, before[key]) for key, value in network.state_dict().items())
+
+
+def test_none_are_drawn_if_none_are_asked_for() -> None:
+    network = DuelingNetwork(1, 3, Generator().manual_seed(1))
+    assert jumpstart(Corridor(2), agent_of(network).vision, network, 0, 0, Generator()) == []

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,13 +43,14 @@ class Study:
 
     `broken` are those that could not be read, with the reason. `planned` are the seeds that the study was
     begun with: they alone are judged, however many are run later; all that are there where no plan is
-    known. `level` is
+    known. `rules` name the plan (see `rules.py`). `level` is
     one-sided, of intervals and tests; `resamples` how often arms change places to test spreads.
     """
 
     records: Records
     broken: list[tuple[Path, str]] = field(default_factory=list)
     planned: tuple[int, ...] = ()
+    rules: dict[str, Any] = field(default_factory=dict)
     level: float = LEVEL / 2
     resamples: int = SWAPS
 
@@ -104,7 +106,8 @@ class Study:
 
 def read_study(folder: Path) -> Study:
     """Read all runs below a folder; what cannot be read, or is no study's, is named in `broken`."""
-    study = Study({}, planned=planned_seeds(folder))
+    planned, rules = read_plan(folder)
+    study = Study({}, planned=planned, rules=rules)
     for path, part in find_runs(folder):
         try:
             if part not in PARTS:
@@ -117,14 +120,16 @@ def read_study(folder: Path) -> Study:
     return replace(study, records=same_zero(study.records))
 
 
-def planned_seeds(folder: Path) -> tuple[int, ...]:
-    """Return the seeds that a study was begun with; none where there is no plan to read."""
+def read_plan(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
+    """Return the seeds and the rules that a study was begun with; nothing where there is no plan to read."""
     try:
         plan = json.loads((folder / PLAN).read_text())
         seeds = plan.get("judged") or {job["seed"] for job in plan["jobs"] if job["part"] == PAIRS}
-        return tuple(sorted(map(int, seeds)))
+        rules = plan.get("rules", {})
+        known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}
+        return tuple(sorted(map(int, seeds))), known
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return ()
+        return (), {}
 
 
 def same_zero(records: Records) -> Records:

@@ -17,6 +17,7 @@ from ship_trl.study.conclusions import FIGURE as CONCLUSIONS
 from ship_trl.study.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.measured import Study
 from ship_trl.study.placebo import Placebo
+from ship_trl.study.rules import told
 from ship_trl.study.similarities import EQUATION
 from ship_trl.study.statistics import Estimate, look_level
 from ship_trl.study.tables import Row
@@ -185,6 +186,7 @@ def render(
         episodes=", ".join(sorted({str(len(r.training.total)) for r in records})),
         seeds=seeds,
         missing=missing,
+        rules=told(study.rules),
         mixed={
             key: ", ".join(f"{value} ({count})" for value, count in counts.items())
             for key, counts in study.mixed().items()

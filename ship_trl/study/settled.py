@@ -17,6 +17,7 @@ from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.config import StudyConfig
 from ship_trl.study.plan import Job
+from ship_trl.study.rules import stamp
 
 PLAN = "study.json"
 
@@ -68,9 +69,9 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
     path = config.folder / PLAN
     try:
         plan = json.loads(path.read_text())
-        before, known = plan["settings"], dict(plan.get("cases", {}))
+        before, known, begun = plan["settings"], dict(plan.get("cases", {})), plan
     except FileNotFoundError:
-        before, known = None, {}
+        before, known, begun = None, {}, {}
     except (OSError, ValueError, KeyError, TypeError):
         raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
     changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
@@ -84,7 +85,14 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
             raise PermissionError(13, "Permission denied")
         with replacing(path) as draft:
             listed = [dataclasses.asdict(job) for job in jobs]
-            plan = {"settings": settings, "cases": known | cases, "jobs": listed}
+            plan = {
+                "settings": settings,
+                "cases": known | cases,
+                # What is judged, and by which rules, is what the study was begun with.
+                "judged": begun.get("judged", list(config.numbers)),
+                "rules": begun.get("rules", stamp()),
+                "jobs": listed,
+            }
             draft.write_text(json.dumps(plan, indent=1))
     except OSError as error:
         raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None

@@ -1,19 +1,25 @@
-"""The command that says how often the rules err, and that they err as seldom as they allow."""
+"""The command that says how often the rules err, and that they err about as seldom as they allow."""
 
 import pytest
 
-from ship_trl.study.calibration import REPEATS, TRIED, calibrate, main
+from ship_trl.study.calibration import REPEATS, TRIED, Wrong, calibrate, main
+
+# Of cheap rows many simulations, of the others as many as a test may take.
+MANY, FEW = 1500, 100
 
 
-def test_the_rules_err_about_as_often_as_they_allow() -> None:
-    for row in calibrate(repeats=150):
-        if row.allowed is None:
-            # A difference of another kind: a plain mean's test would see it in a third of the studies.
-            assert row.shares[15] < 0.25, row
-            continue
-        # Of 150, one in twenty is 7.5 with a deviation of 2.7. Of five seeds the test is known to err more.
-        most = row.allowed + 3 * (row.allowed * (1 - row.allowed) / 150) ** 0.5
-        assert row.shares[15] <= most and row.shares[10] <= most + 0.03, row
+@pytest.mark.parametrize(("what", "allowed", "wrong"), TRIED, ids=[what for what, _, _ in TRIED])
+def test_the_rules_err_about_as_often_as_they_allow(what: str, allowed: float | None, wrong: Wrong) -> None:
+    repeats = FEW if what.startswith(("a figure", "the same, ", "spreads")) else MANY
+    (row,) = calibrate(repeats, [(what, allowed, wrong)])
+    if allowed is None:
+        # A difference of another kind: a plain mean's test would see it in a third of the studies.
+        assert row.shares[15] < 0.15
+        return
+    chance = 3 * (allowed * (1 - allowed) / repeats) ** 0.5
+    # Yuen's t of few numbers is known to err more than it says; how much, the plan tells.
+    assert max(row.shares[10], row.shares[15]) <= 1.5 * allowed + chance
+    assert row.shares[5] <= 2 * allowed + chance
 
 
 def test_the_table_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

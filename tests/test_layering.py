@@ -51,8 +51,11 @@ WITHOUT_TORCH = (
     "report",
     "results",
     "study/__main__",
+    "study/keep",
+    "study/kept",
     "study/report",
     "study/summary",
+    "study/unpack",
 )
 FILES = sorted(PACKAGE.rglob("*.py"))
 

@@ -89,6 +89,15 @@ def needs_source(run: Job) -> bool:
     return run.arm != "scratch" and run.values.get("source_weights") != "random"
 
 
+def source_of(run: Job, config: StudyConfig) -> Path | None:
+    """Where in the study's folder the run lies with whose network this one begins; None if with none."""
+    if not needs_source(run):
+        return None
+    if "source_file" in run.values:
+        return Path(run.values["source_file"]).parent.relative_to(config.folder.absolute())
+    return Path(*trained_alone(config, str(run.values["source"])), "scratch", f"seed={run.seed}")
+
+
 def pair_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     """Figures 5 to 7."""
     for pair in config.pairs:

@@ -41,6 +41,14 @@ def run(folder: Path, retries: int) -> list[Job]:
     return launch.run_jobs(plan_jobs(config), config, lambda: None)
 
 
+def test_so_many_processes_as_are_asked_for() -> None:
+    for line, wanted in (([], False), (["processes=1"], True)):
+        config = to_study([*SMALL, *line])
+        said = launch.command(plan_jobs(config), config)
+        assert ("hydra.launcher.n_jobs=1" in said) == wanted
+    assert launch.processes(to_study(["processes=3"])) == 3
+
+
 def test_a_round_that_ends_a_run_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = rounds(monkeypatch, fails="none")
     assert run(tmp_path, retries=0) == []

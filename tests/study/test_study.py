@@ -35,6 +35,12 @@ def test_started_again_it_trains_nothing(whole: Path) -> None:
     assert files(whole) == before
 
 
+def test_one_process_learns_the_same(whole: Path, tmp_path: Path) -> None:
+    done = study(*SMALL, "processes=1", folder=tmp_path)
+    assert ", 1 at once, by" in done.stdout
+    assert learned(tmp_path) == learned(whole)
+
+
 def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
     child = subprocess.Popen(
         [sys.executable, "-m", "ship_trl.study", *SMALL],

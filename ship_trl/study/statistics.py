@@ -29,6 +29,9 @@ SWAPS = 2_048
 LEVEL = 0.05
 # Cut off at each end by an interquartile mean.
 TRIMMED = 0.25
+# Yuen's degrees of freedom err more than they say where looks and Holm's method ask for a small p: of 11
+# claims and three looks 8 % for 5 %. With four fifths of them the calibration is as stated.
+FREEDOM = 0.8
 # Numbers of two seeds that differ by less do not vary.
 SAME = 1e-12
 # O'Brien and Fleming's constants for 1 to 5 looks at a two-sided level of 0.05 (Jennison and Turnbull,
@@ -57,7 +60,7 @@ def interquartile_mean(values: Sample, axis: int = -1) -> Any:
     return np.mean(np.take(ordered, np.arange(cut, count - cut), axis=axis), axis=axis)
 
 
-def standard_error(values: Sample) -> tuple[float, int]:
+def standard_error(values: Sample) -> tuple[float, float]:
     """Return Yuen's standard error of an interquartile mean of [S] numbers, and its degrees of freedom.
 
     Where the middle half does not vary but the rest does, the mean's own error is taken: some seeds that
@@ -71,7 +74,7 @@ def standard_error(values: Sample) -> tuple[float, int]:
     squares = float(np.sum((winsorised - winsorised.mean()) ** 2))
     if squares < SAME**2:
         return float(np.std(values, ddof=1)) / sqrt(count), count - 1
-    return sqrt(squares / (kept * (kept - 1))), kept - 1
+    return sqrt(squares / (kept * (kept - 1))), FREEDOM * (kept - 1)
 
 
 def level_of(values: Sample, level: float = LEVEL / 2) -> Estimate:
@@ -258,8 +261,8 @@ def seen_effect(seeds: int, level: float = LEVEL / 2, power: float = 0.8) -> flo
 
     A t is a normal variable over a chi; SciPy's noncentral t gives no numbers for few seeds and low levels.
     """
-    freedom = seeds - 2 * int(TRIMMED * seeds) - 1
-    if freedom < 1:
+    freedom = FREEDOM * (seeds - 2 * int(TRIMMED * seeds) - 1)
+    if freedom <= 0:
         return np.inf
     quantiles = (np.arange(4_000) + 0.5) / 4_000
     spread = np.sqrt(stats.chi2.ppf(quantiles, freedom) / freedom)

@@ -17,9 +17,8 @@ def test_the_rules_err_about_as_often_as_they_allow(what: str, allowed: float | 
         assert row.shares[15] < 0.15
         return
     chance = 3 * (allowed * (1 - allowed) / repeats) ** 0.5
-    # Yuen's t of few numbers is known to err more than it says; how much, the plan tells.
-    assert max(row.shares[10], row.shares[15]) <= 1.5 * allowed + chance
-    assert row.shares[5] <= 2 * allowed + chance
+    # Arms with a tail, or whose seeds vary in different ways, are known to err a little more.
+    assert max(row.shares.values()) <= 1.3 * allowed + chance
 
 
 def test_the_table_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

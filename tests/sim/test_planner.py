@@ -15,7 +15,7 @@ from ship_trl.sim.transition import Transition
 
 MakeCase = Callable[..., Case]
 CPU = torch.device("cpu")
-BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new": 83.89}
+BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new": 83.89, "ship": 63.7}
 
 
 def sail(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
@@ -36,6 +36,18 @@ def test_the_best_known_returns(name: str, world: World) -> None:
     assert plan.total >= BEST[name] and plan.goal
     total, ended, goal = sail(case, world, plan)
     assert total == pytest.approx(plan.total, abs=1e-3) and ended and goal
+
+
+def test_case_ship_has_case_2s_ship_and_another_path(world: World) -> None:
+    ship, second, third = (load_case(name, world) for name in ("ship", "2", "3"))
+    assert ship.target_ships == [*second.target_ships, *third.target_ships]
+    # The straight course, best in case 2, collides; the best is case 3's curve.
+    straight = Plan(0.0, best_plan(second, world, beam=300).actions, True)
+    assert set(straight.actions) == {3}
+    with pytest.raises(AssertionError, match="over before action"):
+        sail(ship, world, straight)
+    assert best_plan(ship, world).actions == best_plan(third, world).actions
+    assert ship.ideal_path == third.ideal_path != second.ideal_path
 
 
 def test_the_same_plan_every_time(world: World) -> None:

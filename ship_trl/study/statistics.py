@@ -23,8 +23,8 @@ Sample = NDArray[np.float64]
 # Of resamples: the ends of a 95 % interval then vary by less than a hundredth of its width.
 RESAMPLES = 10_000
 CONFIDENCE = 0.95
-# Of arms changing places: all ways of fourteen seeds. Times the contrasts of a figure, the least p decides.
-SWAPS = 2**14
+# Of arms changing places: all ways of twelve seeds. Times the contrasts of a figure, the least p decides.
+SWAPS = 2**12
 # A test errs so often, on both sides together.
 LEVEL = 0.05
 # Cut off at each end by an interquartile mean.

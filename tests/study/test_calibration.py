@@ -13,7 +13,7 @@ def test_the_rules_err_about_as_often_as_they_allow(what: str, allowed: float | 
     repeats = FEW if what.startswith(("a figure", "the same, ", "spreads")) else MANY
     (row,) = calibrate(repeats, [(what, allowed, wrong)])
     if allowed is None:
-        # A difference of another kind: a plain mean's test would see it in a third of the studies.
+        # A difference of another kind: Student's t of the mean sees it in a quarter of the studies.
         assert row.shares[15] < 0.15
         return
     chance = 3 * (allowed * (1 - allowed) / repeats) ** 0.5

@@ -56,7 +56,7 @@ def write_copy(folder: Path, copy: Path) -> tuple[int, int]:
     if not whole:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
     paths = [(path, part) for part, *_, path in sorted(whole)]
-    plan = {key: plan[key] for key in ("settings", "cases", "jobs")}
+    plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     plan["jobs"] = [{key: job[key] for key in JOB} for job in plan["jobs"]]
     try:
         copy.mkdir(parents=True, exist_ok=True)

@@ -42,6 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--stability", action="store_true", help="how often runs fall back, and how they spread"
     )
+    parser.add_argument("--csv", type=Path, help="write every number of every run, a row each")
     options = parser.parse_args(arguments)
     folders = options.folders or [Path("outputs")]
     found: list[dict[str, Any]] = []
@@ -57,6 +58,8 @@ def main(arguments: list[str] | None = None) -> None:
     rows = list(summarise(found))
     if options.picture is not None:
         picture(options.picture, found)
+    if options.csv is not None:
+        write_numbers(options.csv, grouped(found))
     show(HEADINGS, rows, options.markdown)
     if options.stability:
         from ship_trl.study import stability
@@ -67,6 +70,16 @@ def main(arguments: list[str] | None = None) -> None:
             complain(f"--test: two folders are needed, got {len(folders)}")
             sys.exit(1)
         show(TEST_HEADINGS, list(compare(found, *map(str, folders))), options.markdown)
+
+
+def write_numbers(path: Path, groups: dict[str, list[dict[str, Any]]]) -> None:
+    """Write a row of numbers for each run, beside and renamed."""
+    from ship_trl.study import stability, tables
+
+    if not path.absolute().parent.is_dir():
+        complain(f"--csv: no folder {path.absolute().parent}")
+        sys.exit(1)
+    tables.write_csv(path, list(stability.numbers(groups)))
 
 
 def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ship_trl.cli import complain
-from ship_trl.study.metrics import THRESHOLDS, measure
+from ship_trl.study.metrics import METRICS, THRESHOLDS, measure
 from ship_trl.study.records import BrokenRunError, Record, read_run
 
 HEADINGS = (
@@ -52,6 +52,19 @@ def rows(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[list[str]]:
             f"{np.median(last):.3f} (median)",
             f"{near.sum()} of {len(near)}",
         ]
+
+
+def numbers(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[dict[str, Any]]:
+    """Yield every number of every run, by the name of its group and its seed."""
+    for name, results in groups.items():
+        for record in filter(None, map(read, results)):
+            row: dict[str, Any] = {"run": name, "seed": record.seed}
+            row |= {metric: measure(record, metric) for metric in METRICS}
+            row |= {
+                "best of known": np.max(record.greedy.total) / record.best_known,
+                "last of known": final(record.greedy.total) / record.best_known,
+            }
+            yield row
 
 
 def final(returns: Any) -> float:

@@ -1,5 +1,6 @@
 """How steadily runs learn, on runs whose falls are known."""
 
+import csv
 from pathlib import Path
 from typing import Any
 
@@ -47,3 +48,18 @@ def test_the_command_prints_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
     main([str(tmp_path), "--stability", "--markdown"])
     printed = capsys.readouterr().out
     assert "| " + " | ".join(HEADINGS) + " |" in printed and "| high scratch | 2 | 0 | " in printed
+
+
+def test_every_number_of_every_run_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for seed in (0, 1):
+        result(tmp_path / "runs", [0.5] * 9 + [1.0] * 11, seed)
+    main([str(tmp_path / "runs"), "--csv", str(tmp_path / "numbers.csv")])
+    with (tmp_path / "numbers.csv").open(newline="") as file:
+        rows_ = list(csv.DictReader(file))
+    assert [(row["run"], row["seed"]) for row in rows_] == [("high scratch", "0"), ("high scratch", "1")]
+    assert all(
+        float(row["area"]) == pytest.approx(0.775) and float(row["best of known"]) == 1 for row in rows_
+    )
+    with pytest.raises(SystemExit):
+        main([str(tmp_path / "runs"), "--csv", str(tmp_path / "nowhere/numbers.csv")])
+    assert "--csv: no folder" in capsys.readouterr().err

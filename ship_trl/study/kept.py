@@ -85,7 +85,7 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
         jobs = [[job[name] for name in JOB] for job in plan["jobs"]]
         if not isinstance(plan["settings"], dict) or not isinstance(plan["cases"], dict):
             raise TypeError
-        if not all(type(seed) is int for *_, seed in jobs):
+        if not all(list(map(type, job)) == [str, int, str, str, str, int] for job in jobs):
             raise TypeError
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise ConfigError(f"{key}: {path} is not a study's plan") from None

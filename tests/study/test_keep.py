@@ -190,6 +190,10 @@ HOSTILE = {
         lambda copy: (copy / FILES[2]).write_text('{"jobs": 3}') and None,
         "is not a study's plan",
     ),
+    "a plan of no names": (
+        spoil("study.json", lambda d: d.replace(b'"label": "high"', b'"label": ["high"]', 1), signed=False),
+        "study.json is not a study's plan",
+    ),
     "a study's plan": (
         lambda copy: (copy / FILES[2]).write_text('{"jobs": [], "settings": {}, "cases": {}}') and None,
         "is not the file that study.json was kept with",

@@ -8,7 +8,8 @@ from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, load_case
 
-SHIPPED = ["1", "2", "3", "4", "5", "6", "new", "ship"]
+PAPER = ["1", "2", "3", "4", "5", "6", "new"]
+SHIPPED = [*PAPER, "ship"]
 GOOD = """\
 start: [0.0, 0.0]
 heading: 90.0
@@ -38,11 +39,13 @@ def test_every_shipped_case_loads(name: str, world: World) -> None:
 
 
 def test_the_shipped_cases_are_those_of_the_paper(world: World) -> None:
-    ships = {name: load_case(name, world).target_ships for name in SHIPPED}
-    assert [len(ships[name]) for name in SHIPPED] == [0, 1, 1, 2, 1, 2, 2]
+    ships = {name: load_case(name, world).target_ships for name in PAPER}
+    assert [len(ships[name]) for name in PAPER] == [0, 1, 1, 2, 1, 2, 2]
     # The second of each pair is the first and one target ship more.
     for fewer, more in (("1", "2"), ("3", "4"), ("5", "6"), ("2", "new")):
         assert ships[more][:-1] == ships[fewer]
+    # Ours: the ship of case 2 on the way of case 3.
+    assert load_case("ship", world).target_ships == [*ships["2"], *ships["3"]]
     assert {path.stem for path in (conf_dir() / "case").glob("*.yaml")} == set(SHIPPED)
 
 

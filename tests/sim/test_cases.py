@@ -136,7 +136,9 @@ def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["9", "mine.yaml", "no/such/folder/mine.yaml", "", "."])
 def test_a_case_that_is_not_there(name: str, world: World) -> None:
-    with pytest.raises(ConfigError, match=r"^target: no case .*; allowed: 1, 2, .*, new, ship, or a path") as error:
+    with pytest.raises(
+        ConfigError, match=r"^target: no case .*; allowed: 1, 2, .*, new, ship, or a path"
+    ) as error:
         load_case(name, world, key="target")
     assert "\n" not in str(error.value)
 

@@ -134,3 +134,9 @@ def test_an_unreadable_result_is_not_lost_either(tmp_path: Path) -> None:
     (first.folder / "result.json").write_text("{")
     with pytest.raises(ConfigError, match="holds a finished run of other settings"):
         run("target=1", "method=scratch", f"output={tmp_path}")
+
+
+def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = run("target=1", "method=scratch").recipe
+    monkeypatch.setattr("ship_trl.plan.ALGORITHM_VERSION", 1_000_000)
+    assert run("target=1", "method=scratch").recipe != before

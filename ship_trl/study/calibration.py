@@ -19,10 +19,10 @@ from ship_trl.cli import complain, make_parser
 from ship_trl.study.answers import judge
 from ship_trl.study.claims import Hypothesis, Test
 from ship_trl.study.contrasts import Claimed, Verdict, contrast
-from ship_trl.study.measured import Study
+from ship_trl.study.measured import BLOCK, Study
 from ship_trl.study.statistics import LEVEL, Sample, look_level, spread_test
 
-SEEDS, BLOCK = (5, 10, 15), 5
+SEEDS = (BLOCK, 2 * BLOCK, 3 * BLOCK)
 REPEATS = 2000
 SD, MARGIN = 0.1, 0.05
 # Of arms that fall back into colliding: how often, and what it costs of a score.

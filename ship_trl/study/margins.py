@@ -2,19 +2,59 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
+import yaml
+from omegaconf import MISSING, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.config import ConfigError, explain
 from ship_trl.paths import conf_dir
+from ship_trl.study.metrics import METRICS
+
+
+@dataclass
+class Margins:
+    """A share of what could be gained: `gains` are by target case and metric."""
+
+    margin: float = MISSING
+    gains: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+def read_margins(path: Path) -> Margins:
+    """Read and check a file of margins.
+
+    Raises:
+        ConfigError: an unknown key or metric, or a number that is not above 0.
+    """
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(Margins), OmegaConf.load(path))
+        found: Any = OmegaConf.to_object(merged)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{path.name}: {explain(error)}") from None
+    except (yaml.YAMLError, OSError) as error:
+        raise ConfigError(f"{path.name}: cannot be read: {' '.join(str(error).split())}") from None
+    numbers = {"margin": found.margin}
+    for case, gains in found.gains.items():
+        for metric, gain in gains.items():
+            if metric not in METRICS:
+                allowed = ", ".join(METRICS)
+                raise ConfigError(f"{path.name}: gains.{case}: no metric {metric}; allowed: {allowed}")
+            numbers[f"gains.{case}.{metric}"] = gain
+    for key, value in numbers.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ConfigError(f"{path.name}: {key}: must be above 0, got {value}")
+    return Margins(found.margin, found.gains)
 
 
 @cache
-def analysis() -> dict[str, Any]:
-    """Read conf/analysis.yaml."""
-    values: Any = OmegaConf.to_container(OmegaConf.load(conf_dir() / "analysis.yaml"))
-    return dict(values)
+def margins() -> Margins:
+    """Read conf/analysis.yaml, once."""
+    return read_margins(conf_dir() / "analysis.yaml")
 
 
 def margin(target: str, metric: str) -> float | None:
@@ -22,5 +62,5 @@ def margin(target: str, metric: str) -> float | None:
 
     None where it is not known what could be gained: then nothing is said of equality.
     """
-    gain = analysis()["gains"].get(target, {}).get(metric)
-    return None if gain is None else float(analysis()["margin"] * gain)
+    gain = margins().gains.get(target, {}).get(metric)
+    return None if gain is None else margins().margin * gain

@@ -43,8 +43,8 @@ class Study:
 
     `broken` are those that could not be read, with the reason. `planned` are the seeds that the study was
     begun with: they alone are judged, however many are run later; all that are there where no plan is
-    known. `rules` name the plan (see `rules.py`). `level` is
-    one-sided, of intervals and tests; `resamples` how often arms change places to test spreads.
+    known. `rules` name the plan (see `rules.py`). `level` is one-sided, of intervals and tests; `resamples`
+    how often arms change places to test spreads.
     """
 
     records: Records
@@ -106,7 +106,7 @@ class Study:
 
 def read_study(folder: Path) -> Study:
     """Read all runs below a folder; what cannot be read, or is no study's, is named in `broken`."""
-    planned, rules = read_plan(folder)
+    planned, rules = begun_with(folder)
     study = Study({}, planned=planned, rules=rules)
     for path, part in find_runs(folder):
         try:
@@ -120,7 +120,7 @@ def read_study(folder: Path) -> Study:
     return replace(study, records=same_zero(study.records))
 
 
-def read_plan(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
+def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
     """Return the seeds and the rules that a study was begun with; nothing where there is no plan to read."""
     try:
         plan = json.loads((folder / PLAN).read_text())

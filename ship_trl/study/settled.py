@@ -16,6 +16,7 @@ from ship_trl.config import Config, ConfigError, World, plain
 from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.config import StudyConfig
+from ship_trl.study.margins import margins
 from ship_trl.study.plan import Job
 from ship_trl.study.rules import stamp
 
@@ -55,8 +56,10 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
     """Make the study's folder and write down what is planned; more seeds or arms may be added later.
 
     Raises:
-        ConfigError: the folder cannot be written, or holds a study of other settings.
+        ConfigError: the folder cannot be written, holds a study of other settings, or the margins are wrong.
     """
+    # It is read when the runs are judged, which may be days from now.
+    margins()
     shared = run_config(config)
     settings: dict[str, Any] = {
         "profile": config.profile,

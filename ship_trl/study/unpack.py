@@ -44,8 +44,8 @@ class Copy:
 
 
 def is_copy(folder: Path) -> bool:
-    """Whether a folder holds a copy, and not a study itself."""
-    return (folder / CURVES).is_file()
+    """Whether a folder holds a copy, whole or not, and not a study itself."""
+    return any((folder / name).is_file() for name in (RUNS, CURVES))
 
 
 def read_copy(copy: Path) -> Copy:

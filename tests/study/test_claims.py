@@ -9,7 +9,6 @@ from ship_trl.study.claims import FE, Test, beats, each_above_the_last, means, r
 from ship_trl.study.conclusions import OURS
 from ship_trl.study.config import to_study
 from ship_trl.study.contrasts import Finding
-from ship_trl.study.margins import analysis
 from ship_trl.study.measured import Study
 from ship_trl.study.plan import SOURCES, plan_jobs
 from tests.study.synthetic import make_study
@@ -70,11 +69,12 @@ def test_means_of_arms_are_compared() -> None:
     assert found.beside["greedy area"].value == pytest.approx(found.estimate.value, abs=0.01)
 
 
-def test_the_margin_is_a_share_of_what_could_be_gained_on_the_target() -> None:
+def test_the_margin_is_a_share_of_what_could_be_gained_on_the_target(
+    gains: dict[str, dict[str, float]],
+) -> None:
     study = make_study(pair("high", FE1=0.9, FT1=0.9))
-    gains = analysis()["gains"]["2"]
-    assert one(beats("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["area"])
-    assert one(sooner("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["time"])
+    assert one(beats("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["2"]["area"])
+    assert one(sooner("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["2"]["time"])
     assert one(beats("high", "FE1", "FT1", "collision rise"), study).margin is None
 
 

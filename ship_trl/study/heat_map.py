@@ -7,23 +7,23 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ship_trl.study.claims import FE, FT
-from ship_trl.study.config import NEW_CASE, RANDOM_ARM, REUSED_ARM, REUSED_CASE, SELF_PAIR
+from ship_trl.study.config import CONTROL_ARMS, NEW_CASE, REUSED_ARM, REUSED_CASE, read
 from ship_trl.study.figures import pairs
 from ship_trl.study.measured import Study
 from ship_trl.study.metrics import measure
 from ship_trl.study.plan import (
     ALONE,
+    COMPARED,
     CONTROLS,
     FURTHER_SOURCES,
     LOW,
     OTHER_SOURCES,
     PAIRS,
-    SELF_CASE,
     from_scratch,
 )
 from ship_trl.study.statistics import interquartile_mean
 
-ARMS = (*FE, RANDOM_ARM, *FT, "FTW")
+ARMS = (*FE, *CONTROL_ARMS, *FT, "FTW")
 Place = tuple[str, str, str]
 
 
@@ -33,11 +33,14 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
     for pair in pairs(study):
         source, target = study.cases(pair)
         arms: dict[str, Place] = {arm: (PAIRS, pair, arm) for arm in ARMS}
-        arms[RANDOM_ARM] = (CONTROLS, pair, RANDOM_ARM)
+        arms |= {arm: (CONTROLS, pair, arm) for arm in CONTROL_ARMS}
         found[f"{source} to {target}"] = from_scratch(PAIRS, pair), arms
-    itself = {arm: (CONTROLS, SELF_PAIR, arm) for arm in ARMS}
-    # Without controls it may be a pair like others.
-    found.setdefault(f"{SELF_CASE} to {SELF_CASE}", (from_scratch(CONTROLS, SELF_PAIR), itself))
+    for label in COMPARED:
+        values = read("pair", label)
+        # Without controls it may be a pair like others.
+        itself: dict[str, Place] = {arm: (CONTROLS, label, arm) for arm in ARMS}
+        name = f"{values['source']} to {values['target']}"
+        found.setdefault(name, (from_scratch(CONTROLS, label), itself))
     label = f"{REUSED_CASE}-{NEW_CASE}"
     reused = {
         f"1, {REUSED_CASE} to {NEW_CASE}": (LOW, label, REUSED_ARM),
@@ -79,7 +82,7 @@ def draw_gains(study: Study) -> Figure | None:
     axes = figure.subplots()
     most = max(0.05, float(np.nanmax(np.abs(values), initial=0.0)))
     picture = axes.imshow(values, cmap=mpl.colormaps["PuOr"], vmin=-most, vmax=most, aspect="auto")
-    axes.set_xticks(range(len(ARMS)), ARMS)
+    axes.set_xticks(range(len(ARMS)), [arm.replace("-", "\n") for arm in ARMS])
     axes.set_yticks(range(len(found)), list(found))
     axes.set_ylabel("source to target")
     for (row, column), value in np.ndenumerate(values):

@@ -29,7 +29,6 @@ PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
 # Sources of the paper's pairs, and targets of them.
 OTHER_SOURCES, FURTHER_SOURCES = ("1", "3", "5"), ("4", "6")
 LOW_EPSILON = 0.1
-SELF_CASE = "2"
 # The pair whose runs from scratch are those of a control's target.
 COMPARED = {"self": "high", "ship": "high", "self4": "low", "self6": "lowest"}
 

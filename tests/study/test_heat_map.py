@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from ship_trl.study.heat_map import gain, rows
+from ship_trl.study.heat_map import ARMS, gain, rows
 from tests.study.synthetic import make_study
 
 
@@ -19,3 +19,15 @@ def test_as_a_control_it_is_compared_with_the_pair_that_has_its_target() -> None
     found = rows(make_study(ends, seeds=2))
     scratch, arms = found["2 to 2"]
     assert scratch == ("pairs", "high", "scratch") and arms["FE1"] == ("controls", "self", "FE1")
+
+
+def test_every_control_has_its_row_and_arm() -> None:
+    places = {("controls", label, "FTW"): 0.8 for label in ("self", "self4", "self6", "ship")}
+    places |= {("pairs", pair, "scratch"): 0.5 for pair in ("high", "low", "lowest")}
+    places |= {("controls", "high", arm): 0.6 for arm in ("FE3-random", "FE3-permuted")}
+    study = make_study(places, seeds=2)
+    found = rows(study)
+    for name in ("2 to 2", "4 to 4", "6 to 6", "ship to 2"):
+        scratch, arms = found[name]
+        assert gain(study, arms["FTW"], scratch) > 0.1
+    assert {"FE3-random", "FE3-permuted"} <= set(ARMS)

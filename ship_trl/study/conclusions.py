@@ -83,7 +83,7 @@ OURS = [
     Hypothesis(
         "E4",
         EXPLORATORY,
-        "A case's own network, finetuned as a whole, beats learning it from scratch: the ceiling.",
+        "A case's own network, finetuned as a whole, beats learning it from scratch.",
         [itself(case, pair, label, "FTW", "scratch") for pair, (case, label) in ITSELF.items()],
     ),
     Hypothesis(

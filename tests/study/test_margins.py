@@ -6,11 +6,15 @@ import pytest
 
 from ship_trl.config import ConfigError
 from ship_trl.paths import conf_dir
+from ship_trl.study.config import NEW_CASE, names, read
 from ship_trl.study.margins import margin, read_margins
 
 
 def test_the_shipped_file_is_right() -> None:
-    assert read_margins(conf_dir() / "analysis.yaml").margin == 0.2
+    shipped = read_margins(conf_dir() / "analysis.yaml")
+    assert shipped.margin == 0.2
+    targets = {str(read("pair", pair)["target"]) for pair in names("pair")} | {NEW_CASE}
+    assert set(shipped.gains) == targets and all("area" in gain for gain in shipped.gains.values())
 
 
 def test_a_margin_is_a_share_of_the_gain_and_unknown_without_one(gains: dict[str, dict[str, float]]) -> None:

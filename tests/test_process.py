@@ -9,19 +9,18 @@ from ship_trl.process import settle
 
 
 @pytest.fixture
-def settled() -> Iterator[None]:
-    able = torch.set_flush_denormal(False)
-    if not able:
-        pytest.skip("this processor cannot let denormal numbers be zero")
+def able() -> Iterator[bool]:
+    """Whether the processor can let denormal numbers be zero, once settled."""
+    found = torch.set_flush_denormal(False)
     settle()
-    yield
+    yield found
     torch.set_flush_denormal(False)
 
 
-def test_numbers_that_cost_a_hundred_times_as_much_are_zero(settled: None) -> None:
+def test_numbers_that_cost_a_hundred_times_as_much_are_zero_where_they_can_be(able: bool) -> None:
     assert torch.get_num_threads() == 1
     # Adam's average of the gradients of a unit that fired once and never again.
     average = torch.full((64,), 1e-37)
     for _ in range(40):
         average *= 0.9
-    assert float(average.abs().max()) == 0.0
+    assert (float(average.abs().max()) == 0.0) == able

@@ -35,8 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
     except ConfigError as error:
         complain(str(error))
         sys.exit(1)
-    seeds = {case: count for case, (count, _) in found.items()}
-    sys.stdout.write("".join(f"# case {case}: {count} seeds\n" for case, count in seeds.items()))
+    sys.stdout.write("".join(f"# case {case}: {count} seeds\n" for case, (count, _) in found.items()))
     sys.stdout.write(
         yaml.safe_dump({"gains": {case: gain for case, (_, gain) in found.items()}}, sort_keys=False)
     )
@@ -85,7 +84,8 @@ def gain(pairs: list[tuple[Record, Record]]) -> dict[str, float]:
         found[metric] = -better if metric in TIMES else better
     for metric in WHOLE:
         found[metric] = np.mean([measure(scratch, metric) for scratch, _ in pairs])
-    return {metric: round(float(value), 3) for metric, value in found.items() if round(float(value), 3) > 0}
+    rounded = {metric: round(float(value), 3) for metric, value in found.items()}
+    return {metric: value for metric, value in rounded.items() if value > 0}
 
 
 if __name__ == "__main__":

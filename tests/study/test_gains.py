@@ -37,14 +37,13 @@ def test_gains_are_means_over_the_seeds_that_both_have(
 
 
 def test_the_whole_dip_of_scratch_could_be_gained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    # It is at 0.9 from the start, but for ten episodes around the end of exploration.
+    # It learns late and never falls; the exploration rate of these runs is at its end from the start.
     scores = np.full(EPISODES, HIGH)
     scores[:10] = LOW
     write_run(tmp_path / "scratch", scores, pair="4", target="4")
     write_run(tmp_path / "knowing", np.full(EPISODES, HIGH), pair="4", target="4")
     main([str(tmp_path / "scratch"), str(tmp_path / "knowing")])
     found = yaml.safe_load(capsys.readouterr().out)["gains"]
-    # The exploration rate of these runs is at its end from the first episode on.
     assert "dip" not in found["4"] and found["4"]["early area"] == pytest.approx(0.5 * (HIGH - LOW))
     scores[:10], scores[10:20] = HIGH, LOW
     write_run(tmp_path / "falls", scores, pair="4", target="4")

@@ -221,7 +221,7 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
         run.target, config.world, min(count, FLEET), colour=config.colour, device=str(eval_env.device)
     )
     generator = Generator().manual_seed(run.stream("jumpstart"))
-    return jumpstart(env, agent.vision, agent.network, layers, count, generator)
+    return jumpstart(env, agent.draw, agent.network, layers, count, generator)
 
 
 def score(episode: Episode, at: int) -> dict[str, Any]:

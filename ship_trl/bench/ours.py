@@ -73,7 +73,7 @@ class Ours:
     @property
     def precision(self) -> str:
         """What the learner computes in: fp32 or bf16."""
-        return "bf16" if self.agent.vision.dtype is torch.bfloat16 else "fp32"
+        return "bf16" if self.agent.dtype is torch.bfloat16 else "fp32"
 
     def fill(self, steps: int) -> None:
         """Put at least so many transitions of random actions into the replay."""
@@ -109,10 +109,8 @@ class Ours:
         return self.replay.sample(batch_size or self.learn.batch_size)
 
     def sample_seen(self) -> None:
-        """A batch from the replay, drawn and cut for the networks to read."""
-        batch = self.sample()
-        for key in ("observed", "later"):
-            self.agent.look(batch[key])
+        """A batch from the replay, drawn."""
+        self.agent.draw_batch(self.sample())
 
     def update(self, batch: TensorDictBase) -> None:
         """One gradient step, and the soft target."""
@@ -120,7 +118,7 @@ class Ours:
 
     def states(self, count: int) -> Tensor:
         """States out of the replay: [count, 4]."""
-        states: Tensor = self.sample(count)["observed"]
+        states: Tensor = self.sample(count)[self.agent.observes]
         return states
 
     def act(self, states: Tensor) -> Tensor:

@@ -7,13 +7,15 @@ import copy
 import torch
 from tensordict import TensorDictBase
 from torch import Generator, Tensor
+from torchrl.modules import QValueActor
 
 from ship_trl.config import Learn
-from ship_trl.learn.delta import Rows
+from ship_trl.learn.delta import Incremental
 from ship_trl.learn.glance import Glance
-from ship_trl.learn.loss import double_dqn_target, td_loss
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
-from ship_trl.learn.vision import DeltaVision, DenseVision, Draw, computing
+from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
+from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
+from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.vision import Draw, choose_backend, computing
 
 # From this many frozen layers on, their output is kept in the replay in place of the state: 3,136
 # numbers after the third (in half precision 6 kB, a little less than a picture), 200 after the fourth.
@@ -67,19 +69,25 @@ class Agent:
         self.network, self.draw, self.learn = network, draw, learn
         self.exploration = exploration
         self.num_actions = num_actions
-        self.average = copy.deepcopy(network).requires_grad_(False)
-        self.frozen = frozen_layers(network)
+        self.frozen = network.frozen = frozen_layers(network)
         device = network.conv1.weight.device
-        on_cpu = device.type == "cpu"
-        self.observes = "features" if on_cpu and self.frozen >= KEPT_FROM else "state"
-        self.vision = (DeltaVision if on_cpu else DenseVision)(draw, computing(learn.precision, device))
+        network.backend = choose_backend(draw, learn.precision, device)
+        incremental = isinstance(network.backend, Incremental)
+        self.observes = "features" if incremental and self.frozen >= KEPT_FROM else "state"
+        self.dtype = computing(learn.precision, device)
         # Where float32 computes, float16 keeps three bits more of it than bfloat16 would.
-        self.kept = torch.bfloat16 if self.vision.dtype is torch.bfloat16 else torch.float16
-        self._online = self.vision.reader(network, self.frozen)
-        self._slow = self.vision.reader(self.average, self.frozen)
-        self._online.learn()
-        self._actor = self.vision.actor(network, self.frozen)
-        self.optimiser = torch.optim.Adam(self._online.parameters, lr=learn.lr, fused=True)
+        self.kept = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
+        reads = "pixels" if self.observes == "state" else self.observes
+        actor = QValueActor(network, in_keys=[reads], action_space="categorical")
+        self.loss = DoubleDQNLoss(
+            actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
+        )
+        self.average = copy.copy(self.loss.target_network)
+        self.average.backend = Dense()
+        self.target_update = ForeachSoftUpdate(self.loss, tau=learn.tau)
+        self._actor = Glance(network, draw.still, self.frozen) if incremental else None
+        learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
+        self.optimiser = ChannelsLastAdam(learning, lr=learn.lr)
 
     @torch.no_grad()
     def q_values(self, state: Tensor) -> Tensor:
@@ -92,13 +100,6 @@ class Agent:
         features = self._actor.encode(self.draw(state))
         # float16 ends at 65,504, and would keep what is beyond as infinite; nothing is negative.
         return features.clamp_(max=torch.finfo(self.kept).max).to(self.kept)
-
-    @torch.no_grad()
-    def look(self, observation: Tensor) -> object:
-        """An observation [N, ...] through the frozen layers, for the networks to read on."""
-        if self.observes == "features":
-            return Rows(observation.to(self.vision.dtype), (None,) * (len(CONV_NAMES) - self.frozen))
-        return self._online.advance(self.vision.look(observation), self.frozen)
 
     def act(self, observation: Tensor, epsilon: float) -> Tensor:
         """Epsilon-greedy actions: [N, ...] to int64 [N].
@@ -116,10 +117,12 @@ class Agent:
             action[~explore] = self._best(observation[~explore])
         return action
 
+    @torch.no_grad()
     def _best(self, observation: Tensor) -> Tensor:
         """The online network's choice: [N, ...] to int64 [N]."""
+        if self._actor is None:
+            return self.network(self.draw(observation)).argmax(-1)
         if self.observes == "features":
-            assert isinstance(self._actor, Glance)
             return self._actor.actions_on(observation)
         return self._actor.actions(self.draw(observation))
 
@@ -128,21 +131,18 @@ class Agent:
         for group in self.optimiser.param_groups:
             group["lr"] = rate
 
+    def draw_batch(self, batch: TensorDictBase) -> None:
+        """Put `pixels` beside the states of transitions, where it is states that are kept."""
+        if self.observes == "state":
+            batch["pixels"] = self.draw(batch["state"])
+            batch["next", "pixels"] = self.draw(batch["next", "state"])
+
     def update(self, batch: TensorDictBase) -> Tensor:
         """One gradient step on a batch of the replay, then the soft target; returns the loss."""
-        now, later = self.look(batch["observed"]), self.look(batch["later"])
-        with torch.no_grad():
-            online, slow = self._online.q_values(later), self._slow.q_values(later)
-        wanted = double_dqn_target(online, slow, batch["reward"], batch["terminated"], self.learn.gamma)
-        got = self._online.q_values(now)
-        loss = td_loss(got, batch["action"], wanted, self.learn.loss, self.learn.huber_delta)
+        self.draw_batch(batch)
+        loss = self.loss(batch)["loss"]
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        self._online.hand_back()
         self.optimiser.step()
-        with torch.no_grad():
-            torch._foreach_lerp_(self._slow.parameters, self._online.parameters, self.learn.tau)
-        self._online.refresh()
-        self._slow.refresh()
-        self._actor.changed()
+        self.target_update.step()
         return loss.detach()

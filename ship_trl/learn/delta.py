@@ -13,6 +13,7 @@ still picture would be most of the work, and takes those from memory.
 from __future__ import annotations
 
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -20,6 +21,8 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from ship_trl.learn import delta_kernels as kernels
+from ship_trl.learn.changes import version
+from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
 # Kernel, stride and side of the output of conv1 to conv3.
 GEOMETRY = ((8, 4, 20), (4, 2, 9), (3, 1, 7))
@@ -99,6 +102,15 @@ def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
     return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()
 
 
+def as_matrix(weight: Tensor) -> Tensor:
+    """View filters [O, C, H, W] as a matrix [O, H W C].
+
+    Raises:
+        RuntimeError: they do not lie channels last, so that only a copy could be given.
+    """
+    return weight.permute(0, 2, 3, 1).view(len(weight), -1)
+
+
 def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
     """The windows `rows[index]` and `relu(windows @ weight.T + bias)`: one conv layer.
 
@@ -112,28 +124,150 @@ def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Ten
 
 
 class GatheredLayer(torch.autograd.Function):
-    """`gathered_layer` with gradients; returns [T, O] alone."""
+    """A conv layer on gathered rows, in their precision; gradients of its weights are float32.
+
+    Shapes: rows [R, C], index int32 [T, K] or None, weight float32 [O, C, H, W] channels last, bias
+    float32 [O]; then both in the precision of the rows, as a matrix [O, K C] and [O]; returns [T, O].
+    """
 
     @staticmethod
-    def forward(ctx: Any, rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> Tensor:
+    def forward(
+        ctx: Any,
+        rows: Tensor,
+        index: Tensor | None,
+        weight: Tensor,
+        _bias: Tensor,
+        matrix: Tensor,
+        bias: Tensor,
+    ) -> Tensor:
         """Gather, multiply, cut off below zero."""
-        windows, out = gathered_layer(rows, index, weight, bias)
-        ctx.save_for_backward(windows, index, weight, out)
-        ctx.rows = rows.shape
+        windows, out = gathered_layer(rows, index, matrix, bias)
+        ctx.save_for_backward(windows, index, matrix, out)
+        ctx.rows, ctx.filters = rows.shape, weight.shape
         return out
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         """Gradients of rows, weight and bias, each where it is needed."""
-        windows, index, weight, out = ctx.saved_tensors
+        windows, index, matrix, out = ctx.saved_tensors
         gradient = torch.ops.aten.threshold_backward(gradient, out, 0)
         to_rows = to_weight = to_bias = None
         if ctx.needs_input_grad[0]:
             total = torch.zeros(ctx.rows, dtype=torch.float32)
-            pieces = (gradient @ weight).view(*index.shape, -1)
+            pieces = (gradient @ matrix).view(*index.shape, -1)
             kernels.scatter_add(as_numpy(pieces), index.numpy(), total.numpy())
             to_rows = total.to(gradient.dtype)
         if ctx.needs_input_grad[2]:
-            to_weight, to_bias = gradient.t() @ windows, gradient.sum(0)
-        return to_rows, None, to_weight, to_bias
+            filters, channels, height, width = ctx.filters
+            flat = (gradient.t() @ windows).float()
+            to_weight = flat.view(filters, height, width, channels).permute(0, 3, 1, 2)
+            to_bias = gradient.sum(0).float()
+        return to_rows, None, to_weight, to_bias, None, None
+
+
+class Copies:
+    """Conv layers as matrices [O, H W C] and biases [O] in the precision that computes.
+
+    In float32 they are the weights' own memory; else copies, written anew by `refresh`.
+    """
+
+    def __init__(self, weights: list[Tensor], dtype: torch.dtype) -> None:
+        self.places = [weight.data_ptr() for weight in weights]
+        self._own = [as_matrix(w.detach()) if w.dim() == 4 else w.detach() for w in weights]
+        self._copies = [own.to(dtype) for own in self._own]
+        self._versions: list[tuple[int, ...]] = [(), ()]
+        self.layers = list(zip(self._copies[::2], self._copies[1::2], strict=True))
+
+    def refresh(self, weights: list[Tensor], frozen: int) -> None:
+        """Copy what may have changed since the last time.
+
+        Args:
+            weights: those from which this was made.
+            frozen: how many layers never learn.
+        """
+        if self._copies[0].dtype is torch.float32:
+            return
+        learning = weights[2 * frozen :]
+        now = [tuple(w._version for w in weights[: 2 * frozen]), version(learning)]  # noqa: SLF001
+        if learning and not learning[0].requires_grad:
+            # A target network changes by writing to its data, which no version tells.
+            self._versions[1] = ()
+        for part, before, after in zip(
+            (slice(2 * frozen), slice(2 * frozen, None)), self._versions, now, strict=True
+        ):
+            if before != after:
+                torch._foreach_copy_(self._copies[part], self._own[part])
+        self._versions = now
+
+
+class Incremental:
+    """Computes the conv layers on the windows that differ from the background (see above), on a CPU.
+
+    What it made of the frames that it saw last is remembered up to the first layer that learns: the
+    online network and the target network read the same next observations, one after the other.
+
+    Args:
+        background: the picture that most frames resemble, uint8 [C, 84, 84].
+        dtype: of the conv layers. Weights and their gradients stay float32.
+    """
+
+    def __init__(self, background: Tensor, dtype: torch.dtype) -> None:
+        self.dtype = dtype
+        self._cut = Cutter(background, dtype)
+        self._seen: tuple[Tensor, tuple[int, ...], Rows] | None = None
+        self._copies: WeakKeyDictionary[DuelingNetwork, Copies] = WeakKeyDictionary()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Incremental:
+        """Stay one: a copied network shares it."""
+        return self
+
+    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
+        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, 200]."""
+        return self._rest(network, self._through_frozen(network, pixels))
+
+    def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
+        """Compute those after the frozen ones: [B, F] to float32 [B, 200]."""
+        if network.frozen == len(CONV_NAMES):
+            return kept.float()
+        return self._rest(network, Rows(kept.to(self.dtype), (None,) * (len(CONV_NAMES) - network.frozen)))
+
+    def _through_frozen(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
+        """Cut frames into windows, and take them through the frozen layers."""
+        frozen = [getattr(network, name).weight for name in CONV_NAMES[: network.frozen]]
+        # Who and which version: weights that are replaced or changed in place are others.
+        state = (pixels._version, *(n for w in frozen for n in (w.data_ptr(), w._version)))  # noqa: SLF001
+        if self._seen is None or self._seen[0] is not pixels or self._seen[1] != state:
+            with torch.no_grad():
+                rows = self._advance(network, self._cut(pixels), network.frozen)
+            self._seen = (pixels, state, rows)
+        return self._seen[2]
+
+    def _rest(self, network: DuelingNetwork, rows: Rows) -> Tensor:
+        """Take rows through all layers that are left."""
+        # The fully connected layers compute in float32: there the differences between actions are small.
+        return self._advance(network, rows, len(rows.indices)).values.float()
+
+    def _advance(self, network: DuelingNetwork, rows: Rows, layers: int) -> Rows:
+        """Take rows through the next `layers` conv layers, with gradients where torch records them."""
+        if layers == 0:
+            return rows
+        values, indices = rows
+        weights = network.conv_weights()
+        copies = self._copied(network, weights)
+        first = len(CONV_NAMES) - len(indices)
+        for n in range(first, first + layers):
+            index, (matrix, bias) = indices[n - first], copies.layers[n]
+            if torch.is_grad_enabled():
+                values = GatheredLayer.apply(values, index, weights[2 * n], weights[2 * n + 1], matrix, bias)
+            else:
+                _, values = gathered_layer(values, index, matrix, bias)
+        return Rows(values, indices[layers:])
+
+    def _copied(self, network: DuelingNetwork, weights: list[Tensor]) -> Copies:
+        """Give the network's conv layers in the precision that computes, as they are now."""
+        copies = self._copies.get(network)
+        if copies is None or copies.places != [weight.data_ptr() for weight in weights]:
+            copies = self._copies[network] = Copies(weights, self.dtype)
+        copies.refresh(weights, network.frozen)
+        return copies

@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.learn.delta import GEOMETRY, Cutter, Rows, gathered_layer
-from ship_trl.learn.filters import as_matrices, conv_layers
+from ship_trl.learn.changes import version
+from ship_trl.learn.delta import GEOMETRY, Cutter, Rows, as_matrix, gathered_layer
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
 
@@ -27,11 +27,17 @@ class Glance:
         self._cut = Cutter(still, torch.float32)
         self._still = self._cut(still.unsqueeze(0))
         self._remembered: list[Tensor] = []
-        self._weights = [as_matrices(layer) for layer in conv_layers(network)]
+        layers = [getattr(network, name) for name in CONV_NAMES]
+        self._weights = [(as_matrix(layer.weight.detach()), layer.bias.detach()) for layer in layers]
+        self._learning = [p for layer in layers[frozen:] for p in (layer.weight, layer.bias)]
+        self._version: tuple[int, ...] = ()
 
-    def changed(self) -> None:
-        """The network's weights have changed: what the layers that learn gave is forgotten."""
-        del self._remembered[self._frozen :]
+    def _forget(self) -> None:
+        """Forget what the layers that learn gave, if they have learned since."""
+        now = version(self._learning)
+        if now != self._version:
+            del self._remembered[self._frozen :]
+            self._version = now
 
     @torch.no_grad()
     def actions(self, frames: Tensor) -> Tensor:
@@ -55,6 +61,7 @@ class Glance:
 
     def _advance(self, rows: Rows, layers: int) -> Rows:
         """Through the next `layers` conv layers."""
+        self._forget()
         values, indices = rows
         first = len(CONV_NAMES) - len(indices)
         for n in range(first, first + layers):

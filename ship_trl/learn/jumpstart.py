@@ -16,7 +16,7 @@ from torchrl.envs import EnvBase
 from ship_trl.learn.agent import KEPT_FROM
 from ship_trl.learn.glance import Glance
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
-from ship_trl.learn.vision import DeltaVision, DenseVision
+from ship_trl.learn.vision import Draw
 
 # One ship's observation [1, ...] to its action [1].
 Decide = Callable[[Tensor], Tensor]
@@ -24,7 +24,7 @@ Decide = Callable[[Tensor], Tensor]
 
 def jumpstart(
     env: EnvBase,
-    vision: DeltaVision | DenseVision,
+    draw: Draw,
     network: DuelingNetwork,
     copied: int,
     draws: int,
@@ -37,7 +37,7 @@ def jumpstart(
 
     Args:
         env: the world, with a batch of as many ships as sail at once.
-        vision: how networks see.
+        draw: states to pixels.
         network: what training begins with.
         copied: how many conv layers, counted from the image, are shared.
         draws: how many.
@@ -45,21 +45,22 @@ def jumpstart(
     """
     shared, drawn = CONV_NAMES[:copied], copy.deepcopy(network).cpu()
     fleet = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
-    actors = [vision.actor(each, copied) for each in fleet]
-    look: Callable[[Tensor], Tensor] = vision.draw
-    decide: list[Decide] = [actor.actions for actor in actors]
-    glances = [actor for actor in actors if isinstance(actor, Glance)]
-    if copied >= KEPT_FROM and glances:
-        # What so many layers make of the pictures is computed for all ships at once.
-        first = glances[0]
-        look, decide = lambda state: first.encode(vision.draw(state)), [g.actions_on for g in glances]
+    look: Callable[[Tensor], Tensor] = draw
+    decide: list[Decide]
+    if env.device is not None and env.device.type == "cpu":
+        glances = [Glance(each, draw.still, copied) for each in fleet]
+        decide = [glance.actions for glance in glances]
+        if copied >= KEPT_FROM:
+            # What so many layers make of the pictures is computed for all ships at once.
+            look, decide = lambda state: glances[0].encode(draw(state)), [g.actions_on for g in glances]
+    else:
+        decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in fleet]  # type: ignore[misc]
     found: list[float] = []
     while len(found) < draws:
         count = min(len(fleet), draws - len(found))
-        for each, actor in zip(fleet[:count], actors, strict=False):
+        for each in fleet[:count]:
             drawn.reset(generator, shared)
             each.load_state_dict(drawn.state_dict())
-            actor.changed()
         found += sail(env, look, decide[:count])
     return found
 

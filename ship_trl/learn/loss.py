@@ -2,30 +2,109 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Any
+
+import torch
 import torch.nn.functional as F
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import dispatch
 from torch import Tensor
+from torchrl.modules import QValueActor
+from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Loss
 
 
-def double_dqn_target(
-    online: Tensor, slow: Tensor, reward: Tensor, terminated: Tensor, gamma: float
-) -> Tensor:
-    """What Q(s, a) should be: the online network chooses the next action, the target network values it.
-
-    A truncated step is not terminated, so it bootstraps.
-    Shapes: Q-values of the next states [B, A] of both networks, reward and terminated [B, 1];
-    returns [B, 1].
-    """
-    choice = online.argmax(-1, keepdim=True)
-    return reward + gamma * slow.gather(-1, choice) * ~terminated
-
-
-def td_loss(q: Tensor, action: Tensor, wanted: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
-    """Mean squared (equation 2) or Huber's loss: Q-values [B, A], actions [B], wanted [B, 1].
+def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
+    """Mean squared (equation 2) or Huber's loss of Q-values [B, 1] against their targets [B, 1].
 
     Huber's is half the square of errors below `huber_delta`, in scaled rewards, and grows in proportion
     to them above.
     """
-    got = q.gather(-1, action.unsqueeze(-1))
-    return F.mse_loss(got, wanted) if kind is Loss.l2 else F.huber_loss(got, wanted, delta=huber_delta)
+    return F.mse_loss(q, td_target) if kind is Loss.l2 else F.huber_loss(q, td_target, delta=huber_delta)
+
+
+class DoubleDQNLoss(DQNLoss):
+    """TorchRL's `DQNLoss` for double DQN, with Huber's threshold, at a third of the overhead.
+
+    Keys, target parameters and updaters are those of `DQNLoss`; the networks are called by themselves,
+    without choosing actions, and read the next observations one after the other.
+
+    Args:
+        value_network: a Q-value actor around a network that maps observations to Q-values [..., A].
+        kind: squared or Huber's.
+        huber_delta: Huber's threshold, in scaled rewards.
+        gamma: discount of a step.
+        write_td_error: whether transitions are given their `td_error`, which uniform replay has no use for.
+    """
+
+    def __init__(
+        self,
+        value_network: QValueActor,
+        *,
+        kind: Loss = Loss.l2,
+        huber_delta: float = 1.0,
+        gamma: float,
+        write_td_error: bool = True,
+    ) -> None:
+        super().__init__(
+            value_network,
+            loss_function="l2" if kind is Loss.l2 else "smooth_l1",
+            double_dqn=True,
+            action_space="categorical",
+        )
+        self.kind, self.huber_delta, self.gamma = kind, huber_delta, gamma
+        self.write_td_error = write_td_error
+        self.make_value_estimator(gamma=gamma)
+        network = value_network[0].module
+        target = copy.deepcopy(network).requires_grad_(False)
+        # As an attribute they would be complained of until an updater is made.
+        params: Any = dict(self.named_children())["target_value_network_params"]
+        params["module", "0", "module"].to_module(target)
+        for name, layer in network.named_children():
+            if not any(parameter.requires_grad for parameter in layer.parameters()):
+                # What never learns is the same in both, and may so be computed once for both.
+                setattr(target, name, layer)
+        # Not registered: they are other views of parameters that the loss holds already.
+        self.__dict__.update(network=network, target_network=target)
+
+    @dispatch
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        """Compute the loss of transitions [B]; writes `td_error` [B, 1], squared, into them if asked to.
+
+        A truncated step is not terminated, so it bootstraps.
+        """
+        keys, (observation,) = self.tensor_keys, self.value_network_in_keys
+        following = tensordict.get("next")
+        with torch.no_grad():
+            later = following.get(observation)
+            choice = self.network(later).argmax(-1, keepdim=True)
+            value = self.target_network(later).gather(-1, choice)
+            ended = following.get(keys.terminated)
+            td_target = following.get(keys.reward) + self.gamma * value * ~ended
+        action = tensordict.get(keys.action).unsqueeze(-1)
+        q = self.network(tensordict.get(observation)).gather(-1, action)
+        if self.write_td_error:
+            tensordict.set(keys.priority, (q.detach() - td_target).square())
+        return TensorDict({"loss": td_loss(q, td_target, self.kind, self.huber_delta)})
+
+
+class ForeachSoftUpdate(SoftUpdate):
+    """TorchRL's `SoftUpdate`, all parameters at once."""
+
+    def __init__(self, loss_module: DQNLoss, *, tau: float) -> None:
+        super().__init__(loss_module, tau=tau)
+        self._tau = tau
+        names = list(self._sources.keys(True, True))
+        self._online = [self._sources[name].data for name in names]
+        self._slow = [self._targets[rename(name)].data for name in names]
+
+    def step(self) -> None:
+        """Move the target parameters by `tau` of the way to the online ones."""
+        torch._foreach_lerp_(self._slow, self._online, self._tau)
+
+
+def rename(name: Any) -> Any:
+    """Name of the target of a source."""
+    return (f"target_{name[0]}", *name[1:]) if isinstance(name, tuple) else f"target_{name}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Protocol
 
 import torch
 import torch.nn.functional as F
@@ -22,7 +23,12 @@ class DuelingNetwork(nn.Module):
         channels: 1 (grey) or 3 (colour).
         num_actions: A.
         generator: source of the initial weights.
+
+    `backend` computes the conv layers, and may be replaced at any time: all give the same function.
+    `frozen` counts the conv layers, from the image on, that do not learn (see `freeze`).
     """
+
+    frozen = 0
 
     def __init__(self, channels: int, num_actions: int, generator: Generator) -> None:
         super().__init__()
@@ -37,7 +43,19 @@ class DuelingNetwork(nn.Module):
         for name in CONV_NAMES:
             weight = getattr(self, name).weight
             weight.data = weight.data.contiguous(memory_format=torch.channels_last)
+        self.backend: Backend = Dense()
         self.reset(generator)
+
+    def freeze(self, layers: int) -> None:
+        """Let the first `layers` conv layers learn nothing."""
+        for name in CONV_NAMES[:layers]:
+            getattr(self, name).requires_grad_(False)
+        self.frozen = layers
+
+    def conv_weights(self) -> list[Tensor]:
+        """Weight and bias of each conv layer, from the image on."""
+        layers = [getattr(self, name) for name in CONV_NAMES]
+        return [weight for layer in layers for weight in (layer.weight, layer.bias)]
 
     @torch.no_grad()
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
@@ -53,21 +71,37 @@ class DuelingNetwork(nn.Module):
             nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu", generator=generator)
             nn.init.zeros_(layer.bias)
 
-    def forward(self, pixels: Tensor) -> Tensor:
-        """Q-values of all actions: uint8 [..., C, 84, 84] to float32 [..., A]."""
-        shape = pixels.shape[:-3]
-        features = self.features(pixels.reshape(-1, *pixels.shape[-3:]))
-        return self.dueling(features).reshape(*shape, self.advantage.out_features)
+    def forward(self, observation: Tensor) -> Tensor:
+        """Compute the Q-values of all actions, float32 [..., A].
 
-    def features(self, pixels: Tensor) -> Tensor:
-        """Conv layers: uint8 [B, C, 84, 84] to [B, 200]."""
+        Args:
+            observation: pixels, uint8 [..., C, 84, 84], or what the frozen layers made of them, in half
+                precision or float32 [..., F].
+        """
+        drawn = observation.dtype is torch.uint8
+        compute, dims = (self.backend.features if drawn else self.backend.features_from), 3 if drawn else 1
+        if observation.dim() == dims + 1:
+            return self.dueling(compute(self, observation))
+        shape = observation.shape[:-dims]
+        q = self.dueling(compute(self, observation.reshape(-1, *observation.shape[-dims:])))
+        return q.reshape(*shape, self.advantage.out_features)
+
+    def convolve(self, pixels: Tensor) -> Tensor:
+        """Compute all conv layers: uint8 [B, C, 84, 84] to [B, 200]."""
         x = F.relu_(self._first(pixels))
         x = F.relu_(self.conv2(x))
         x = F.relu_(self.conv3(x))
-        # A 7x7 convolution of a 7x7 map is a linear layer: the same function, faster.
         # Both sides lie channels last, so these are views.
+        return self._last(x.permute(0, 2, 3, 1).flatten(1))
+
+    def convolve_from(self, kept: Tensor) -> Tensor:
+        """Compute the conv layers after the frozen ones, three or four: [B, F] to [B, 200]."""
+        return kept if self.frozen == len(CONV_NAMES) else self._last(kept)
+
+    def _last(self, x: Tensor) -> Tensor:
+        """conv4: a 7x7 convolution of a 7x7 map is a linear layer, the same function and faster."""
         weight = self.conv4.weight.permute(0, 2, 3, 1).flatten(1)
-        return F.relu_(F.linear(x.permute(0, 2, 3, 1).flatten(1), weight, self.conv4.bias))
+        return F.relu_(F.linear(x, weight, self.conv4.bias))
 
     def dueling(self, features: Tensor) -> Tensor:
         """Fully connected layers: features [B, 200] to Q-values [B, A]."""
@@ -91,3 +125,39 @@ class DuelingNetwork(nn.Module):
         weight = self.conv1.weight.reshape(-1, channels, 2, 4, 2, 4)
         weight = weight.permute(0, 2, 4, 1, 3, 5).reshape(-1, 2, 2, channels * 16).permute(0, 3, 1, 2)
         return F.conv2d(blocks, weight, self.conv1.bias)
+
+
+class Backend(Protocol):
+    """Computes conv layers. It holds no weights, so that networks may share it."""
+
+    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
+        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, 200]."""
+        ...
+
+    def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
+        """Compute those after the frozen ones: [B, F] to float32 [B, 200]."""
+        ...
+
+
+class Dense:
+    """Computes every layer on every pixel, on any device: a pure function of weights and batch.
+
+    Args:
+        dtype: of the conv layers. bfloat16 goes by autocast; weights and gradients stay float32.
+    """
+
+    def __init__(self, dtype: torch.dtype = torch.float32) -> None:
+        self.dtype = dtype
+
+    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
+        """Compute all conv layers."""
+        with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
+            found = network.convolve(pixels)
+        # Where values are large, actions differ by less than bfloat16 can tell.
+        return found.float()
+
+    def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
+        """Compute those after the frozen ones."""
+        with torch.autocast(kept.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
+            found = network.convolve_from(kept.float())
+        return found.float()

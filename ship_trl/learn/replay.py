@@ -36,7 +36,7 @@ class StateReplay:
         self.reward_scale, self.observed = reward_scale, observed
         self.buffer = ReplayBuffer(storage=LazyTensorStorage(capacity, device=device), generator=generator)
         # Storing one step costs as much as storing many, so they wait until a batch is drawn.
-        self._waiting: list[dict[str, Tensor]] = []
+        self._waiting: list[dict[str | tuple[str, str], Tensor]] = []
 
     def __len__(self) -> int:
         self._store()
@@ -44,14 +44,15 @@ class StateReplay:
 
     def extend(self, steps: TensorDictBase) -> None:
         """Store steps of N environments, tensordict [N] with the observed entry, `action` and `next`."""
-        later = steps["next"]
+        following = steps["next"]
         self._waiting.append(
             {
-                "observed": steps[self.observed],
+                self.observed: steps[self.observed],
                 "action": steps["action"],
-                "reward": later["reward"] * self.reward_scale,
-                "terminated": later["terminated"],
-                "later": later[self.observed],
+                ("next", self.observed): following[self.observed],
+                ("next", "reward"): following["reward"] * self.reward_scale,
+                ("next", "done"): following["done"],
+                ("next", "terminated"): following["terminated"],
             }
         )
         if len(self._waiting) == MOST_WAITING:
@@ -60,15 +61,18 @@ class StateReplay:
     def _store(self) -> None:
         if self._waiting:
             kept = {key: torch.cat([step[key] for step in self._waiting]) for key in self._waiting[0]}
-            self.buffer.extend(TensorDict(kept, batch_size=kept["action"].shape))
+            stored = TensorDict(batch_size=kept["action"].shape)
+            for key, values in kept.items():
+                stored[key] = values
+            self.buffer.extend(stored)
             self._waiting.clear()
 
     def sample(self, batch_size: int) -> TensorDictBase:
         """Draw transitions uniformly, with replacement.
 
         Returns:
-            A flat tensordict [batch_size]: `observed` and `later` [B, S], `action` [B], `reward`
-            (scaled) and `terminated` [B, 1].
+            A tensordict [batch_size] with TorchRL's keys: the observed entry, also of `next`, [B, S],
+            `action` [B], and of `next` `reward` (scaled), `done` and `terminated` [B, 1].
         """
         self._store()
         return self.buffer.sample(batch_size)

@@ -1,6 +1,7 @@
 """The double-DQN update, exploration, freezing, and the soft target."""
 
 import copy
+from typing import Any
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config import Learn, Loss, Precision
+from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 from tests.learn.worlds import draw, schedule
@@ -27,23 +29,43 @@ def batch(size: int = 6) -> TensorDict:
     terminated = torch.tensor([[True], [False]] * (size // 2))
     return TensorDict(
         {
-            "observed": state,
+            "state": state,
             "action": torch.randint(7, (size,), generator=generator),
-            "later": after,
-            "reward": torch.rand(size, 1, generator=generator),
-            "terminated": terminated,
+            "next": {
+                "state": after,
+                "reward": torch.rand(size, 1, generator=generator),
+                "done": torch.ones(size, 1, dtype=torch.bool),
+                "terminated": terminated,
+            },
         },
         batch_size=[size],
     )
 
 
+def encoded(learner: Agent, data: TensorDict) -> TensorDict:
+    """Transitions with what the frozen layers make of their states, where the agent keeps that."""
+    if learner.observes == "state":
+        return data
+    given = data.exclude("state", ("next", "state"))
+    given["features"] = learner.encode(data["state"])
+    given["next", "features"] = learner.encode(data["next", "state"])
+    return given
+
+
+def on_states(monkeypatch: pytest.MonkeyPatch, *values: Any) -> Agent:
+    """An agent that keeps states however many layers are frozen."""
+    with monkeypatch.context() as patch:
+        patch.setattr(agent_module, "KEPT_FROM", 5)
+        return agent(*values)
+
+
 def by_hand(online: DuelingNetwork, target: DuelingNetwork, data: TensorDict, learn: Learn) -> Tensor:
     """Equation 2 with the double-DQN target, in plain torch; a truncated step bootstraps."""
     with torch.no_grad():
-        choice = online(draw(data["later"])).argmax(-1, keepdim=True)
-        future = target(draw(data["later"])).gather(-1, choice)
-        wanted = data["reward"] + learn.gamma * future * ~data["terminated"]
-    got = online(draw(data["observed"])).gather(-1, data["action"][:, None])
+        choice = online(draw(data["next", "state"])).argmax(-1, keepdim=True)
+        future = target(draw(data["next", "state"])).gather(-1, choice)
+        wanted = data["next", "reward"] + learn.gamma * future * ~data["next", "terminated"]
+    got = online(draw(data["state"])).gather(-1, data["action"][:, None])
     if learn.loss is Loss["l2"]:
         return (got - wanted).square().mean()
     return torch.nn.functional.smooth_l1_loss(got, wanted, beta=learn.huber_delta) * learn.huber_delta
@@ -81,7 +103,7 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
     assert {name for name, place in places.items() if place not in trained} == {
         f"{layer}.{kind}" for layer in ("conv1", "conv2") for kind in ("weight", "bias")
     }
-    slow = dict(learner.average.named_parameters())
+    slow = learner.average.state_dict()
     for name in ("conv1.weight", "conv2.bias"):
         assert torch.equal(slow[name], before[name])
 
@@ -113,8 +135,7 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
     learner = Agent(network, grey, 7, schedule(lr=0.01), Generator().manual_seed(2))  # type: ignore[arg-type]
     state = torch.rand(200, 2) * 8 - 4
     data, chosen = batch(), []
-    if learner.observes == "features":
-        data["observed"], data["later"] = learner.encode(data["observed"]), learner.encode(data["later"])
+    data = encoded(learner, data)
     for _ in range(4):
         seen = learner.encode(state) if learner.observes == "features" else state
         chosen.append(learner.act(seen, 0.0))
@@ -133,7 +154,7 @@ def test_it_is_judged_by_the_average_of_what_it_learned() -> None:
             for mine, fast in zip(slow.parameters(), learner.network.parameters(), strict=True):
                 mine.lerp_(fast, 0.05)
     for mine, average, fast in zip(
-        slow.parameters(), learner.average.parameters(), learner.network.parameters(), strict=True
+        slow.parameters(), learner.average.state_dict().values(), learner.network.parameters(), strict=True
     ):
         torch.testing.assert_close(average, mine)
         assert not torch.equal(average, fast) and not average.requires_grad
@@ -184,25 +205,26 @@ def test_features_beyond_half_precision_are_kept_as_its_largest_number() -> None
     learner = agent(frozen=CONV_NAMES[:3])
     with torch.no_grad():
         learner.network.conv3.weight.mul_(1e6)
-    data = batch()
-    data["observed"], data["later"] = learner.encode(data["observed"]), learner.encode(data["later"])
-    assert data["observed"].max() == torch.finfo(torch.float16).max
+    data = encoded(learner, batch())
+    assert data["features"].max() == torch.finfo(torch.float16).max
     assert learner.update(data).isfinite() and all(p.isfinite().all() for p in learner.network.parameters())
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("frozen", [3, 4])
-def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int, seed: int) -> None:
-    kept, dense = agent(seed, CONV_NAMES[:frozen]), agent(seed, CONV_NAMES[:frozen])
-    dense.observes = "state"
-    data, features = batch(32), batch(32)
-    for key in ("observed", "later"):
-        features[key] = kept.encode(data[key])
+def test_q_values_and_gradients_on_kept_features_are_those_on_states(
+    frozen: int, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept, dense = agent(seed, CONV_NAMES[:frozen]), on_states(monkeypatch, seed, CONV_NAMES[:frozen])
+    assert (kept.observes, dense.observes) == ("features", "state")
     found = []
-    for learner, seen in ((kept, features), (dense, data)):
-        q = learner._online.q_values(learner.look(seen["observed"])).detach()
-        learner.update(seen)
-        found.append((q, [p.grad for p in learner._online.parameters if p.grad is not None]))
+    for learner in (kept, dense):
+        data = encoded(learner, batch(32))
+        learner.draw_batch(data)
+        (key,) = learner.loss.value_network_in_keys
+        q = learner.network(data[key]).detach()
+        learner.update(data)
+        found.append((q, [p.grad for p in learner.network.parameters() if p.grad is not None]))
     (got_q, got), (wanted_q, wanted) = found
     # A feature is rounded by 2^-11 of itself at most; in bfloat16 it would be 2^-8, and Q-values fail.
     assert (got_q - wanted_q).norm() < 2**-11 * wanted_q.norm()
@@ -212,14 +234,11 @@ def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int
         assert (mine - other).norm() < 0.02 * other.norm()
 
 
-def test_learning_from_kept_features_is_learning_from_states() -> None:
-    data, kept = batch(), agent(frozen=CONV_NAMES[:3])
-    dense = agent(frozen=CONV_NAMES[:3])
-    dense.observes = "state"
-    features = data.clone()
-    features["observed"], features["later"] = kept.encode(data["observed"]), kept.encode(data["later"])
+def test_learning_from_kept_features_is_learning_from_states(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, dense = agent(frozen=CONV_NAMES[:3]), on_states(monkeypatch, 0, CONV_NAMES[:3])
     for _ in range(3):
-        torch.testing.assert_close(kept.update(features), dense.update(data), rtol=2e-3, atol=1e-6)
+        mine, other = (learner.update(encoded(learner, batch())) for learner in (kept, dense))
+        torch.testing.assert_close(mine, other, rtol=2e-3, atol=1e-6)
     for one, two in zip(kept.network.parameters(), dense.network.parameters(), strict=True):
         # Adam's first steps have the size of the learning rate, whatever the gradient's.
         assert (one - two).abs().mean() < 1e-5

@@ -1,5 +1,7 @@
 """The conv layers on what differs from a still picture are the conv layers."""
 
+import copy
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -8,10 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Generator, Tensor
 
-from ship_trl.learn.delta import Cutter, rounded
-from ship_trl.learn.filters import Filters
+from ship_trl.learn.delta import Cutter, Incremental, rounded
 from ship_trl.learn.glance import Glance
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 
 
 def network(channels: int = 1, frozen: int = 0, seed: int = 0) -> DuelingNetwork:
@@ -21,8 +22,7 @@ def network(channels: int = 1, frozen: int = 0, seed: int = 0) -> DuelingNetwork
         for parameter in made.parameters():
             if parameter.dim() == 1:  # biases are zero at first, and would hide a mistake
                 parameter.uniform_(-0.3, 0.3, generator=generator)
-    for name in CONV_NAMES[:frozen]:
-        getattr(made, name).requires_grad_(False)
+    made.freeze(frozen)
     return made
 
 
@@ -45,24 +45,11 @@ def gradients(net: DuelingNetwork, q: Tensor) -> dict[str, Tensor]:
     return {name: p.grad for name, p in net.named_parameters() if p.grad is not None}
 
 
-def handed_back(net: DuelingNetwork, frozen: int, frames: Tensor, still: Tensor, dtype: torch.dtype) -> Any:
-    """Q-values and gradients by windows; gradients in the shape of the network's weights."""
-    filters = Filters(net, dtype, frozen)
-    filters.learn()
-    rows = filters.advance(Cutter(still, dtype)(frames), frozen)
-    q = filters.q_values(rows)
-    gradients(net, q)
-    filters.hand_back()
-    by_place = {p.data_ptr(): p.grad for p in filters.parameters}
-    found = {}
-    for name, parameter in net.named_parameters():
-        gradient = by_place.get(parameter.data_ptr())
-        if gradient is not None and parameter.dim() == 4:
-            out, channels, height, width = parameter.shape
-            gradient = gradient.view(out, height, width, channels).permute(0, 3, 1, 2)
-        if gradient is not None:
-            found[name] = gradient
-    return q.detach(), found
+def incremental(net: DuelingNetwork, frames: Tensor, still: Tensor, dtype: torch.dtype) -> Any:
+    """Q-values and gradients by windows."""
+    net.backend = Incremental(still, dtype)
+    q = net(frames)
+    return q.detach(), gradients(net, q)
 
 
 @settings(max_examples=12)
@@ -80,7 +67,7 @@ def test_it_is_the_network_and_its_gradient(
     dense = network(channels, frozen)
     q = dense(frames)
     wanted = gradients(dense, q)
-    got_q, got = handed_back(network(channels, frozen), frozen, frames, still, torch.float32)
+    got_q, got = incremental(network(channels, frozen), frames, still, torch.float32)
     torch.testing.assert_close(got_q, q.detach(), rtol=1e-4, atol=1e-5)
     assert got.keys() == wanted.keys()
     for name, gradient in wanted.items():
@@ -95,8 +82,8 @@ def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
     net, wrong = network(), torch.zeros_like(still)
     right, dense = Cutter(still, torch.float32)(frames), Cutter(wrong, torch.float32)(frames)
     assert len(right.values) < len(dense.values)
-    filters = Filters(net, torch.float32, 0)
-    torch.testing.assert_close(filters.q_values(right), filters.q_values(dense), rtol=1e-4, atol=1e-5)
+    found = [incremental(net, frames, picture, torch.float32)[0] for picture in (still, wrong)]
+    torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
 
 
 def test_frames_that_are_the_still_picture_cost_no_rows() -> None:
@@ -113,7 +100,7 @@ def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
     q = dense(frames)
     wanted = gradients(dense, q)
     net = network()
-    got_q, got = handed_back(net, 0, frames, still, torch.bfloat16)
+    got_q, got = incremental(net, frames, still, torch.bfloat16)
     assert (got_q - q).abs().max() < 0.02 * q.abs().max()
     assert got_q.dtype is torch.float32 and all(p.dtype is torch.float32 for p in net.parameters())
     for name, gradient in wanted.items():
@@ -124,34 +111,45 @@ def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_copies_follow_the_network_when_refreshed(dtype: torch.dtype) -> None:
+@pytest.mark.parametrize("frozen", [0, 2])
+def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: int) -> None:
     still, frames = scene(2, 1, 2, 1)
-    net, rows = network(), Cutter(still, dtype)(frames)
-    filters = Filters(net, dtype, 0)
-    before = filters.q_values(rows)
-    with torch.no_grad():
-        net.conv2.weight.mul_(1.5)
-    assert torch.equal(filters.q_values(rows), before)
-    filters.refresh()
-    assert not torch.equal(filters.q_values(rows), before)
-    torch.testing.assert_close(filters.q_values(rows), Filters(net, dtype, 0).q_values(rows))
+    net = network(frozen=frozen)
+    net.backend = Incremental(still, dtype)
+
+    def alone() -> Tensor:
+        other = copy.deepcopy(net)
+        other.backend = Incremental(still, dtype)
+        return other(frames)
+
+    found = [net(frames)]
+    for name in ("conv1", "conv3", "value"):
+        with torch.no_grad():
+            getattr(net, name).weight.mul_(1.5)
+        found.append(net(frames))
+        assert torch.equal(found[-1], alone())
+    frames[0, :, 30:40] = 7
+    found.append(net(frames))
+    assert torch.equal(found[-1], alone())
+    assert all(not torch.equal(one, other) for one, other in pairwise(found))
+
+
+def test_networks_of_other_frozen_layers_may_share_it() -> None:
+    still, frames = scene(2, 1, 2, 1)
+    nets, backend = [network(frozen=2, seed=seed) for seed in (0, 1)], Incremental(still, torch.float32)
+    for net in nets:
+        wanted = net(frames)
+        net.backend = backend
+        torch.testing.assert_close(net(frames), wanted, rtol=1e-4, atol=1e-5)
 
 
 def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
+    still, frames = scene(1, 1, 1, 0)
     net = network()
     net.conv2.weight.data = net.conv2.weight.data.contiguous()
+    net.backend = Incremental(still, torch.float32)
     with pytest.raises(RuntimeError, match="view"):
-        Filters(net, torch.float32, 0)
-
-
-def test_parameters_share_the_networks_memory() -> None:
-    net = network(frozen=2)
-    filters = Filters(net, torch.float32, 2)
-    with torch.no_grad():
-        for parameter in filters.parameters:
-            parameter.zero_()
-    for name, parameter in net.named_parameters():
-        assert bool((parameter == 0).all()) == (not name.startswith(CONV_NAMES[:2])), name
+        net(frames)
 
 
 @settings(max_examples=12)
@@ -173,7 +171,6 @@ def test_at_a_glance_the_network_decides_alike(
             for parameter in net.parameters():
                 if parameter.requires_grad:
                     parameter.mul_(change)
-        glance.changed()
         assert torch.equal(glance.actions(frames), net(frames).argmax(-1))
         # No more rows than places that differ, and no frame depends on its neighbours.
         one_by_one = torch.cat([glance.actions(frame.unsqueeze(0)) for frame in frames])

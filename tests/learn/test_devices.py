@@ -13,10 +13,9 @@ from torch import Generator
 from ship_trl.config import Precision
 from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
 from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.train import Finished, train
-from ship_trl.learn.vision import DenseVision
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
@@ -62,8 +61,7 @@ def test_simulator_and_rasteriser_name_their_device(elsewhere: None, colour: boo
 
 @pytest.mark.parametrize("frozen", [0, 3])
 def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(agent_module, "DeltaVision", DenseVision)
-    monkeypatch.setattr(agent_module, "KEPT_FROM", 5)
+    monkeypatch.setattr(agent_module, "choose_backend", lambda *_: Dense())
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
     env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
     judge = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))

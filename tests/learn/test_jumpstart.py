@@ -23,8 +23,8 @@ def agent_of(network: DuelingNetwork) -> Agent:
 @pytest.mark.parametrize("at_once", [1, 3, 10])
 def test_they_are_what_each_drawn_network_scores_alone(copied: int, at_once: int) -> None:
     network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1)) for _ in range(2))
-    agent, before = agent_of(network), copy.deepcopy(network.state_dict())
-    found = jumpstart(Corridor(at_once), agent.vision, network, copied, DRAWS, Generator().manual_seed(2))
+    before = copy.deepcopy(network.state_dict())
+    found = jumpstart(Corridor(at_once), draw, network, copied, DRAWS, Generator().manual_seed(2))
     generator, wanted = Generator().manual_seed(2), []
     for _ in range(DRAWS):
         alone.reset(generator, CONV_NAMES[:copied])
@@ -40,4 +40,4 @@ def test_they_are_what_each_drawn_network_scores_alone(copied: int, at_once: int
 
 def test_none_are_drawn_if_none_are_asked_for() -> None:
     network = DuelingNetwork(1, 3, Generator().manual_seed(1))
-    assert jumpstart(Corridor(2), agent_of(network).vision, network, 0, 0, Generator()) == []
+    assert jumpstart(Corridor(2), draw, network, 0, 0, Generator()) == []

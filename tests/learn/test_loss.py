@@ -1,52 +1,140 @@
-"""The loss is TorchRL's DQNLoss, to every digit."""
+"""The loss is TorchRL's DQNLoss, to every digit, and reads what its replay holds."""
 
 import copy
+from typing import Any
 
 import pytest
 import torch
 from tensordict import TensorDict
 from torch import Generator
-from torchrl.data import Categorical
 from torchrl.modules import QValueActor
-from torchrl.objectives import DQNLoss
+from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Loss
-from ship_trl.learn.loss import double_dqn_target, td_loss
+from ship_trl.learn.delta import Incremental
+from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn.worlds import draw
 
 
-@pytest.mark.filterwarnings("ignore:No target network updater")
-@pytest.mark.parametrize("kind", list(Loss))
-def test_the_loss_is_that_of_torchrl(kind: Loss) -> None:
-    generator = Generator().manual_seed(3)
-    network = DuelingNetwork(1, 7, generator)
-    slow = DuelingNetwork(1, 7, generator)
-    reference = DQNLoss(
-        QValueActor(copy.deepcopy(network), in_keys=["pixels"], spec=Categorical(7)),
-        delay_value=True,
+def actor(frozen: int = 0) -> QValueActor:
+    network = DuelingNetwork(1, 7, Generator().manual_seed(3))
+    network.freeze(frozen)
+    return QValueActor(network, in_keys=["pixels"], action_space="categorical")
+
+
+def reference(value_network: QValueActor, kind: Loss) -> DQNLoss:
+    made = DQNLoss(
+        value_network,
         double_dqn=True,
+        action_space="categorical",
         loss_function="l2" if kind is Loss.l2 else "smooth_l1",
     )
-    reference.make_value_estimator(gamma=0.9)
-    target = reference.target_value_network_params.flatten_keys(".")
-    for name, value in slow.named_parameters():
-        (key,) = [key for key in list(target.keys()) if key.endswith(f".{name}")]
-        target[key].data.copy_(value.data)
+    made.make_value_estimator(gamma=0.9)
+    return made
 
-    state, later = torch.rand(2, 12, 2, generator=generator) * 8 - 4
-    action = torch.randint(7, (12,), generator=generator)
-    reward, terminated = torch.rand(12, 1, generator=generator), torch.arange(12)[:, None] % 3 == 0
+
+def made(value_network: QValueActor, **how: Any) -> DoubleDQNLoss:
+    loss = DoubleDQNLoss(value_network, gamma=0.9, **how)
+    SoftUpdate(loss, tau=0.1)  # without an updater TorchRL warns
+    return loss
+
+
+def batch(size: int = 12) -> TensorDict:
+    generator = Generator().manual_seed(4)
+    state, later = torch.rand(2, size, 2, generator=generator) * 8 - 4
     following = {
         "pixels": draw(later),
-        "reward": reward,
-        "done": torch.ones(12, 1, dtype=torch.bool),
-        "terminated": terminated,
+        "reward": torch.rand(size, 1, generator=generator) * 4,
+        "done": torch.ones(size, 1, dtype=torch.bool),
+        "terminated": torch.arange(size)[:, None] % 3 == 0,
     }
-    batch = TensorDict({"pixels": draw(state), "action": action, "next": following}, batch_size=[12])
-    wanted = reference(batch)["loss"]
+    action = torch.randint(7, (size,), generator=generator)
+    return TensorDict({"pixels": draw(state), "action": action, "next": following}, batch_size=[size])
 
-    with torch.no_grad():
-        goal = double_dqn_target(network(draw(later)), slow(draw(later)), reward, terminated, 0.9)
-    got = td_loss(network(draw(state)), action, goal, kind)
-    assert torch.equal(got, wanted)
+
+@pytest.mark.parametrize("kind", list(Loss))
+@pytest.mark.parametrize("frozen", [0, 2])
+def test_loss_gradients_td_error_and_targets_are_those_of_torchrl(kind: Loss, frozen: int) -> None:
+    found = []
+    for make in (lambda a: DoubleDQNLoss(a, kind=kind, gamma=0.9), lambda a: reference(a, kind)):
+        loss, data = make(actor(frozen)), batch()
+        target, told = SoftUpdate(loss, tau=0.1), []
+        optimiser = torch.optim.SGD([p for p in loss.parameters() if p.requires_grad], lr=0.001)
+        for _ in range(3):  # after the first step online and target network differ
+            value = loss(data)["loss"]
+            optimiser.zero_grad()
+            value.backward()
+            told += [value.detach(), data["td_error"].flatten().clone()]
+            told += [p.grad.clone() for p in loss.parameters() if p.grad is not None]
+            optimiser.step()
+            target.step()
+        told += list(loss.target_value_network_params.flatten_keys(".").values())
+        found.append(told)
+    assert len(found[0]) == len(found[1]) == 3 * (2 + 14 - 2 * frozen) + 14
+    for mine, other in zip(*found, strict=True):
+        assert torch.equal(mine, other)
+
+
+@pytest.mark.parametrize("frozen", [0, 2])
+def test_torchrls_loss_learns_by_the_incremental_backend_too(frozen: int) -> None:
+    found = []
+    for backend in (None, Incremental(draw.still, torch.float32)):
+        value_network = actor(frozen)
+        if backend is not None:
+            value_network[0].module.backend = backend
+        loss = reference(value_network, Loss.l2)
+        SoftUpdate(loss, tau=0.1)
+        value = loss(batch())["loss"]
+        value.backward()
+        found.append([value.detach(), *(p.grad for p in loss.parameters() if p.grad is not None)])
+    assert len(found[0]) == len(found[1]) == 1 + 14 - 2 * frozen
+    for dense, incremental in zip(*found, strict=True):
+        scale = float(dense.abs().max())
+        torch.testing.assert_close(incremental, dense, rtol=1e-3, atol=1e-4 * scale)
+
+
+def test_hubers_threshold_is_that_of_large_errors() -> None:
+    data, value_network = batch(), actor()
+    data["next", "reward"] *= 100
+    made(value_network)(data)
+    error = data["td_error"].sqrt()
+    for threshold in (1.0, 10.0):
+        loss = made(value_network, kind=Loss.huber, huber_delta=threshold)
+        below, above = 0.5 * error.square(), threshold * (error - 0.5 * threshold)
+        wanted = torch.where(error < threshold, below, above).mean()
+        torch.testing.assert_close(loss(data)["loss"].detach(), wanted)
+        assert (error > threshold).any()
+
+
+def test_keys_are_those_of_torchrl() -> None:
+    mine, other = made(actor()), reference(actor(), Loss.l2)
+    assert set(mine.in_keys) == set(other.in_keys) and mine.out_keys == other.out_keys
+    data = batch()
+    by_name = mine(
+        pixels=data["pixels"],
+        action=data["action"],
+        next_pixels=data["next", "pixels"],
+        next_reward=data["next", "reward"],
+        next_done=data["next", "done"],
+        next_terminated=data["next", "terminated"],
+    )
+    assert torch.equal(by_name, mine(data)["loss"])
+
+
+@pytest.mark.parametrize("frozen", [0, 3])
+def test_all_at_once_the_soft_update_is_that_of_torchrl(frozen: int) -> None:
+    found = []
+    for update in (SoftUpdate, ForeachSoftUpdate):
+        loss = DoubleDQNLoss(actor(frozen), gamma=0.9)
+        target = update(loss, tau=0.05)
+        for k in range(3):
+            with torch.no_grad():
+                for parameter in loss.parameters():
+                    if parameter.requires_grad:
+                        parameter.add_(parameter.abs().mean() * (k + 1))
+            target.step()
+        found.append(copy.deepcopy(loss.target_network.state_dict()))
+    assert found[0].keys() == found[1].keys()
+    assert all(torch.equal(found[0][key], found[1][key]) for key in found[0])
+    assert not torch.equal(found[0]["value.weight"], actor()[0].module.value.weight)

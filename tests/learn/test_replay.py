@@ -38,11 +38,11 @@ def test_samples_are_whole_transitions() -> None:
         memory.extend(steps(first, 4))
     assert len(memory) == 40
     batch = memory.sample(64)
-    number = batch["observed"][:, 0]
+    number = batch["state"][:, 0]
     assert torch.equal(batch["action"], (number % 7).long())
-    assert torch.equal(batch["later"][:, 0], number + 1)
-    torch.testing.assert_close(batch["reward"][:, 0], number)
-    assert torch.equal(batch["terminated"][:, 0], number % 3 == 0)
+    assert torch.equal(batch["next", "state"][:, 0], number + 1)
+    torch.testing.assert_close(batch["next", "reward"][:, 0], number)
+    assert torch.equal(batch["next", "terminated"][:, 0], number % 3 == 0)
 
 
 def test_the_oldest_is_forgotten_first() -> None:
@@ -50,7 +50,7 @@ def test_the_oldest_is_forgotten_first() -> None:
     for first in range(0, 24, 4):
         memory.extend(steps(first, 4))
     assert len(memory) == 10
-    seen = set(memory.sample(500)["observed"][:, 0].int().tolist())
+    seen = set(memory.sample(500)["state"][:, 0].int().tolist())
     assert seen == set(range(14, 24))
 
 
@@ -60,8 +60,8 @@ def test_another_entry_can_be_what_is_observed() -> None:
     given["features"], given["next", "features"] = torch.rand(4, 200), torch.rand(4, 200)
     memory.extend(given)
     batch = memory.sample(16)
-    assert torch.equal(batch["observed"], given["features"][batch["action"]])
-    assert torch.equal(batch["later"], given["next", "features"][batch["action"]])
+    assert torch.equal(batch["features"], given["features"][batch["action"]])
+    assert torch.equal(batch["next", "features"], given["next", "features"][batch["action"]])
 
 
 def test_storage_holds_no_pixels() -> None:
@@ -79,7 +79,7 @@ def test_draws_come_from_its_own_generator() -> None:
         torch.manual_seed(world)
         memory = replay(seed=seed)
         memory.extend(steps(0, 60))
-        batches.append(memory.sample(32)["observed"])
+        batches.append(memory.sample(32)["state"])
     assert torch.equal(batches[0], batches[1])
     assert not torch.equal(batches[0], batches[2])
 

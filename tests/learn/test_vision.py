@@ -2,48 +2,64 @@
 
 import pytest
 import torch
-from torch import Generator
+from torch import Generator, Tensor
 
 from ship_trl.config import BFLOAT16, Precision
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.vision import DeltaVision, DenseVision, computing
+from ship_trl.learn.delta import Incremental
+from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.vision import computing
 from tests.learn.worlds import draw
 
 
-def test_both_ways_of_seeing_give_the_same_q_values_and_parameters() -> None:
-    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    state = torch.rand(6, 2) * 8 - 4
+def both(network: DuelingNetwork, dtype: torch.dtype, frames: Tensor) -> list[Tensor]:
     found = []
-    for vision in (DeltaVision(draw, torch.float32), DenseVision(draw, torch.float32)):
-        reader = vision.reader(network, 2)
-        seen = reader.advance(vision.look(state), 2)
-        found.append((reader.q_values(seen), {p.data_ptr() for p in reader.parameters}))
-    torch.testing.assert_close(found[0][0], found[1][0], rtol=1e-4, atol=1e-6)
-    frozen = {p.data_ptr() for n in ("conv1", "conv2") for p in getattr(network, n).parameters()}
-    assert found[0][1] == found[1][1] == {p.data_ptr() for p in network.parameters()} - frozen
+    for backend in (Incremental(draw.still, dtype), Dense(dtype)):
+        network.backend = backend
+        found.append(network(frames))
+    return found
+
+
+@pytest.mark.parametrize("frozen", [0, 2, 4])
+def test_both_backends_give_the_same_q_values_and_gradients(frozen: int) -> None:
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
+    network.freeze(frozen)
+    gradients = []
+    for q in both(network, torch.float32, draw(torch.rand(6, 2) * 8 - 4)):
+        network.zero_grad()
+        q.square().sum().backward()
+        gradients.append([p.grad.clone() for p in network.parameters() if p.grad is not None])
+    assert len(gradients[0]) == len(gradients[1]) == 14 - 2 * frozen
+    for one, other in zip(*gradients, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-4 * float(other.abs().max()))
+
+
+@pytest.mark.parametrize(("frozen", "numbers"), [(3, 3136), (4, 200)])
+def test_both_backends_go_on_from_what_the_frozen_layers_gave(frozen: int, numbers: int) -> None:
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
+    network.freeze(frozen)
+    torch.testing.assert_close(*both(network, torch.float32, torch.rand(5, numbers)), rtol=1e-4, atol=1e-6)
 
 
 def test_dense_bfloat16_is_close_to_float32() -> None:
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    state = torch.rand(6, 2) * 8 - 4
-    exact, rounded = (
-        DenseVision(draw, dtype).reader(network, 0).q_values(draw(state))
-        for dtype in (torch.float32, torch.bfloat16)
-    )
+    frames, found = draw(torch.rand(6, 2) * 8 - 4), []
+    for dtype in (torch.float32, torch.bfloat16):
+        network.backend = Dense(dtype)
+        found.append(network(frames))
+    exact, rounded = found
     assert rounded.dtype is torch.float32 and not torch.equal(exact, rounded)
     assert (exact - rounded).abs().max() < 0.03 * exact.abs().max()
 
 
 def test_fully_connected_layers_stay_float32_where_values_are_large() -> None:
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    state = torch.rand(40, 2) * 8 - 4
-    reader = DenseVision(draw, torch.bfloat16).reader(network, 0)
-    before = reader.q_values(draw(state))
+    frames = draw(torch.rand(40, 2) * 8 - 4)
+    before = both(network, torch.bfloat16, frames)
     with torch.no_grad():
         network.value.bias.add_(1000.0)
-    after = reader.q_values(draw(state))
     # bfloat16 knows no number between 1000 and 1004.
-    torch.testing.assert_close(after - 1000.0, before, atol=2e-4, rtol=0)
+    for after, wanted in zip(both(network, torch.bfloat16, frames), before, strict=True):
+        torch.testing.assert_close(after - 1000.0, wanted, atol=2e-4, rtol=0)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,77 @@
+"""Adam for weights that lie channels last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import torch
+from torch import Tensor
+
+
+class ChannelsLastAdam(torch.optim.Optimizer):
+    """Adam (Kingma and Ba, 2015) that steps on filters as the matrices that they are in memory.
+
+    torch's own fused step copies tensors that are not contiguous in the order of their dimensions: for
+    conv4 that takes more than twice as long. The kernel, the numbers and the state's names are those of
+    `torch.optim.Adam(fused=True)`, and any other optimiser of torch does as well, only slower.
+
+    Args:
+        params: float32.
+        lr: learning rate.
+        betas: of the running averages of the gradient and of its square.
+        eps: added to the square root of the second.
+    """
+
+    def __init__(
+        self,
+        params: Iterable[Tensor],
+        lr: float,
+        betas: tuple[float, float] = (0.9, 0.999),
+        eps: float = 1e-8,
+    ) -> None:
+        super().__init__(params, {"lr": lr, "betas": betas, "eps": eps})
+
+    @torch.no_grad()
+    def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]
+        """Step on all parameters that have a gradient."""
+        if closure is not None:
+            raise ValueError("closure: not supported; call backward before the step")
+        for group in self.param_groups:
+            learning = [parameter for parameter in group["params"] if parameter.grad is not None]
+            if not learning:
+                continue
+            states = [self.state[parameter] or self._begin(parameter) for parameter in learning]
+            steps = [state["step"] for state in states]
+            torch._foreach_add_(steps, 1.0)
+            torch._fused_adam_(
+                [in_order(parameter) for parameter in learning],
+                [in_order(parameter.grad) for parameter in learning],
+                [in_order(state["exp_avg"]) for state in states],
+                [in_order(state["exp_avg_sq"]) for state in states],
+                [],
+                steps,
+                lr=group["lr"],
+                beta1=group["betas"][0],
+                beta2=group["betas"][1],
+                weight_decay=0.0,
+                eps=group["eps"],
+                amsgrad=False,
+                maximize=False,
+            )
+
+    def _begin(self, parameter: Tensor) -> dict[str, Tensor]:
+        """Set the state of a parameter before its first step."""
+        state = {
+            "step": torch.zeros((), device=parameter.device),
+            "exp_avg": torch.zeros_like(parameter),
+            "exp_avg_sq": torch.zeros_like(parameter),
+        }
+        self.state[parameter] = state
+        return state
+
+
+def in_order(tensor: Tensor) -> Tensor:
+    """View a tensor whose memory is channels last in the order of its memory; others stay."""
+    if tensor.dim() == 4 and not tensor.is_contiguous():
+        return tensor.permute(0, 2, 3, 1)
+    return tensor

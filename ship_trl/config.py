@@ -65,6 +65,14 @@ class Precision(Enum):
     bf16 = "bf16"
 
 
+class BackendName(Enum):
+    """What computes the conv layers: whole pictures, or on a CPU what differs from the background."""
+
+    auto = "auto"
+    incremental = "incremental"
+    dense = "dense"
+
+
 def bfloat16_allowed() -> bool:
     """Read `SHIP_TRL_BFLOAT16`: `off` makes any machine one that does not multiply bfloat16.
 
@@ -106,6 +114,7 @@ class Learn:
     loss: Loss
     huber_delta: float
     precision: Precision
+    backend: BackendName
     reward_scale: float
     epsilon_start: float
     epsilon_end: float

@@ -16,10 +16,10 @@ from torch import Generator
 from ship_trl import __version__, console
 from ship_trl.config import ConfigError, Method, SourceWeights
 from ship_trl.learn.agent import Agent
-from ship_trl.learn.evaluate import Episode, evaluate
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Evaluated, Finished, train
 from ship_trl.learn.vision import computing
 from ship_trl.paths import replacing
@@ -113,15 +113,15 @@ def train_run(
     network = DuelingNetwork(draw.channels, actions, streams["weights"])
     transfer = find_transfer(run, network, source)
     network.to(device)
-    scratch = evaluate(eval_env, Agent(network, draw, actions, learn, streams["exploration"]))
+    scratch = rollout(eval_env, greedy_policy(network, draw))[0]
     if transfer:
         apply(network, transfer)
     agent = Agent(network, draw, actions, learn, streams["exploration"])
-    encoders = {agent.observes: agent.encode} if agent.observes != "state" else {}
+    encoders = {agent.observation: agent.encode} if agent.observation != "state" else {}
     env = ShipEnv(
         run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
     )
-    replay = StateReplay(learn.replay_size, learn.reward_scale, streams["replay"], device, agent.observes)
+    replay = agent.replay(learn, streams["replay"], device)
     draws = find_draws(run, agent, eval_env)
     known = best_plan(run.target, config.world).total
 
@@ -139,14 +139,13 @@ def train_run(
             # Of equals the later: in case 1 a network that has learned nothing may keep course.
             if best is None or event.sailed.total >= best.sailed.total:
                 best = event
-                save_weights(
-                    run.folder / POLICY, agent.average, {"recipe": run.recipe, "episode": event.episode}
-                )
+                noted = {"recipe": run.recipe, "episode": event.episode}
+                save_weights(run.folder / POLICY, agent.target_network, noted)
         assert best is not None
         last = evaluated[-1]
         save_weights(
             run.folder / "policy_last.safetensors",
-            agent.average,
+            agent.target_network,
             {"recipe": run.recipe, "episode": last.episode},
         )
         result: dict[str, Any] = {
@@ -216,7 +215,7 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
     if count == 0:
         return []
     if layers == "all":
-        return [evaluate(eval_env, agent).total]
+        return [rollout(eval_env, agent.greedy)[0].total]
     env = ShipEnv(
         run.target, config.world, min(count, FLEET), colour=config.colour, device=str(eval_env.device)
     )

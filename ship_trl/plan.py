@@ -146,8 +146,8 @@ def recipe_of(config: Config, target: Case, source: Run | None) -> str:
     elif config.source_weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)
-    # Decides nothing of what is learned.
-    del learn["jumpstart_draws"]
+    # The one decides nothing of what is learned, the other rounds differently, as devices do.
+    del learn["jumpstart_draws"], learn["backend"]
     values = {
         "algorithm_version": ALGORITHM_VERSION,
         "target": target.fingerprint,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from ship_trl.learn.evaluate import Episode
+from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.plan import make_run
 from ship_trl.tracking import COLUMNS, CsvTracker, Tracker, row

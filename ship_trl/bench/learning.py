@@ -116,7 +116,7 @@ def replay_probes(make_env: MakeEnv) -> list[Probe]:
     """Sampling a batch as the learner gets it, ours drawn on the way; a unit is a batch."""
     ours = Ours()
     ours.fill(WARMUP)
-    probes = [Probe("ours, states drawn", one(ours.sample_seen), "batch", ours=True)]
+    probes = [Probe("ours, states drawn", one(ours.sample), "batch", ours=True)]
     for name, peer in filled(make_env, ours.learn).items():
         if name != TUNED_BF16:
             probes.append(Probe(f"{name}, pixels", one(peer.sample), "batch"))

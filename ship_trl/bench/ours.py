@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torch import Generator, Tensor
 
 from ship_trl.bench.flops import Layer, layers_of
@@ -13,7 +13,6 @@ from ship_trl.bench.work import CASE, CHUNK, learn_config
 from ship_trl.config import CONV_LAYERS, Learn
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -59,16 +58,10 @@ class Ours:
             apply(self.network, Transfer(weights, int(arm[2:]), arm.startswith("FE")))
         draw = self.eval_env.rasteriser
         self.agent = Agent(self.network, draw, self.num_actions, self.learn, Generator().manual_seed(2))
-        observes = self.agent.observes
-        encoders = {observes: self.agent.encode} if observes != "state" else {}
+        observed = self.agent.observation
+        encoders = {observed: self.agent.encode} if observed != "state" else {}
         self.env = ShipEnv(self.case, world, self.learn.num_envs, encoders=encoders)
-        self.replay = StateReplay(
-            self.learn.replay_size,
-            self.learn.reward_scale,
-            Generator().manual_seed(3),
-            torch.device("cpu"),
-            observes,
-        )
+        self.replay = self.agent.replay(self.learn, Generator().manual_seed(3), torch.device("cpu"))
 
     @property
     def precision(self) -> str:
@@ -108,19 +101,18 @@ class Ours:
         """A batch from the replay."""
         return self.replay.sample(batch_size or self.learn.batch_size)
 
-    def sample_seen(self) -> None:
-        """A batch from the replay, drawn."""
-        self.agent.draw_batch(self.sample())
-
     def update(self, batch: TensorDictBase) -> None:
         """One gradient step, and the soft target."""
         self.agent.update(batch)
 
     def states(self, count: int) -> Tensor:
         """States out of the replay: [count, 4]."""
-        states: Tensor = self.sample(count)[self.agent.observes]
+        states: Tensor = self.sample(count)[self.agent.observation]
         return states
 
     def act(self, states: Tensor) -> Tensor:
         """Greedy actions: the network decides on every state."""
-        return self.agent.act(states, 0.0)
+        self.agent.policy.epsilon = 0.0
+        found = self.agent.policy(TensorDict({self.agent.observation: states}, [len(states)]))
+        action: Tensor = found["action"]
+        return action

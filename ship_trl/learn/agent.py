@@ -1,4 +1,4 @@
-"""The agent: acts epsilon-greedily, and learns by double DQN from replayed transitions."""
+"""The agent: what learns by double DQN from replayed transitions, and the policies that come of it."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from ship_trl.learn.glance import Glance
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
+from ship_trl.learn.replay import DrawPixels, StateReplay
 from ship_trl.learn.vision import Draw, choose_backend, computing
 
 # From this many frozen layers on, their output is kept in the replay in place of the state: 3,136
@@ -38,9 +40,9 @@ def frozen_layers(network: DuelingNetwork) -> int:
 
 
 class Agent:
-    """Acts and learns.
+    """The parts that learn, put together: networks, loss, target updater, optimiser and policies.
 
-    It explores by the online network, as the paper does, and is judged by the soft target: the
+    It explores by the online network, as the paper does, and is judged by the target network: the
     running average of the online network over the last 1/tau updates. Actions are often worth
     almost the same (one second at 12 m/s in place of 15 costs 0.7 of a return of 84), so that each
     update turns some of the online network's choices over; their average is steady.
@@ -53,9 +55,10 @@ class Agent:
         learn: hyperparameters.
         exploration: generator of the epsilon-greedy draws, on the network's device.
 
-    `observes` names what it takes for an observation: `state`, or `features` where so many layers
-    are frozen that their output is kept in place of the state; `encode` makes the one of the other.
-    `kept` is the precision in which features are kept, of two bytes on every machine.
+    `observation` is the key of what it takes for one: `state`, or `features` where so many layers are
+    frozen that what they make of a state is kept in its place, and `encode` computes it.
+    `policy` explores, `greedy` is judged. `kept` is the precision in which features are kept, of two
+    bytes on every machine.
     """
 
     def __init__(
@@ -66,80 +69,64 @@ class Agent:
         learn: Learn,
         exploration: Generator,
     ) -> None:
-        self.network, self.draw, self.learn = network, draw, learn
-        self.exploration = exploration
-        self.num_actions = num_actions
+        self.network, self.draw = network, draw
         self.frozen = network.frozen = frozen_layers(network)
         device = network.conv1.weight.device
-        network.backend = choose_backend(draw, learn.precision, device)
-        incremental = isinstance(network.backend, Incremental)
-        self.observes = "features" if incremental and self.frozen >= KEPT_FROM else "state"
         self.dtype = computing(learn.precision, device)
+        network.backend = choose_backend(learn.backend, draw, self.dtype, device)
+        incremental = isinstance(network.backend, Incremental)
+        self.observation = "features" if incremental and self.frozen >= KEPT_FROM else "state"
         # Where float32 computes, float16 keeps three bits more of it than bfloat16 would.
         self.kept = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
-        reads = "pixels" if self.observes == "state" else self.observes
-        actor = QValueActor(network, in_keys=[reads], action_space="categorical")
+        learned_from = "pixels" if self.observation == "state" else self.observation
+        actor = QValueActor(network, in_keys=[learned_from], action_space="categorical")
         self.loss = DoubleDQNLoss(
             actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
         )
-        self.average = copy.copy(self.loss.target_network)
-        self.average.backend = Dense()
+        # Judged in float32, on whole pictures.
+        self.target_network = copy.copy(self.loss.target_network)
+        self.target_network.backend = Dense()
         self.target_update = ForeachSoftUpdate(self.loss, tau=learn.tau)
-        self._actor = Glance(network, draw.still, self.frozen) if incremental else None
         learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
         self.optimiser = ChannelsLastAdam(learning, lr=learn.lr)
-
-    @torch.no_grad()
-    def q_values(self, state: Tensor) -> Tensor:
-        """Q-values by which the agent is judged, of the averaged network in float32: [N, S] to [N, A]."""
-        return self.average(self.draw(state))
+        self._few = Glance(network, draw.still, self.frozen) if incremental else None
+        self.policy = EpsilonGreedy(self._best, self.observation, num_actions, exploration)
+        self.greedy = greedy_policy(self.target_network, draw)
 
     def encode(self, state: Tensor) -> Tensor:
-        """What the frozen layers make of states, to be kept: [N, S] to [N, F] in half precision."""
-        assert isinstance(self._actor, Glance)
-        features = self._actor.encode(self.draw(state))
+        """Compute what the frozen layers make of states, to be kept: [N, S] to [N, F] in half precision."""
+        assert self._few is not None
+        features = self._few.encode(self.draw(state))
         # float16 ends at 65,504, and would keep what is beyond as infinite; nothing is negative.
         return features.clamp_(max=torch.finfo(self.kept).max).to(self.kept)
 
-    def act(self, observation: Tensor, epsilon: float) -> Tensor:
-        """Epsilon-greedy actions: [N, ...] to int64 [N].
-
-        The same number of random draws is made whatever epsilon is, and pictures are drawn only
-        where the network decides.
-        """
-        count, device = observation.shape[0], observation.device
-        explore = torch.rand(count, generator=self.exploration, device=device) < epsilon
-        action = torch.randint(self.num_actions, (count,), generator=self.exploration, device=device)
-        exploring = sum(explore.tolist())
-        if exploring == 0:
-            return self._best(observation)
-        if exploring < count:
-            action[~explore] = self._best(observation[~explore])
-        return action
-
     @torch.no_grad()
     def _best(self, observation: Tensor) -> Tensor:
-        """The online network's choice: [N, ...] to int64 [N]."""
-        if self._actor is None:
+        """Choose by the online network: [N, ...] to int64 [N]."""
+        if self._few is None:
             return self.network(self.draw(observation)).argmax(-1)
-        if self.observes == "features":
-            return self._actor.actions_on(observation)
-        return self._actor.actions(self.draw(observation))
+        if self.observation == "features":
+            return self._few.actions_on(observation)
+        return self._few.actions(self.draw(observation))
 
     def set_learning_rate(self, rate: float) -> None:
         """Use `rate` from the next update on."""
         for group in self.optimiser.param_groups:
             group["lr"] = rate
 
-    def draw_batch(self, batch: TensorDictBase) -> None:
-        """Put `pixels` beside the states of transitions, where it is states that are kept."""
-        if self.observes == "state":
-            batch["pixels"] = self.draw(batch["state"])
-            batch["next", "pixels"] = self.draw(batch["next", "state"])
+    def replay(self, learn: Learn, generator: Generator, device: torch.device) -> StateReplay:
+        """Make the replay buffer whose batches `update` learns from."""
+        return StateReplay(
+            learn.replay_size,
+            learn.reward_scale,
+            generator,
+            device,
+            self.observation,
+            DrawPixels(self.draw) if self.observation == "state" else None,
+        )
 
     def update(self, batch: TensorDictBase) -> Tensor:
-        """One gradient step on a batch of the replay, then the soft target; returns the loss."""
-        self.draw_batch(batch)
+        """Take one gradient step on a batch of the replay, then move the target; returns the loss."""
         loss = self.loss(batch)["loss"]
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()

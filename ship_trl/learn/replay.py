@@ -5,24 +5,46 @@ The picture is a function of the state, so 50,000 transitions take about 2 MB in
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Generator, Tensor
-from torchrl.data import LazyTensorStorage, ReplayBuffer
+from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
+from torchrl.envs.transforms import Transform
 
 # So that a long warm-up holds little that is not yet stored.
 MOST_WAITING = 256
 
 
-class StateReplay:
-    """Uniform replay of `capacity` transitions.
+class DrawPixels(Transform):
+    """Puts `pixels` beside each `state`, also of `next`, in batches of a replay buffer.
+
+    Args:
+        draw: states [..., S] to uint8 [..., C, 84, 84].
+    """
+
+    def __init__(self, draw: Callable[[Tensor], Tensor]) -> None:
+        super().__init__(in_keys=["state", ("next", "state")], out_keys=["pixels", ("next", "pixels")])
+        self.draw = draw
+
+    def _apply_transform(self, obs: Tensor) -> Tensor:
+        return self.draw(obs)
+
+
+class StateReplay(TensorDictReplayBuffer):
+    """Uniform replay of `capacity` transitions, a `TensorDictReplayBuffer` with TorchRL's keys.
+
+    A batch [B] has the observation and that of `next`, [B, ...], `action` [B], and of `next` `reward`
+    (scaled), `done` and `terminated` [B, 1]. Draws are uniform, with replacement.
 
     Args:
         capacity: the oldest beyond it are forgotten.
         reward_scale: rewards are multiplied by it.
         generator: source of the draws.
         device: where transitions lie.
-        observed: which entry of a step is kept: `state`, or `features` where some layers are frozen.
+        observation: which entry of a step is kept: `state`, or `features` where some layers are frozen.
+        transform: of batches, as `DrawPixels`.
     """
 
     def __init__(
@@ -31,25 +53,27 @@ class StateReplay:
         reward_scale: float,
         generator: Generator,
         device: torch.device,
-        observed: str = "state",
+        observation: str = "state",
+        transform: Transform | None = None,
     ) -> None:
-        self.reward_scale, self.observed = reward_scale, observed
-        self.buffer = ReplayBuffer(storage=LazyTensorStorage(capacity, device=device), generator=generator)
         # Storing one step costs as much as storing many, so they wait until a batch is drawn.
         self._waiting: list[dict[str | tuple[str, str], Tensor]] = []
+        self.reward_scale, self.observation = reward_scale, observation
+        storage = LazyTensorStorage(capacity, device=device)
+        super().__init__(storage=storage, generator=generator, transform=transform)
 
     def __len__(self) -> int:
         self._store()
-        return len(self.buffer)
+        return super().__len__()
 
-    def extend(self, steps: TensorDictBase) -> None:
-        """Store steps of N environments, tensordict [N] with the observed entry, `action` and `next`."""
-        following = steps["next"]
+    def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
+        """Keep steps of N environments, tensordict [N] with the observation, `action` and `next`."""
+        following = tensordicts["next"]
         self._waiting.append(
             {
-                self.observed: steps[self.observed],
-                "action": steps["action"],
-                ("next", self.observed): following[self.observed],
+                self.observation: tensordicts[self.observation],
+                "action": tensordicts["action"],
+                ("next", self.observation): following[self.observation],
                 ("next", "reward"): following["reward"] * self.reward_scale,
                 ("next", "done"): following["done"],
                 ("next", "terminated"): following["terminated"],
@@ -64,15 +88,12 @@ class StateReplay:
             stored = TensorDict(batch_size=kept["action"].shape)
             for key, values in kept.items():
                 stored[key] = values
-            self.buffer.extend(stored)
             self._waiting.clear()
+            ReplayBuffer.extend(self, stored)
 
-    def sample(self, batch_size: int) -> TensorDictBase:
-        """Draw transitions uniformly, with replacement.
-
-        Returns:
-            A tensordict [batch_size] with TorchRL's keys: the observed entry, also of `next`, [B, S],
-            `action` [B], and of `next` `reward` (scaled), `done` and `terminated` [B, 1].
-        """
+    def sample(self, batch_size: int | None = None, return_info: bool = False) -> TensorDictBase:
+        """Draw so many transitions."""
         self._store()
-        return self.buffer.sample(batch_size)
+        # Uniform draws have no use for the index that a `TensorDictReplayBuffer` adds.
+        batch: TensorDictBase = ReplayBuffer.sample(self, batch_size, return_info)
+        return batch

@@ -10,8 +10,8 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config import Learn
 from ship_trl.learn.agent import Agent
-from ship_trl.learn.evaluate import Episode, evaluate, outcome
 from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.rollout import Episode, outcome, rollout
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,12 @@ def train(
     lengths = torch.zeros(count, dtype=torch.int64, device=device)
     losses: list[torch.Tensor] = []
     episode = steps = updates = 0
-    yield Evaluated(0, 0, evaluate(eval_env, agent))
+    yield Evaluated(0, 0, rollout(eval_env, agent.greedy)[0])
     current = env.reset()
     while episode < learn.episodes:
-        epsilon = epsilon_at(episode, learn)
+        agent.policy.epsilon = epsilon_at(episode, learn)
         agent.set_learning_rate(learning_rate_at(episode, learn))
-        current.set("action", agent.act(current[agent.observes], epsilon))
-        stepped, current = env.step_and_maybe_reset(current)
+        stepped, current = env.step_and_maybe_reset(agent.policy(current))
         replay.extend(stepped)
         steps += count
         after = stepped["next"]
@@ -92,7 +91,7 @@ def train(
             yield Finished(
                 episode=episode,
                 steps=steps,
-                epsilon=epsilon,
+                epsilon=agent.policy.epsilon,
                 total=float(totals[row]),
                 length=int(lengths[row]),
                 outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
@@ -102,4 +101,4 @@ def train(
             losses.clear()
             totals[row], lengths[row] = 0.0, 0
             if episode % learn.evaluate_every == 0 or episode == learn.episodes:
-                yield Evaluated(episode, steps, evaluate(eval_env, agent))
+                yield Evaluated(episode, steps, rollout(eval_env, agent.greedy)[0])

@@ -7,7 +7,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from ship_trl.config import Precision, bfloat16_allowed
+from ship_trl.config import BackendName, ConfigError, Precision, bfloat16_allowed
 from ship_trl.learn.delta import Incremental
 from ship_trl.learn.network import Backend, Dense
 
@@ -22,10 +22,17 @@ class Draw(Protocol):
         ...
 
 
-def choose_backend(draw: Draw, precision: Precision, device: torch.device) -> Backend:
-    """Return the quickest backend for a device."""
-    dtype = computing(precision, device)
-    return Incremental(draw.still, dtype) if device.type == "cpu" else Dense(dtype)
+def choose_backend(wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device) -> Backend:
+    """Make what computes the conv layers; `auto` is the quickest on a device.
+
+    Raises:
+        ConfigError: the incremental one is asked for on another device than a CPU.
+    """
+    on_cpu = device.type == "cpu"
+    if wanted is BackendName.incremental and not on_cpu:
+        raise ConfigError("learn.backend: incremental computes on a CPU only; allowed here: auto, dense")
+    incremental = wanted is BackendName.incremental or (wanted is BackendName.auto and on_cpu)
+    return Incremental(draw.still, dtype) if incremental else Dense(dtype)
 
 
 def computing(precision: Precision, device: torch.device) -> torch.dtype:

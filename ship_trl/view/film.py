@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ship_trl.config import World
-from ship_trl.learn.evaluate import Episode
+from ship_trl.learn.rollout import Episode
 from ship_trl.paths import replacing
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ship_trl.config import World
-from ship_trl.learn.evaluate import Episode
+from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.geometry import closest_approach
@@ -62,8 +62,9 @@ class Panel:
         self.log = Log.of(case, world, episode)
         q = episode.q_values
         # One scale for the whole episode, and bars from zero: lengths stay comparable.
-        self.low = min(0.0, float(q.min())) if q.numel() else 0.0
-        self.high = max(0.0, float(q.max())) if q.numel() else 1.0
+        self.low, self.high = 0.0, 1.0
+        if q is not None and q.numel():
+            self.low, self.high = min(0.0, float(q.min())), max(0.0, float(q.max()))
         self.blank = self._heading(case, title)
 
     def __call__(self, step: int, seen: NDArray[np.uint8]) -> Image.Image:
@@ -134,15 +135,16 @@ class Panel:
         pen.text((LEFT + 52, 184), f"v = {speed:g} m/s, ω = {number(turn, 'g')} rad/s", FAINT, font(12))
 
     def _q_values(self, pen: ImageDraw.ImageDraw, step: int) -> None:
-        """A bar for each action; none after the last step, where nothing was to choose."""
+        """Draw a bar for each action; none after the last step, nor for a policy without Q-values."""
         count = len(self.world.actions)
         pitch = VIEW / count
         left, right = LEFT + 28, RIGHT - 66
         scale = (right - left) / ((self.high - self.low) or 1.0)
         zero = left - self.low * scale
-        values = self.episode.q_values[step].tolist() if step < self.episode.length else []
+        q, sailing = self.episode.q_values, step < self.episode.length
+        values = q[step].tolist() if sailing and q is not None else []
         for k in range(count):
-            chosen = bool(values) and k == int(self.episode.actions[step])
+            chosen = sailing and k == int(self.episode.actions[step])
             middle = LOWER + (k + 0.5) * pitch
             colour = CHOSEN if chosen else FAINT
             pen.text((LEFT, middle), f"a{k + 1}", colour, font(12, chosen), anchor="lm")

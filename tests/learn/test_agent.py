@@ -12,6 +12,7 @@ from ship_trl.config import Learn, Loss, Precision
 from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.replay import DrawPixels
 from tests.learn.worlds import draw, schedule
 
 
@@ -42,10 +43,23 @@ def batch(size: int = 6) -> TensorDict:
     )
 
 
+def drawn(data: TensorDict) -> TensorDict:
+    """A batch as the replay gives it."""
+    found: TensorDict = DrawPixels(draw)(data)
+    return found
+
+
+def act(learner: Agent, observation: Tensor, epsilon: float) -> Tensor:
+    learner.policy.epsilon = epsilon
+    given = TensorDict({learner.observation: observation}, [len(observation)])
+    action: Tensor = learner.policy(given)["action"]
+    return action
+
+
 def encoded(learner: Agent, data: TensorDict) -> TensorDict:
-    """Transitions with what the frozen layers make of their states, where the agent keeps that."""
-    if learner.observes == "state":
-        return data
+    """A batch as the replay gives it: drawn, or what the frozen layers made of it."""
+    if learner.observation == "state":
+        return drawn(data)
     given = data.exclude("state", ("next", "state"))
     given["features"] = learner.encode(data["state"])
     given["next", "features"] = learner.encode(data["next", "state"])
@@ -77,7 +91,7 @@ def test_loss_is_double_dqn_with_bootstrapped_truncation() -> None:
         target = copy.deepcopy(learner.network)
         for _ in range(3):  # after the first update online and target differ
             wanted = by_hand(learner.network, target, batch(), schedule(loss=Loss[loss]))
-            got = learner.update(batch())
+            got = learner.update(drawn(batch()))
             torch.testing.assert_close(got, wanted.detach(), rtol=1e-5, atol=1e-7)
             with torch.no_grad():
                 for slow, fast in zip(target.parameters(), learner.network.parameters(), strict=True):
@@ -87,7 +101,7 @@ def test_loss_is_double_dqn_with_bootstrapped_truncation() -> None:
 def test_updates_reach_the_network_that_acts() -> None:
     learner = agent()
     before = [p.clone() for p in learner.network.parameters()]
-    learner.update(batch())
+    learner.update(drawn(batch()))
     assert all(not torch.equal(a, b) for a, b in zip(before, learner.network.parameters(), strict=True))
 
 
@@ -95,7 +109,7 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
     learner = agent(frozen=("conv1", "conv2"))
     before = {name: p.clone() for name, p in learner.network.named_parameters()}
     for _ in range(5):
-        learner.update(batch())
+        learner.update(drawn(batch()))
     for name, parameter in learner.network.named_parameters():
         assert torch.equal(parameter, before[name]) == name.startswith(("conv1", "conv2"))
     trained = {p.data_ptr() for group in learner.optimiser.param_groups for p in group["params"]}
@@ -103,7 +117,7 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
     assert {name for name, place in places.items() if place not in trained} == {
         f"{layer}.{kind}" for layer in ("conv1", "conv2") for kind in ("weight", "bias")
     }
-    slow = learner.average.state_dict()
+    slow = learner.target_network.state_dict()
     for name in ("conv1.weight", "conv2.bias"):
         assert torch.equal(slow[name], before[name])
 
@@ -137,8 +151,8 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
     data, chosen = batch(), []
     data = encoded(learner, data)
     for _ in range(4):
-        seen = learner.encode(state) if learner.observes == "features" else state
-        chosen.append(learner.act(seen, 0.0))
+        seen = learner.encode(state) if learner.observation == "features" else state
+        chosen.append(act(learner, seen, 0.0))
         wanted = learner.network(grey(state)).argmax(-1)
         assert (chosen[-1] == wanted).float().mean() > 0.98  # ties are rounded either way
         learner.update(data)
@@ -149,37 +163,44 @@ def test_it_is_judged_by_the_average_of_what_it_learned() -> None:
     learner = agent()
     slow = copy.deepcopy(learner.network)
     for _ in range(4):
-        learner.update(batch())
+        learner.update(drawn(batch()))
         with torch.no_grad():
             for mine, fast in zip(slow.parameters(), learner.network.parameters(), strict=True):
                 mine.lerp_(fast, 0.05)
     for mine, average, fast in zip(
-        slow.parameters(), learner.average.state_dict().values(), learner.network.parameters(), strict=True
+        slow.parameters(),
+        learner.target_network.state_dict().values(),
+        learner.network.parameters(),
+        strict=True,
     ):
         torch.testing.assert_close(average, mine)
         assert not torch.equal(average, fast) and not average.requires_grad
     state = torch.rand(5, 2)
-    assert torch.equal(learner.q_values(state), learner.average(draw(state)))
-    assert torch.equal(learner.act(state, 0.0), learner.network(draw(state)).argmax(-1))
+    judged = learner.greedy(TensorDict({"state": state}, [5]))
+    assert torch.equal(judged["action_value"], learner.target_network(draw(state)))
+    assert torch.equal(judged["action"], judged["action_value"].argmax(-1))
+    assert torch.equal(act(learner, state, 0.0), learner.network(draw(state)).argmax(-1))
 
 
 def test_exploration_draws_from_its_own_generator() -> None:
     state = torch.rand(200, 2) * 8 - 4
-    actions = [agent(seed).act(state, 1.0) for seed in (1, 1, 2)]
+    actions = [act(agent(seed), state, 1.0) for seed in (1, 1, 2)]
     assert torch.equal(actions[0], actions[1]) and not torch.equal(actions[0], actions[2])
     assert set(actions[0].tolist()) == set(range(7))
     torch.manual_seed(0)
-    first = agent(1).act(state, 0.5)
+    first = act(agent(1), state, 0.5)
     torch.manual_seed(1)
-    assert torch.equal(first, agent(1).act(state, 0.5))
+    assert torch.equal(first, act(agent(1), state, 0.5))
 
 
 def test_epsilon_is_the_share_of_random_actions() -> None:
     learner = agent()
     state = torch.zeros(4000, 2)
-    greedy = learner.q_values(state[:1]).argmax(-1)  # before an update both networks are the same
-    assert torch.equal(learner.act(state, 0.0), greedy.expand(4000))
-    other = (learner.act(state, 0.5) != greedy).float().mean()
+    greedy = learner.greedy(TensorDict({"state": state[:1]}, [1]))[
+        "action"
+    ]  # before an update both networks are the same
+    assert torch.equal(act(learner, state, 0.0), greedy.expand(4000))
+    other = (act(learner, state, 0.5) != greedy).float().mean()
     assert abs(float(other) - 0.5 * 6 / 7) < 0.04
 
 
@@ -187,7 +208,7 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
 @pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
 def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, precision: Precision) -> None:
     learner = agent(frozen=CONV_NAMES[:frozen], precision=precision)
-    assert learner.observes == "features" and learner.frozen == frozen
+    assert learner.observation == "features" and learner.frozen == frozen
     state = torch.rand(9, 2) * 8 - 4
     kept = learner.encode(state)
     assert kept.shape == (9, {3: 3136, 4: 200}[frozen]) and kept.itemsize == 2
@@ -216,11 +237,10 @@ def test_q_values_and_gradients_on_kept_features_are_those_on_states(
     frozen: int, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept, dense = agent(seed, CONV_NAMES[:frozen]), on_states(monkeypatch, seed, CONV_NAMES[:frozen])
-    assert (kept.observes, dense.observes) == ("features", "state")
+    assert (kept.observation, dense.observation) == ("features", "state")
     found = []
     for learner in (kept, dense):
         data = encoded(learner, batch(32))
-        learner.draw_batch(data)
         (key,) = learner.loss.value_network_in_keys
         q = learner.network(data[key]).detach()
         learner.update(data)
@@ -243,4 +263,4 @@ def test_learning_from_kept_features_is_learning_from_states(monkeypatch: pytest
         # Adam's first steps have the size of the learning rate, whatever the gradient's.
         assert (one - two).abs().mean() < 1e-5
     state = torch.rand(20, 2) * 8 - 4
-    assert torch.equal(kept.act(kept.encode(state), 0.0), dense.act(state, 0.0))
+    assert torch.equal(act(kept, kept.encode(state), 0.0), act(dense, state, 0.0))

@@ -14,7 +14,6 @@ from ship_trl.config import Precision
 from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
-from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -73,9 +72,9 @@ def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch:
     for name in CONV_NAMES[:frozen]:
         getattr(network, name).requires_grad_(False)
     agent = Agent(network, draw, 7, learn, generators[1])
-    replay = StateReplay(learn.replay_size, learn.reward_scale, generators[2], CPU)
+    replay = agent.replay(learn, generators[2], CPU)
     before = network.shared.weight.clone()
     events = list(train(env, judge, agent, replay, learn))
     assert len([e for e in events if isinstance(e, Finished)]) == 4
     assert not torch.equal(network.shared.weight, before)
-    assert {p.device for p in agent.average.parameters()} == {CPU}
+    assert {p.device for p in agent.target_network.parameters()} == {CPU}

@@ -6,17 +6,13 @@ import pytest
 import torch
 from torch import Generator
 
-from ship_trl.learn.agent import Agent
-from ship_trl.learn.evaluate import evaluate
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
-from tests.learn.worlds import Corridor, draw, schedule
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import rollout
+from tests.learn.worlds import Corridor, draw
 
 DRAWS = 7
-
-
-def agent_of(network: DuelingNetwork) -> Agent:
-    return Agent(network, draw, 3, schedule(), Generator().manual_seed(0))
 
 
 @pytest.mark.parametrize("copied", range(5))
@@ -32,7 +28,7 @@ def test_they_are_what_each_drawn_network_scores_alone(copied: int, at_once: int
             key: value for key, value in alone.state_dict().items() if key.startswith(CONV_NAMES[:copied])
         }
         assert all(torch.equal(value, before[key]) for key, value in shared.items())
-        wanted.append(evaluate(Corridor(1), agent_of(alone)).total)
+        wanted.append(rollout(Corridor(1), greedy_policy(alone, draw))[0].total)
     assert found == wanted
     assert len(set(found)) > 1
     assert all(torch.equal(value, before[key]) for key, value in network.state_dict().items())

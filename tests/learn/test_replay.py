@@ -4,7 +4,8 @@ import torch
 from tensordict import TensorDict
 from torch import Generator
 
-from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.replay import DrawPixels, StateReplay
+from tests.learn.worlds import draw
 
 
 def steps(first: int, count: int) -> TensorDict:
@@ -55,7 +56,7 @@ def test_the_oldest_is_forgotten_first() -> None:
 
 
 def test_another_entry_can_be_what_is_observed() -> None:
-    memory = StateReplay(20, 0.01, Generator().manual_seed(0), torch.device("cpu"), observed="features")
+    memory = StateReplay(20, 0.01, Generator().manual_seed(0), torch.device("cpu"), observation="features")
     given = steps(0, 4)
     given["features"], given["next", "features"] = torch.rand(4, 200), torch.rand(4, 200)
     memory.extend(given)
@@ -68,7 +69,7 @@ def test_storage_holds_no_pixels() -> None:
     memory = replay(capacity=50_000)
     memory.extend(steps(0, 4))
     assert len(memory) == 4  # and so they are stored
-    stored = memory.buffer.storage._storage
+    stored = memory.storage._storage
     size = sum(value.numel() * value.element_size() for value in stored.values(True, True))
     assert size < 16 * 2**20
 
@@ -88,3 +89,14 @@ def test_reward_of_the_given_steps_is_left_alone() -> None:
     given = steps(0, 4)
     replay().extend(given)
     assert torch.equal(given["next", "reward"][:, 0], torch.arange(4) * 100.0)
+
+
+def test_pixels_are_drawn_beside_the_states_of_a_batch() -> None:
+    memory = StateReplay(
+        50, 0.01, Generator().manual_seed(0), torch.device("cpu"), transform=DrawPixels(draw)
+    )
+    memory.extend(steps(0, 40))
+    batch = memory.sample(16)
+    assert torch.equal(batch["pixels"], draw(batch["state"]))
+    assert torch.equal(batch["next", "pixels"], draw(batch["next", "state"]))
+    assert "pixels" not in memory.storage[0]

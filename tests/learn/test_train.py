@@ -10,9 +10,8 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.learn.agent import Agent
-from ship_trl.learn.evaluate import evaluate
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.rollout import rollout
 from ship_trl.learn.train import Evaluated, Finished, epsilon_at, learning_rate_at, train
 from tests.learn.worlds import Corridor, draw, schedule
 
@@ -21,7 +20,7 @@ def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated]
     learn = schedule(**changes)
     generators = [Generator().manual_seed(seed * 10 + k) for k in range(3)]
     agent = Agent(DuelingNetwork(1, 3, generators[0]), draw, 3, learn, generators[1])
-    memory = StateReplay(learn.replay_size, learn.reward_scale, generators[2], torch.device("cpu"))
+    memory = agent.replay(learn, generators[2], torch.device("cpu"))
     return list(train(Corridor(learn.num_envs), Corridor(1), agent, memory, learn)), agent
 
 
@@ -51,7 +50,7 @@ def test_one_update_for_every_so_many_steps() -> None:
     learn = schedule()
     generator = Generator().manual_seed(0)
     agent = Agent(DuelingNetwork(1, 3, generator), draw, 3, learn, generator)
-    memory = StateReplay(learn.replay_size, 0.01, generator, torch.device("cpu"))
+    memory = agent.replay(learn, generator, torch.device("cpu"))
     count, steps = 0, 0
     update = agent.update
 
@@ -79,10 +78,11 @@ def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
 
 def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
     _, agent = events()
-    state = agent.exploration.get_state()
-    sailed, again = evaluate(Corridor(1), agent), evaluate(Corridor(1), agent)
-    assert torch.equal(agent.exploration.get_state(), state)
+    state = agent.policy.generator.get_state()
+    (sailed,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
+    assert torch.equal(agent.policy.generator.get_state(), state)
     assert sailed.total == again.total and torch.equal(sailed.actions, again.actions)
+    assert sailed.q_values is not None
     assert torch.equal(sailed.q_values.argmax(-1), sailed.actions)
     assert len(sailed.states) == sailed.length + 1
 

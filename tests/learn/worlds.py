@@ -8,7 +8,7 @@ from torch import Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config import Learn, Loss, Precision
+from ship_trl.config import BackendName, Learn, Loss, Precision
 
 
 class Corridor(EnvBase):
@@ -80,6 +80,7 @@ def schedule(**changes: Any) -> Learn:
         "tau": 0.05,
         "loss": Loss["l2"],
         "huber_delta": 1.0,
+        "backend": BackendName.auto,
         "precision": Precision["fp32"],
         "reward_scale": 0.01,
         "epsilon_start": 1.0,

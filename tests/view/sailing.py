@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config import World
-from ship_trl.learn.evaluate import Episode
+from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
 

@@ -10,7 +10,7 @@ import torch
 from PIL import Image, ImageSequence
 
 from ship_trl.config import World
-from ship_trl.learn.evaluate import Episode
+from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.render import Rasteriser

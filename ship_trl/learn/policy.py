@@ -1,0 +1,64 @@
+"""Policies of a Q-network, as TorchRL has them: modules that write `action` into a tensordict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModule, TensorDictModuleBase, TensorDictSequential
+from torch import Generator, Tensor, nn
+from torchrl.modules import QValueActor
+
+
+def greedy_policy(network: nn.Module, draw: Callable[[Tensor], Tensor]) -> TensorDictSequential:
+    """Make the policy that takes the action of the highest Q-value.
+
+    It reads `state` [N, S] and writes `pixels`, `action_value` float32 [N, A], `chosen_action_value` [N, 1]
+    and `action` int64 [N].
+
+    Args:
+        network: pixels to Q-values.
+        draw: states to pixels.
+    """
+    return TensorDictSequential(
+        TensorDictModule(draw, in_keys=["state"], out_keys=["pixels"]),
+        QValueActor(network, in_keys=["pixels"], action_space="categorical"),
+    )
+
+
+class EpsilonGreedy(TensorDictModuleBase):
+    """Writes `action` int64 [N]: a random one at the rate `epsilon`, else the best.
+
+    TorchRL's `EGreedyModule` draws from torch's global generator and asks for Q-values of every row; here
+    the draws are the run's own, equally many whatever `epsilon` is, and only rows that are not explored
+    are looked at. `epsilon` is set by the training loop.
+
+    Args:
+        best: observations [N, ...] to the best actions, int64 [N].
+        observation: key of the observation.
+        num_actions: A.
+        generator: of the draws, on the observation's device.
+    """
+
+    def __init__(
+        self, best: Callable[[Tensor], Tensor], observation: str, num_actions: int, generator: Generator
+    ) -> None:
+        super().__init__()
+        self.in_keys, self.out_keys = [observation], ["action"]
+        self.best, self.num_actions, self.generator = best, num_actions, generator
+        self.epsilon = 1.0
+
+    @torch.no_grad()
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Choose an action for each row."""
+        observation = tensordict.get(self.in_keys[0])
+        count, device = observation.shape[0], observation.device
+        explore = torch.rand(count, generator=self.generator, device=device) < self.epsilon
+        action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
+        exploring = sum(explore.tolist())
+        if exploring == 0:
+            action = self.best(observation)
+        elif exploring < count:
+            action[~explore] = self.best(observation[~explore])
+        return tensordict.set("action", action)

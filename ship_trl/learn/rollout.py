@@ -1,0 +1,91 @@
+"""Episodes of any policy: the world is deterministic, so one rollout of a greedy one is exact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.envs import EnvBase
+
+# Reads a tensordict with `state` and writes `action`, as every module of TorchRL does.
+Policy = Callable[[TensorDictBase], TensorDictBase]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode as it was sailed, of T steps.
+
+    `states` float [T + 1, S], `actions` int64 [T], `q_values` float [T, A], None where the policy wrote
+    no `action_value`, `rewards` float [T], raw; `dcpa` in metres, infinite without target ships.
+    """
+
+    states: Tensor
+    actions: Tensor
+    q_values: Tensor | None
+    rewards: Tensor
+    goal: bool
+    collision: bool
+    dcpa: float
+
+    @property
+    def total(self) -> float:
+        """The return: undiscounted sum of raw rewards."""
+        return float(self.rewards.sum(dtype=torch.float64))
+
+    @property
+    def length(self) -> int:
+        """Steps sailed."""
+        return len(self.actions)
+
+    @property
+    def outcome(self) -> str:
+        """goal, collision or timeout."""
+        return outcome(self.goal, self.collision)
+
+
+def outcome(goal: bool, collision: bool) -> str:
+    """Name how an episode ended."""
+    return "goal" if goal else "collision" if collision else "timeout"
+
+
+@torch.no_grad()
+def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
+    """Sail one episode in each of the N environments of a batch.
+
+    TorchRL's `EnvBase.rollout` ends with the first episode of a batch, or goes on into the next ones.
+
+    Args:
+        env: with `state`, `action`, and `goal`, `collision`, `dcpa` to report.
+        policy: reads `state` or anything else that the environment gives.
+    """
+    current = env.reset()
+    steps = []
+    sailing = torch.ones(env.batch_size, dtype=torch.bool, device=env.device)
+    while bool(sailing.any()):
+        stepped, current = env.step_and_maybe_reset(policy(current))
+        steps.append(stepped)
+        sailing &= ~stepped["next", "done"].squeeze(-1)
+    done = torch.stack([step["next", "done"].squeeze(-1) for step in steps])
+    lengths = (done.to(torch.int8).argmax(0) + 1).tolist()
+    return [episode(steps[:length], row) for row, length in enumerate(lengths)]
+
+
+def episode(steps: list[TensorDictBase], row: int) -> Episode:
+    """Take one environment's episode out of the steps of a batch."""
+
+    def taken(key: str) -> Tensor:
+        return torch.stack([step[key][row] for step in steps]).cpu()
+
+    last = steps[-1]["next"]
+    return Episode(
+        states=torch.cat((taken("state"), last["state"][row : row + 1].cpu())),
+        actions=taken("action"),
+        rewards=torch.stack([step["next", "reward"][row, 0] for step in steps]).cpu(),
+        q_values=taken("action_value") if "action_value" in steps[0] else None,
+        goal=bool(last["goal"][row, 0]),
+        collision=bool(last["collision"][row, 0]),
+        dcpa=float(last["dcpa"][row, 0]),
+    )

@@ -31,8 +31,7 @@ def settled(threshold: float, share: float, samples: int = 1000) -> float:
     low, high = COLLISION, 0.0
     for _ in range(40):
         value = torch.full((samples, 1), (low + high) / 2, requires_grad=True)
-        action = torch.zeros(samples, dtype=torch.int64)
-        td_loss(value, action, td_target, Loss["huber"], threshold).backward()
+        td_loss(value, td_target, Loss["huber"], threshold).backward()
         assert value.grad is not None
         low, high = ((low + high) / 2, high) if float(value.grad.sum()) < 0 else (low, (low + high) / 2)
     return (low + high) / 2

@@ -14,6 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config import (
     CONV_LAYERS,
+    BackendName,
     Config,
     ConfigError,
     Method,
@@ -106,6 +107,12 @@ def check(config: Config) -> None:
         "device",
         "cpu or cuda",
         config.device,
+    )
+    require(
+        learn.backend is not BackendName.incremental or config.device == "cpu",
+        "learn.backend",
+        f"auto or dense with device={config.device}",
+        learn.backend.value,
     )
     check_arm(config)
 

@@ -110,6 +110,8 @@ WRONG = {
     "+pair=high layers=3 wandb.mode=banana": "wandb.mode: Invalid value 'banana', expected one of",
     "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, huber]",
     "+pair=high layers=3 learn.precision=fp8": "learn.precision: Invalid value 'fp8', expected one of [auto,",
+    "+pair=high layers=3 learn.backend=fast": "learn.backend: Invalid value 'fast', expected one of [auto,",
+    "+pair=high layers=3 learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
     "+pair=high layers=3 device=tpu": "device: must be cpu or cuda, got tpu",
     "+pair=high layers=3 seed=-1": "seed: must be at least 0",
     "+pair=high layers=3 seed=one": "seed: Value 'one' of type 'str' could not be converted to Integer",

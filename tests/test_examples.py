@@ -13,16 +13,22 @@ from tests.test_cli import ROOT
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRAWS = {"huber_threshold": "huber_threshold.png"}
+ARGUMENTS = {"huber_threshold": [DRAWS["huber_threshold"]], "stock_torchrl": ["--steps", "400"]}
+MOST_LINES = 80
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs(path: Path, tmp_path: Path) -> None:
-    line = [sys.executable, str(path), *([DRAWS[path.stem]] if path.stem in DRAWS else [])]
+    line = [sys.executable, str(path), *ARGUMENTS.get(path.stem, [])]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     subprocess.run(line, cwd=tmp_path, env=environment, check=True, timeout=120)
     if path.stem in DRAWS:
         picture = np.asarray(Image.open(tmp_path / DRAWS[path.stem]))
         assert picture.std() > 5
+
+
+def test_torchrl_alone_takes_few_lines() -> None:
+    assert len((ROOT / "examples" / "stock_torchrl.py").read_text().splitlines()) <= MOST_LINES
 
 
 def test_a_collision_is_forgotten_with_a_small_threshold() -> None:

@@ -93,16 +93,19 @@ class DoubleDQNLoss(DQNLoss):
 class ForeachSoftUpdate(SoftUpdate):
     """TorchRL's `SoftUpdate`, all parameters at once."""
 
-    def __init__(self, loss_module: DQNLoss, *, tau: float) -> None:
+    def __init__(self, loss_module: DoubleDQNLoss, *, tau: float) -> None:
         super().__init__(loss_module, tau=tau)
         self._tau = tau
         names = list(self._sources.keys(True, True))
         self._online = [self._sources[name].data for name in names]
         self._slow = [self._targets[rename(name)].data for name in names]
+        self._networks = [loss_module.network, loss_module.target_network]
 
     def step(self) -> None:
         """Move the target parameters by `tau` of the way to the online ones."""
         torch._foreach_lerp_(self._slow, self._online, self._tau)
+        for network in self._networks:
+            network.backend.prepare(network)
 
 
 def rename(name: Any) -> Any:

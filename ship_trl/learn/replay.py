@@ -6,11 +6,12 @@ The picture is a function of the state, so 50,000 transitions take about 2 MB in
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import NestedKey, TensorDict, TensorDictBase
 from torch import Generator, Tensor
-from torchrl.data import LazyTensorStorage, ReplayBuffer, TensorDictReplayBuffer
+from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictReplayBuffer
 from torchrl.envs.transforms import Transform
 
 # So that a long warm-up holds little that is not yet stored.
@@ -30,6 +31,73 @@ class DrawPixels(Transform):
 
     def _apply_transform(self, obs: Tensor) -> Tensor:
         return self.draw(obs)
+
+
+class TransitionStorage(Storage):
+    """Rows of one tensor an entry: what TorchRL's `LazyTensorStorage` holds, in a third of its time.
+
+    A few transitions a time are written and a small batch is read, so that the time goes into looking
+    after tensordicts, not into moving numbers.
+
+    Args:
+        capacity: transitions.
+        device: where they lie.
+    """
+
+    def __init__(self, capacity: int, device: torch.device) -> None:
+        super().__init__(capacity)
+        self.device = device
+        self._rows: dict[NestedKey, Tensor] = {}
+        self._len = 0
+
+    def __len__(self) -> int:
+        return self._len
+
+    def set(self, cursor: Any, data: TensorDictBase, *, set_cursor: bool = True) -> None:
+        """Write transitions [K] to the rows `cursor` [K], or one to a row.
+
+        The first ones say which entries there are.
+        """
+        if not self._rows:
+            for key, value in data.items(True, True):
+                self._rows[key] = value.new_zeros((self.max_size, *value.shape[1:]), device=self.device)
+        for key, rows in self._rows.items():
+            rows[cursor] = data.get(key)
+        if set_cursor:
+            self._set_last_cursor(cursor)
+            last = int(cursor.max()) if isinstance(cursor, Tensor) else int(cursor)
+            self._len = max(self._len, last + 1)
+        self._bump_mutation_revision()
+
+    def get(self, index: Any) -> TensorDict:
+        """Read the rows `index` [B] as a tensordict [B]."""
+        return nested({key: rows[: self._len][index] for key, rows in self._rows.items()}, self.device)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Give the transitions and how many there are."""
+        return {"rows": {key: rows.clone() for key, rows in self._rows.items()}, "length": self._len}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Take over what `state_dict` gave."""
+        self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
+        self._len = state_dict["length"]
+
+    def _empty(self) -> None:
+        self._len = 0
+
+
+def nested(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
+    """Make a tensordict [B] of entries [B, ...], those of `next` in one of their own."""
+    outer: dict[str, Any] = {}
+    following: dict[str, Any] = {}
+    for key, value in entries.items():
+        if isinstance(key, tuple):
+            following[key[1]] = value
+        else:
+            outer[key] = value
+    size = outer["action"].shape
+    outer["next"] = TensorDict(following, batch_size=size, device=device)
+    return TensorDict(outer, batch_size=size, device=device)
 
 
 class StateReplay(TensorDictReplayBuffer):
@@ -59,8 +127,14 @@ class StateReplay(TensorDictReplayBuffer):
         # Storing one step costs as much as storing many, so they wait until a batch is drawn.
         self._waiting: list[dict[str | tuple[str, str], Tensor]] = []
         self.reward_scale, self.observation = reward_scale, observation
-        storage = LazyTensorStorage(capacity, device=device)
-        super().__init__(storage=storage, generator=generator, transform=transform)
+        storage, writer = TransitionStorage(capacity, device), RoundRobinWriter()
+        super().__init__(
+            storage=storage,
+            writer=writer,
+            collate_fn=lambda batch: batch,
+            generator=generator,
+            transform=transform,
+        )
 
     def __len__(self) -> int:
         self._store()
@@ -68,15 +142,15 @@ class StateReplay(TensorDictReplayBuffer):
 
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
         """Keep steps of N environments, tensordict [N] with the observation, `action` and `next`."""
-        following = tensordicts["next"]
+        following = tensordicts.get("next")
         self._waiting.append(
             {
-                self.observation: tensordicts[self.observation],
-                "action": tensordicts["action"],
-                ("next", self.observation): following[self.observation],
-                ("next", "reward"): following["reward"] * self.reward_scale,
-                ("next", "done"): following["done"],
-                ("next", "terminated"): following["terminated"],
+                self.observation: tensordicts.get(self.observation),
+                "action": tensordicts.get("action"),
+                ("next", self.observation): following.get(self.observation),
+                ("next", "reward"): following.get("reward") * self.reward_scale,
+                ("next", "done"): following.get("done"),
+                ("next", "terminated"): following.get("terminated"),
             }
         )
         if len(self._waiting) == MOST_WAITING:
@@ -85,11 +159,9 @@ class StateReplay(TensorDictReplayBuffer):
     def _store(self) -> None:
         if self._waiting:
             kept = {key: torch.cat([step[key] for step in self._waiting]) for key in self._waiting[0]}
-            stored = TensorDict(batch_size=kept["action"].shape)
-            for key, values in kept.items():
-                stored[key] = values
             self._waiting.clear()
-            ReplayBuffer.extend(self, stored)
+            # A `TensorDictReplayBuffer` would note each transition's index beside it.
+            ReplayBuffer.extend(self, nested(kept))
 
     def sample(self, batch_size: int | None = None, return_info: bool = False) -> TensorDictBase:
         """Draw so many transitions."""

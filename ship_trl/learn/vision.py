@@ -7,7 +7,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from ship_trl.config import BackendName, ConfigError, Precision, bfloat16_allowed
+from ship_trl.config import BackendName, Precision, bfloat16_allowed
 from ship_trl.learn.delta import Incremental
 from ship_trl.learn.network import Backend, Dense
 
@@ -23,16 +23,10 @@ class Draw(Protocol):
 
 
 def choose_backend(wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device) -> Backend:
-    """Make what computes the conv layers; `auto` is the quickest on a device.
-
-    Raises:
-        ConfigError: the incremental one is asked for on another device than a CPU.
-    """
-    on_cpu = device.type == "cpu"
-    if wanted is BackendName.incremental and not on_cpu:
-        raise ConfigError("learn.backend: incremental computes on a CPU only; allowed here: auto, dense")
-    incremental = wanted is BackendName.incremental or (wanted is BackendName.auto and on_cpu)
-    return Incremental(draw.still, dtype) if incremental else Dense(dtype)
+    """Make what computes the conv layers; `auto` is the quickest on a device."""
+    quickest = BackendName.incremental if device.type == "cpu" else BackendName.dense
+    chosen = quickest if wanted is BackendName.auto else wanted
+    return Incremental(draw.still, dtype) if chosen is BackendName.incremental else Dense(dtype)
 
 
 def computing(precision: Precision, device: torch.device) -> torch.dtype:

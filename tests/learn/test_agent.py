@@ -8,7 +8,7 @@ import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from ship_trl.config import Learn, Loss, Precision
+from ship_trl.config import BackendName, Learn, Loss, Precision
 from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
@@ -264,3 +264,12 @@ def test_learning_from_kept_features_is_learning_from_states(monkeypatch: pytest
         assert (one - two).abs().mean() < 1e-5
     state = torch.rand(20, 2) * 8 - 4
     assert torch.equal(act(kept, kept.encode(state), 0.0), act(dense, state, 0.0))
+
+
+def test_both_backends_learn_the_same() -> None:
+    found = []
+    for backend in BackendName:
+        learner = agent(backend=backend, precision=Precision.fp32)
+        found.append([float(learner.update(drawn(batch()))) for _ in range(3)])
+    assert found[0] == found[1]  # on a CPU `auto` is the incremental one
+    assert found[1] == pytest.approx(found[2], rel=1e-4)

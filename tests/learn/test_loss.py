@@ -14,6 +14,7 @@ from ship_trl.config import Loss
 from ship_trl.learn.delta import Incremental
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.replay import DrawPixels, StateReplay
 from tests.learn.worlds import draw
 
 
@@ -138,3 +139,41 @@ def test_all_at_once_the_soft_update_is_that_of_torchrl(frozen: int) -> None:
     assert found[0].keys() == found[1].keys()
     assert all(torch.equal(found[0][key], found[1][key]) for key in found[0])
     assert not torch.equal(found[0]["value.weight"], actor()[0].module.value.weight)
+
+
+@pytest.mark.parametrize("update", [SoftUpdate, ForeachSoftUpdate])
+@pytest.mark.parametrize("frozen", [0, 2])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_no_weights_are_read_that_have_changed_since(update: Any, frozen: int, dtype: torch.dtype) -> None:
+    value_network = actor(frozen)
+    value_network[0].module.backend = Incremental(draw.still, dtype)
+    loss, data = DoubleDQNLoss(value_network, gamma=0.9), batch()
+    target = update(loss, tau=0.5)
+    learning = [p for p in loss.parameters() if p.requires_grad]
+    optimiser = torch.optim.Adam(learning, lr=0.01, fused=True)
+    seen = []
+    for _ in range(3):
+        optimiser.zero_grad()
+        loss(data)["loss"].backward()
+        optimiser.step()
+        target.step()
+        for network in (loss.network, loss.target_network):
+            anew = copy.copy(network)
+            anew.backend = Incremental(draw.still, dtype)
+            with torch.no_grad():
+                seen.append(network(data["pixels"]))
+                assert torch.equal(seen[-1], anew(data["pixels"]))
+    assert all(not torch.equal(a, b) for k, a in enumerate(seen) for b in seen[:k])
+
+
+def test_torchrls_loss_reads_our_replay() -> None:
+    memory = StateReplay(
+        50, 0.01, Generator().manual_seed(0), torch.device("cpu"), transform=DrawPixels(draw)
+    )
+    given = batch(40).exclude("pixels", ("next", "pixels"))
+    given["state"], given["next", "state"] = torch.rand(2, 40, 2) * 8 - 4
+    memory.extend(given)
+    sample, value_network = memory.sample(16), actor()
+    other = reference(value_network, Loss.l2)
+    SoftUpdate(other, tau=0.1)
+    assert torch.equal(made(value_network)(sample)["loss"], other(sample)["loss"])

@@ -3,8 +3,9 @@
 import torch
 from tensordict import TensorDict
 from torch import Generator
+from torchrl.data import LazyTensorStorage, ReplayBuffer
 
-from ship_trl.learn.replay import DrawPixels, StateReplay
+from ship_trl.learn.replay import DrawPixels, StateReplay, TransitionStorage
 from tests.learn.worlds import draw
 
 
@@ -69,8 +70,8 @@ def test_storage_holds_no_pixels() -> None:
     memory = replay(capacity=50_000)
     memory.extend(steps(0, 4))
     assert len(memory) == 4  # and so they are stored
-    stored = memory.storage._storage
-    size = sum(value.numel() * value.element_size() for value in stored.values(True, True))
+    stored = memory.storage.state_dict()["rows"]
+    size = sum(value.numel() * value.element_size() for value in stored.values())
     assert size < 16 * 2**20
 
 
@@ -100,3 +101,33 @@ def test_pixels_are_drawn_beside_the_states_of_a_batch() -> None:
     assert torch.equal(batch["pixels"], draw(batch["state"]))
     assert torch.equal(batch["next", "pixels"], draw(batch["next", "state"]))
     assert "pixels" not in memory.storage[0]
+
+
+def test_a_storage_is_that_of_torchrl() -> None:
+    given = steps(0, 40).exclude("unwanted", ("next", "truncated"))
+    found = []
+    for storage in (TransitionStorage(30, torch.device("cpu")), LazyTensorStorage(30)):
+        buffer = ReplayBuffer(
+            storage=storage,
+            collate_fn=lambda batch: batch,
+            generator=Generator().manual_seed(3),
+            batch_size=16,
+        )
+        buffer.extend(given[:25])
+        part = buffer.sample()
+        buffer.add(given[25])
+        buffer.extend(given[26:])  # and the first ten are forgotten
+        found.append((part, buffer.sample(), len(buffer)))
+    for mine, other in zip(*found, strict=True):
+        assert mine == other if isinstance(mine, int) else bool((mine == other).all())
+    assert found[0][2] == 30
+
+
+def test_a_storage_is_taken_over_whole() -> None:
+    memory, other = replay(seed=1), replay(seed=1)
+    memory.extend(steps(0, 40))
+    assert len(memory) == 40
+    other.storage.load_state_dict(memory.storage.state_dict())
+    assert bool((memory.sample(32) == other.sample(32)).all())
+    memory.empty()
+    assert len(memory) == 0 and len(other) == 40

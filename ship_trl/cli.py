@@ -47,7 +47,8 @@ How
   --cfg job             print the configuration and stop
   --hydra-help          what Hydra adds
 
-  python -m ship_trl.cases --help    the cases, their similarity, a picture of them all
+  python -m ship_trl.evaluate --help  what policies reach: networks, random, the planner's, your own
+  python -m ship_trl.cases --help     the cases, their similarity, a picture of them all
 """
 
 

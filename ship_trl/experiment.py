@@ -26,17 +26,19 @@ from ship_trl.paths import replacing
 from ship_trl.plan import ALGORITHM_VERSION, RESULT, Run
 from ship_trl.process import settle
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.planner import best_plan
 from ship_trl.sim.random_policy import random_return
+from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
 from ship_trl.tracking import Tracker
-from ship_trl.transfer.casebase import POLICY, CaseBase, Entry
+from ship_trl.transfer.casebase import POLICY, POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
 
 # So many networks sail side by side before training; each takes 3 MB.
 FLEET = 25
+# Below the case base, beside the networks of the cases.
+PLANS = ".plans"
 
 
 def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
@@ -123,7 +125,7 @@ def train_run(
     )
     replay = agent.replay(learn, streams["replay"], device)
     draws = find_draws(run, agent, eval_env)
-    known = best_plan(run.target, config.world).total
+    known = best_known(run.target, config.world, Path(config.case_base) / PLANS).total
 
     finished: list[Finished] = []
     evaluated: list[Evaluated] = []
@@ -144,7 +146,7 @@ def train_run(
         assert best is not None
         last = evaluated[-1]
         save_weights(
-            run.folder / "policy_last.safetensors",
+            run.folder / POLICY_LAST,
             agent.target_network,
             {"recipe": run.recipe, "episode": last.episode},
         )

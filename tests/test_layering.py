@@ -30,6 +30,8 @@ ALLOWED = {
     "study": SIM | {"checks", "cli", "launchers", "plan", "transfer"},
     "report": {"cli", "config", "study"},
     "results": {"cli", "plan", "study", "view"},
+    "policies": SIM | {"learn", "transfer"},
+    "evaluate": SIM | {"cli", "learn", "plan", "policies", "process", "results", "transfer", "view"},
     "experiment": SIM
     | {"__version__", "console", "learn", "plan", "process", "tracking", "transfer", "view"},
     "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},
@@ -48,6 +50,7 @@ WITHOUT_TORCH = (
     "transfer/similarity",
     "transfer/casebase",
     "launchers",
+    "evaluate",
     "report",
     "results",
     "study/__main__",

@@ -21,7 +21,8 @@ from ship_trl.config import Method, World
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import distance, similarity
 
-POLICY, ENTRY, CONFIG = "policy.safetensors", "entry.json", "config.yaml"
+POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
+ENTRY, CONFIG = "entry.json", "config.yaml"
 # Half-way between the paper's high pair (0.83) and its low one (0.45), table 2.
 HIGH_SIMILARITY = 0.64
 

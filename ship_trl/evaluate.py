@@ -1,0 +1,201 @@
+"""`python -m ship_trl.evaluate POLICY... target=CASE`: sail any policies, and table what they reach.
+
+POLICY is random, keep_course, best_known, a safetensors file, a result folder (its best and its last
+network, beside what it claims of them), or file.py:function of your own. A result folder brings its
+target with it.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from ship_trl.cli import complain, make_parser
+from ship_trl.config import ConfigError, World, explain
+from ship_trl.plan import RESULT, read_result
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
+
+if TYPE_CHECKING:
+    from ship_trl.learn.rollout import Episode
+
+HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m", "steps", "claimed")
+# What a table shows of a return; a claim that is farther off than this is another one.
+SHOWN = 0.05
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One row to be: a policy by its name, on a case; `claimed` is the return that a folder says it has."""
+
+    policy: str
+    label: str
+    case: Case
+    world: World
+    colour: bool
+    claimed: float | None = None
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Sail, print the table, write the GIF."""
+    parser = make_parser("ship_trl.evaluate", __doc__)
+    parser.add_argument("words", nargs="+", metavar="POLICY | target=CASE")
+    parser.add_argument(
+        "--episodes", type=int, default=1, metavar="N", help="so many at once, mean in the table"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of policies that draw")
+    parser.add_argument("--colour", action="store_true", help="networks see colours")
+    parser.add_argument("--gif", type=Path, metavar="FILE", help="film the first episode of the last policy")
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    options = parser.parse_args(arguments)
+    try:
+        if options.episodes < 1:
+            raise ConfigError(f"--episodes: must be at least 1, got {options.episodes}")
+        entries = find_entries(options.words, options.colour)
+        wrong = table(entries, options.episodes, options.seed, options.gif, options.markdown)
+    except (ConfigError, OSError) as error:
+        complain(str(error))
+        sys.exit(1)
+    if wrong:
+        complain(f"{len(wrong)} of {len(entries)} do not reach what their folder claims: {wrong[0]} ...")
+        sys.exit(1)
+
+
+def find_entries(words: list[str], colour: bool) -> list[Entry]:
+    """Read the command line's words: policies, and the cases that they sail in.
+
+    Raises:
+        ConfigError: a word that is neither, a folder without a result, a policy without a case.
+    """
+    names = [word for word in words if "=" not in word or Path(word).exists()]
+    settings = dict(word.split("=", 1) for word in words if word not in names)
+    unknown = sorted(settings.keys() - {"target"})
+    if unknown:
+        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
+    if not names:
+        raise ConfigError("policy: none given; see --help for what is allowed")
+    world = load_world()
+    targets = [load_case(name, world, "target") for name in settings.get("target", "").split(",") if name]
+    entries: list[Entry] = []
+    for name in names:
+        if Path(name).is_dir():
+            entries += of_folder(Path(name), targets)
+        elif not targets:
+            raise ConfigError(
+                f"target: none given for {name}; allowed: target=CASE, or several behind commas"
+            )
+        else:
+            entries += [Entry(name, name, case, world, colour) for case in targets]
+    return entries
+
+
+def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
+    """Give the networks of all results at and below a folder, each on its own target or on `targets`.
+
+    Raises:
+        ConfigError: there is no result, or its configuration cannot be read.
+    """
+    found: list[Entry] = []
+    for path in sorted(folder.rglob(RESULT)):
+        result, place = read_result(path.parent), path.parent
+        if result is None:
+            raise ConfigError(f"policy: {path} is not a whole result")
+        world, colour = settings_of(place)
+        label = f"{result.get('pair')} {result.get('arm')} seed {result.get('seed')}"
+        for file, key in ((POLICY, "best"), (POLICY_LAST, "final")):
+            entry = Entry(str(place / file), f"{label}, {key}", Case([], 0, [], "", []), world, colour)
+            if targets:
+                found += [replace(entry, case=case) for case in targets]
+            elif (place / file).is_file():
+                case = load_case(str(result.get("target")), world, f"{path}: target")
+                claim = result.get(key)
+                claimed = claim.get("return") if isinstance(claim, dict) else None
+                found.append(
+                    replace(entry, case=case, claimed=float(claimed) if claimed is not None else None)
+                )
+    if not found:
+        raise ConfigError(f"policy: no {RESULT} with its networks at or below {folder}")
+    return found
+
+
+def settings_of(folder: Path) -> tuple[World, bool]:
+    """Read the world and the colours of a run from its configuration.
+
+    Raises:
+        ConfigError: there is none, or it cannot be read.
+    """
+    path = folder / CONFIG
+    try:
+        values: Any = OmegaConf.load(path)
+        world: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(World), values.world))
+        return world, bool(values.colour)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"policy: {path}: {explain(error)}") from None
+    except (OSError, AttributeError, ValueError) as error:
+        raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None
+
+
+def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, markdown: bool) -> list[str]:
+    """Sail every entry and print what it reached; returns the labels of those that fall short of a claim."""
+    from ship_trl.learn.rollout import rollout
+    from ship_trl.policies import load_policy
+    from ship_trl.process import settle
+    from ship_trl.results import show
+    from ship_trl.sim.env import ShipEnv
+    from ship_trl.sim.reference import best_known
+
+    settle()
+    rows, wrong = [], []
+    film: tuple[Entry, Any, Episode] | None = None
+    for entry in entries:
+        pixels = not entry.policy.endswith(".safetensors")
+        env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
+        sailed = rollout(env, load_policy(entry.policy, env, seed))
+        rows.append(row(entry, sailed, best_known(entry.case, entry.world).total))
+        reached = sum(episode.total for episode in sailed) / len(sailed)
+        if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
+            wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
+        film = entry, env, sailed[0]
+    show(HEADINGS, rows, markdown)
+    if gif is not None and film is not None:
+        from ship_trl.view.film import write_gif
+
+        entry, env, episode = film
+        if not gif.absolute().parent.is_dir():
+            raise ConfigError(f"--gif: no folder {gif.absolute().parent}")
+        write_gif(
+            gif, entry.case, entry.world, episode, env.rasteriser, f"case {entry.case.name}, {entry.label}"
+        )
+        sys.stdout.write(f"{gif}\n")
+    return wrong
+
+
+def row(entry: Entry, sailed: list[Episode], best: float) -> list[str]:
+    """Make the row of one policy: means over its episodes."""
+    reached = sum(episode.total for episode in sailed) / len(sailed)
+    ends = [episode.outcome for episode in sailed]
+    often = {end: ends.count(end) for end in ("goal", "collision", "timeout") if end in ends}
+    ended = (
+        ends[0] if len(often) == 1 else ", ".join(f"{end} {n / len(ends):.0%}" for end, n in often.items())
+    )
+    apart = sum(episode.dcpa for episode in sailed) / len(sailed)
+    return [
+        entry.case.name,
+        entry.label,
+        f"{reached:.1f}",
+        f"{reached / best:.0%}" if best > 0 and reached > 0 else "-",
+        ended,
+        f"{apart:.0f}" if math.isfinite(apart) else "-",
+        f"{sum(episode.length for episode in sailed) / len(sailed):.0f}",
+        "" if entry.claimed is None else f"{entry.claimed:.1f}",
+    ]
+
+
+if __name__ == "__main__":
+    main()

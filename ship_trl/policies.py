@@ -1,0 +1,120 @@
+"""Policies that need no training, and one place that gives a policy of any kind by its name.
+
+A policy reads a tensordict of the environment (`state`, and `pixels` where it asks for them) and writes
+`action`. Whatever does that can be sailed, scored, filmed and tabled beside the others.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import torch
+from tensordict import TensorDictBase
+from torch import Generator
+
+from ship_trl.config import ConfigError
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import Policy
+from ship_trl.sim.dynamics import STEP
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.reference import best_known
+from ship_trl.transfer.layers import load_weights
+
+
+def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
+    """Make the policy that draws its actions uniformly, from `seed`."""
+    generator = Generator(device=env.device).manual_seed(seed)
+    count = len(env.world.actions)
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        action = torch.randint(count, env.batch_size, generator=generator, device=env.device)
+        return step.set("action", action)
+
+    return policy
+
+
+def keep_course(env: ShipEnv, _: int = 0) -> Policy:
+    """Make the policy that turns as little as table 1 lets it, at the highest speed of those actions."""
+    actions = env.world.actions
+    chosen = min(range(len(actions)), key=lambda k: (abs(actions[k][1]), -actions[k][0]))
+    return follow([chosen] * env.world.max_steps)
+
+
+def best_plan(env: ShipEnv, _: int = 0) -> Policy:
+    """Make the policy that sails the planner's best plan."""
+    return follow(best_known(env.case, env.world).actions)
+
+
+def follow(actions: Sequence[int]) -> Policy:
+    """Make the policy that sails a plan: an action for each step, and the last one from there on."""
+    plan = torch.tensor(actions or [0])
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        time = step["state"][..., STEP].long().clamp(max=len(plan) - 1)
+        return step.set("action", plan.to(time.device)[time])
+
+    return policy
+
+
+# By the word that stands for them on a command line. A policy of your own is one more line here, or
+# `file.py:name` there.
+POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
+    "random": random_actions,
+    "keep_course": keep_course,
+    "best_known": best_plan,
+}
+ALLOWED = f"{', '.join(POLICIES)}, a safetensors file, a result folder, or file.py:function"
+
+
+def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
+    """Give the policy that a word, a file of weights or a function of one's own stands for.
+
+    Args:
+        name: a key of `POLICIES`; a safetensors file; or `file.py:function` or `module:function`, called
+            with the environment and the seed.
+        env: where it will sail.
+        seed: of what it draws.
+
+    Raises:
+        ConfigError: there is no such policy, or its file is not right.
+    """
+    if name in POLICIES:
+        return POLICIES[name](env, seed)
+    if Path(name).suffix == ".safetensors":
+        channels = env.rasteriser.channels
+        network = DuelingNetwork(channels, len(env.world.actions), Generator())
+        network.load_state_dict(dict(load_weights(Path(name), network, "policy")))
+        return greedy_policy(network.to(env.device), env.rasteriser)
+    where, colon, function = name.rpartition(":")
+    if not colon:
+        raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
+    return own(where, function, name)(env, seed)
+
+
+def own(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy]:
+    """Import a function of a module or of a Python file.
+
+    Raises:
+        ConfigError: it cannot be imported, or holds no such function.
+    """
+    try:
+        if where.endswith(".py"):
+            spec = importlib.util.spec_from_file_location(Path(where).stem, where)
+            assert spec is not None and spec.loader is not None
+            module = importlib.util.module_from_spec(spec)
+            sys.modules[spec.name] = module
+            spec.loader.exec_module(module)
+        else:
+            module = importlib.import_module(where)
+    except (ImportError, OSError, SyntaxError) as error:
+        raise ConfigError(f"policy: {name} cannot be imported: {' '.join(str(error).split())}") from None
+    found = getattr(module, function, None)
+    if not callable(found):
+        raise ConfigError(f"policy: {where} has no function {function}")
+    made: Callable[[ShipEnv, int], Policy] = found
+    return made

@@ -1,0 +1,59 @@
+"""The best known plan: searched for once a case, believed only where it sails as it says."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config import World
+from ship_trl.sim import reference
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.planner import Plan, best_plan
+
+WORLD = load_world()
+
+
+@pytest.fixture
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the cases that were searched, in a process that knows none."""
+    found: list[str] = []
+
+    def counted(case: Case, world: World) -> Plan:
+        found.append(case.name)
+        return best_plan(case, world, beam=50)
+
+    monkeypatch.setattr(reference, "_known", {})
+    monkeypatch.setattr(reference, "best_plan", counted)
+    return found
+
+
+def test_a_plan_is_searched_for_once(searches: list[str], tmp_path: Path) -> None:
+    case = load_case("2", WORLD)
+    first = reference.best_known(case, WORLD, tmp_path / "plans")
+    assert reference.best_known(case, WORLD) == first and searches == ["2"]
+    reference._known.clear()
+    assert reference.best_known(case, WORLD, tmp_path / "plans") == first and searches == ["2"]
+    reference.best_known(load_case("1", WORLD), WORLD, tmp_path / "plans")
+    assert searches == ["2", "1"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", '{"return": 1}', '{"return": 1e9, "actions": [3]}', '{"return": 1, "actions": [99]}', "\0"],
+)
+def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Path, text: str) -> None:
+    case = load_case("2", WORLD)
+    first = reference.best_known(case, WORLD, tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_text(text)
+    reference._known.clear()
+    assert reference.best_known(case, WORLD, tmp_path) == first and searches == ["2", "2"]
+    assert json.loads(path.read_text())["actions"] == first.actions
+
+
+def test_a_plan_sails_as_the_planner_says() -> None:
+    case = load_case("2", WORLD)
+    plan = best_plan(case, WORLD, beam=50)
+    assert reference.sail(case, WORLD, plan.actions) == plan
+    assert reference.sail(case, WORLD, plan.actions[:3]) != plan
+    assert isinstance(plan, Plan)

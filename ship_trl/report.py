@@ -19,8 +19,8 @@ def main(arguments: list[str] | None = None) -> None:
     if not options.folder.is_dir():
         complain(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
         sys.exit(1)
-    from ship_trl.study.report import report
-    from ship_trl.study.unpack import is_copy, read_copy, unpack
+    from ship_trl.study.archive.read import is_copy, read_copy, unpack
+    from ship_trl.study.report.write import report
 
     output = options.output or options.folder / "report"
     try:

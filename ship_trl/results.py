@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> None:
         write_numbers(options.csv, grouped(found))
     show(HEADINGS, rows, options.markdown)
     if options.stability:
-        from ship_trl.study import stability
+        from ship_trl.study.analysis import stability
 
         show(stability.HEADINGS, list(stability.rows(grouped(found))), options.markdown)
     if options.test:
@@ -74,7 +74,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def write_numbers(path: Path, groups: dict[str, list[dict[str, Any]]]) -> None:
     """Write a row of numbers for each run, beside and renamed."""
-    from ship_trl.study import stability, tables
+    from ship_trl.study.analysis import stability
+    from ship_trl.study.report import tables
 
     if not path.absolute().parent.is_dir():
         complain(f"--csv: no folder {path.absolute().parent}")
@@ -169,7 +170,7 @@ def read_curve(result: dict[str, Any]) -> tuple[list[float], list[int], list[flo
 
 def compare(results: list[dict[str, Any]], one: str, other: str) -> Iterable[list[str]]:
     """For each arm of a pair: the runs' mean greedy returns in both folders, and p of their being alike."""
-    from ship_trl.study.statistics import permutation
+    from ship_trl.study.analysis.statistics import permutation
 
     means: dict[tuple[str, str], dict[str, list[float]]] = {}
     for result in sorted(results, key=lambda r: int(r["seed"])):

@@ -7,14 +7,14 @@ import sys
 
 from ship_trl.cli import complain
 from ship_trl.config import ConfigError
-from ship_trl.study.config import StudyConfig, to_study
-from ship_trl.study.launch import LOG, processes, run_jobs, write_jobs
-from ship_trl.study.mend import set_aside
-from ship_trl.study.pace import in_words, seconds_per_run
-from ship_trl.study.plan import Job, plan_jobs
-from ship_trl.study.progress import Display, say
-from ship_trl.study.settled import episodes_of, settle
-from ship_trl.study.summary import REPORT, check_account, log_summary
+from ship_trl.study.analysis.manifest import episodes_of, settle
+from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
+from ship_trl.study.launch.mend import set_aside
+from ship_trl.study.launch.pace import in_words, seconds_per_run
+from ship_trl.study.launch.progress import Display, say
+from ship_trl.study.plan.config import StudyConfig, to_study
+from ship_trl.study.plan.jobs import Job, plan_jobs
+from ship_trl.study.report.wandb_summary import REPORT, check_account, log_summary
 
 HELP = """\
 python -m ship_trl.study: every run of figures 5 to 7 and 9, and our controls.
@@ -85,7 +85,7 @@ def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
 
 def conclude(jobs: list[Job], left: list[Job], config: StudyConfig) -> None:
     """The report of what there is, and where everything lies."""
-    from ship_trl.study.report import report
+    from ship_trl.study.report.write import report
 
     if len(left) < len(jobs):
         report(config.folder, config.folder / REPORT)

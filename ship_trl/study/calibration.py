@@ -16,11 +16,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ship_trl.cli import complain, make_parser
-from ship_trl.study.answers import judge
-from ship_trl.study.claims import Hypothesis, Test
-from ship_trl.study.contrasts import Claimed, Verdict, contrast
-from ship_trl.study.measured import BLOCK, Study
-from ship_trl.study.statistics import LEVEL, Sample, look_level, spread_test
+from ship_trl.study.analysis.contrasts import Claimed, Verdict, contrast
+from ship_trl.study.analysis.measured import BLOCK, Study
+from ship_trl.study.analysis.statistics import LEVEL, Sample, look_level, spread_test
+from ship_trl.study.claims.kinds import Hypothesis, Test
+from ship_trl.study.claims.verdicts import judge
 
 SEEDS = (BLOCK, 2 * BLOCK, 3 * BLOCK)
 REPEATS = 2000

@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def kept(folder: Path, copy: Path) -> None:
     """Copy, and say how much."""
-    from ship_trl.study.kept import CURVES, RUNS, write_copy
+    from ship_trl.study.archive.write import CURVES, RUNS, write_copy
 
     whole, broken = write_copy(folder, copy)
     size = sum((copy / name).stat().st_size for name in (RUNS, CURVES))
@@ -41,7 +41,7 @@ def kept(folder: Path, copy: Path) -> None:
 
 def restored(copy: Path, folder: Path) -> None:
     """Restore, and say what is left to train."""
-    from ship_trl.study.unpack import read_copy, restore
+    from ship_trl.study.archive.read import read_copy, restore
 
     runs, others = restore(read_copy(copy), folder)
     left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""

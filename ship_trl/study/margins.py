@@ -14,7 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config import ConfigError, explain
 from ship_trl.paths import conf_dir
-from ship_trl.study.metrics import METRICS
+from ship_trl.study.analysis.metrics import METRICS
 
 
 @dataclass

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.study.measured import Study
-from ship_trl.study.records import Greedy, Record, Training
+from ship_trl.study.analysis.measured import Study
+from ship_trl.study.analysis.records import Greedy, Record, Training
 
 BEST, RANDOM = 80.0, -320.0
 

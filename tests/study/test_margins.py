@@ -6,8 +6,8 @@ import pytest
 
 from ship_trl.config import ConfigError
 from ship_trl.paths import conf_dir
-from ship_trl.study.config import NEW_CASE, names, read
 from ship_trl.study.margins import margin, read_margins
+from ship_trl.study.plan.config import NEW_CASE, names, read
 
 
 def test_the_shipped_file_is_right() -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study import rules
-from ship_trl.study.config import to_study
-from ship_trl.study.measured import read_study
-from ship_trl.study.plan import plan_jobs
-from ship_trl.study.settled import settle
+from ship_trl.study.analysis.manifest import settle
+from ship_trl.study.analysis.measured import read_study
+from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan.jobs import plan_jobs
 
 
 @pytest.fixture

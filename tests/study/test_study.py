@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study import pace
-from ship_trl.study.progress import last_episode
+from ship_trl.study.launch import pace
+from ship_trl.study.launch.progress import last_episode
 from tests.study.commands import SMALL, learned, study
 from tests.test_cli import environment, files
 

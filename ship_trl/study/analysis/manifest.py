@@ -1,0 +1,101 @@
+"""What a study's folder was begun with, so that nothing else is mixed in."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from typing import Any
+
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+
+from ship_trl.checks import to_config
+from ship_trl.cli import explain_hydra
+from ship_trl.config import Config, ConfigError, World, plain
+from ship_trl.paths import conf_dir, replacing
+from ship_trl.sim.cases import load_case
+from ship_trl.study.margins import margins
+from ship_trl.study.plan.config import StudyConfig
+from ship_trl.study.plan.jobs import Job
+from ship_trl.study.rules import stamp
+
+PLAN = "study.json"
+
+
+def run_config(config: StudyConfig) -> Config:
+    """The configuration that all runs share, checked.
+
+    Raises:
+        ConfigError: an override that is not right.
+    """
+    from hydra.errors import HydraException
+
+    GlobalHydra.instance().clear()
+    try:
+        with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+            line = ["target=1", "method=scratch", f"profile={config.profile}", *config.of_runs]
+            return to_config(compose("config", overrides=line))
+    except HydraException as error:
+        raise ConfigError(f"overrides: {explain_hydra(error)}") from None
+
+
+def episodes_of(config: StudyConfig) -> int:
+    """Training episodes of a run."""
+    return run_config(config).learn.episodes
+
+
+def fingerprints(jobs: list[Job], world: World) -> dict[str, str]:
+    """What each case of a study is, by name: its file may be edited while runs of it are kept."""
+    named = (job.values.get(key) for job in jobs for key in ("source", "target"))
+    names = sorted({str(name) for name in named if name is not None})
+    return {name: load_case(name, world).fingerprint for name in names}
+
+
+def settle(jobs: list[Job], config: StudyConfig) -> None:
+    """Make the study's folder and write down what is planned; more seeds or arms may be added later.
+
+    Raises:
+        ConfigError: the folder cannot be written, holds a study of other settings, or the margins are wrong.
+    """
+    # It is read when the runs are judged, which may be days from now.
+    margins()
+    shared = run_config(config)
+    settings: dict[str, Any] = {
+        "profile": config.profile,
+        "first_seed": config.first_seed,
+        "learn": plain(shared.learn),
+        "world": plain(shared.world),
+        "colour": shared.colour,
+    }
+    cases = fingerprints(jobs, shared.world)
+    path = config.folder / PLAN
+    try:
+        plan = json.loads(path.read_text())
+        before, known, begun = plan["settings"], dict(plan.get("cases", {})), plan
+    except FileNotFoundError:
+        before, known, begun = None, {}, {}
+    except (OSError, ValueError, KeyError, TypeError):
+        raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
+    changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
+    if before is not None and (before != settings or changed):
+        differ = ", ".join(sorted(key for key in settings if settings[key] != before.get(key)) + changed)
+        holds = f"output: {config.folder} holds a study of other settings ({differ})"
+        raise ConfigError(f"{holds}; allowed: another output=FOLDER")
+    try:
+        config.folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(config.folder, os.W_OK | os.X_OK):
+            raise PermissionError(13, "Permission denied")
+        with replacing(path) as draft:
+            listed = [dataclasses.asdict(job) for job in jobs]
+            plan = {
+                "settings": settings,
+                "cases": known | cases,
+                # What is judged, and by which rules, is what the study was begun with.
+                "judged": begun.get("judged", list(config.numbers)),
+                "rules": begun.get("rules", stamp()),
+                "jobs": listed,
+            }
+            draft.write_text(json.dumps(plan, indent=1))
+    except OSError as error:
+        raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None

@@ -1,0 +1,1 @@
+"""A study in three small files, and its folder from them. No torch."""

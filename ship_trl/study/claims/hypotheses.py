@@ -1,0 +1,177 @@
+"""The paper's claims of section 4 as contrasts that are measured; the plan is docs/analysis-plan.md.
+
+A claim has a name (H5a ...), a sentence, and the contrasts that it stands on; positive is as claimed.
+"""
+
+from __future__ import annotations
+
+from ship_trl.study.claims.kinds import (
+    FE,
+    FT,
+    TRANSFERS,
+    Hypothesis,
+    beats,
+    best_source,
+    by_path,
+    confounded,
+    each_above_the_last,
+    means,
+    network_effect,
+    no_more,
+    rises,
+    self_dips,
+    sooner,
+    steady,
+)
+from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
+
+NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
+GROWING = ("FT2", "FT3", "FT4", "FTW")
+# Parts of conclusion C4 too.
+EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")]
+FINETUNING_DIPS = [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")]
+SELF_DIPS = self_dips()
+NO_DIPS = [no_more("low", ("FE1", "FE3"), ("FE2",)), no_more("low", ("FT2",), ("FT1",))]
+HYPOTHESES = [
+    Hypothesis(
+        "H4a",
+        "4",
+        "A source with the same path is worth more than one with the same ship: sooner and higher.",
+        [by_path(arm, metric) for arm in ("FE3", "FTW") for metric in ("time", "area")],
+    ),
+    Hypothesis(
+        "H5a",
+        "5",
+        "Every arm but FE2 and FT1 beats scratch, and is sooner.",
+        [beats("high", arm, "scratch", metric) for metric in ("area", "time") for arm in NOT_DIPPING],
+    ),
+    Hypothesis(
+        "H5b",
+        "5",
+        "Those arms vary less across seeds.",
+        [steady("high", arm, "scratch") for arm in NOT_DIPPING],
+    ),
+    Hypothesis("H5c", "5", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
+    Hypothesis("H5d", "5", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
+    Hypothesis("H5e", "5", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
+    Hypothesis(
+        "H5f",
+        "5",
+        "FTW beats all other arms.",
+        [beats("high", "FTW", arm) for arm in ("scratch", *FE, *FT)],
+    ),
+    Hypothesis(
+        "H5g",
+        "5",
+        "Feature extraction is above finetuning of as many layers, and sooner.",
+        [
+            means("high", better, worse, metric)
+            for metric in ("area", "time")
+            for better, worse in ((FE, FT), (FE[2:], FT[2:]))
+        ],
+    ),
+    Hypothesis(
+        "H5h",
+        "5",
+        "FT2 < FT3 < FT4 < FTW, and each is sooner than the last.",
+        [
+            test
+            for metric in ("area", "time")
+            for test in each_above_the_last("high", *GROWING, metric=metric)
+        ],
+    ),
+    Hypothesis(
+        "H5i",
+        "5",
+        "FE3 is above FE4, to the end, sooner and steadier.",
+        [
+            *(beats("high", "FE3", "FE4", metric) for metric in ("area", "asymptote", "time")),
+            steady("high", "FE3", "FE4"),
+        ],
+    ),
+    Hypothesis("H5j", "5", "The dips are co-adaptation: a case to itself has them too.", SELF_DIPS),
+    Hypothesis(
+        "H5k", "5", "Finetuning cures the dip of two layers: FT2 above FE2.", [beats("high", "FT2", "FE2")]
+    ),
+    Hypothesis(
+        "H6a",
+        "6",
+        "All arms but FE4 beat scratch, and are sooner.",
+        [
+            beats("low", arm, "scratch", metric)
+            for metric in ("area", "time")
+            for arm in TRANSFERS
+            if arm != "FE4"
+        ],
+    ),
+    Hypothesis("H6b", "6", "There are no dips: neither of FE2 nor of FT1.", NO_DIPS),
+    Hypothesis(
+        "H6c",
+        "6",
+        "Finetuning is above feature extraction, and steadier.",
+        [means("low", FT, FE), *(steady("low", t, e) for t, e in zip(FT, FE, strict=True))],
+    ),
+    Hypothesis(
+        "H6d",
+        "6",
+        "FE4 is the worst arm.",
+        [beats("low", arm, "FE4") for arm in ("scratch", *TRANSFERS) if arm != "FE4"],
+    ),
+    Hypothesis(
+        "H6e",
+        "6",
+        "FTW is best early, from its first greedy evaluation on, and collides less.",
+        [
+            *(beats("low", "FTW", arm, "early area") for arm in ("scratch", *FE, *FT)),
+            *(beats("low", "FTW", arm, "start") for arm in ("scratch", *FE, *FT)),
+            means("low", (*FE, *FT), ("FTW",), "early collisions"),
+        ],
+    ),
+    Hypothesis(
+        "H6f",
+        "6",
+        "FT1 reaches the threshold first.",
+        [sooner("low", "FT1", arm) for arm in ("scratch", *TRANSFERS) if arm != "FT1"],
+    ),
+    Hypothesis(
+        "H7a",
+        "7",
+        "Arms of one and two layers beat scratch.",
+        [beats("lowest", arm, "scratch") for arm in ("FE1", "FE2", "FT1", "FT2")],
+    ),
+    Hypothesis("H7b", "7", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
+    Hypothesis(
+        "H7c",
+        "7",
+        "The score falls as more layers are transferred.",
+        [rises("lowest", *FE[::-1]), rises("lowest", *FT[::-1])],
+    ),
+    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", "scratch", "FE4")]),
+    Hypothesis(
+        "H7e",
+        "7",
+        "FT1 to FT4 fall when exploration ends, more than FTW does, and collide more.",
+        [beats("lowest", arm, "FTW", metric) for metric in ("dip", "collision rise") for arm in FT],
+    ),
+    Hypothesis(
+        "H7f",
+        "7",
+        "FTW falls no more than scratch, and ends lower than FT1 to FT4.",
+        [
+            no_more("lowest", ("FTW",), ("scratch",), "dip"),
+            means("lowest", FT, ("FTW",), "asymptote"),
+        ],
+    ),
+    Hypothesis(
+        "H9a",
+        "9",
+        "A reused network is sooner than a new one, also where both explore alike.",
+        [confounded("time"), network_effect("time")],
+    ),
+    Hypothesis(
+        "H9b",
+        "9",
+        "Case 2 is the best source, each case's network trained on it alone.",
+        [best_source(case) for case in (*OTHER_SOURCES, *FURTHER_SOURCES)],
+    ),
+]

@@ -1,0 +1,137 @@
+"""Verdicts: which of the paper's claims hold, by the rules of docs/analysis-plan.md.
+
+A claim is a conjunction, so that it is supported at the largest p of its contrasts, with nothing
+adjusted among them (intersection-union test); Holm's method adjusts over the claims of a figure. One
+contrast that is surely the other way contradicts it; there Holm's method is over all contrasts of the
+figure. A study is looked at after every five seeds, by O'Brien and Fleming's levels; what a look decides
+stays decided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Claimed, Finding, Verdict
+from ship_trl.study.analysis.measured import Study
+from ship_trl.study.analysis.statistics import LEVEL, holm, look_level
+from ship_trl.study.claims.conclusions import CONCLUSIONS, OURS
+from ship_trl.study.claims.hypotheses import HYPOTHESES
+from ship_trl.study.claims.kinds import Hypothesis
+
+ALL = [*CONCLUSIONS, *HYPOTHESES]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A claim measured at the look that decided it, or at the last one.
+
+    `p` is what the verdict stands on, adjusted: of contradiction over the figure's contrasts, else over
+    its claims, and that of support while the claim is open. `missing` is how many of its contrasts lack
+    seeds at that look of `seeds`, whose one-sided level is `level`; `decided` after how many the verdict
+    fell, 0 while the claim is open; `claims` how many its figure has.
+    """
+
+    hypothesis: Hypothesis
+    findings: list[Finding]
+    verdict: Verdict = Verdict.inconclusive
+    p: float = 1.0
+    missing: int = 0
+    seeds: int = 0
+    level: float = LEVEL / 2
+    decided: int = 0
+    claims: int = 1
+
+
+def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
+    """Judge claims at each look that the study's seeds allow; a figure's are judged together."""
+    looks = study.looks
+    decided: dict[str, Answer] = {}
+    answers: list[Answer] = []
+    for number, count in enumerate(looks, 1):
+        level = look_level(number, len(looks))
+        seen = study.first(count, level)
+        answers = [found for family in families(hypotheses) for found in judge(seen, family, count, level)]
+        for found in answers:
+            if found.decided:
+                decided.setdefault(found.hypothesis.name, found)
+        if len({key[3] for key in seen.records}) < count:
+            # Not yet reached: what there is, is shown.
+            break
+    return [decided.get(found.hypothesis.name, found) for found in answers]
+
+
+def explore(study: Study) -> list[Answer]:
+    """Judge each of our own contrasts alone, on all seeds that it has: it explains and decides nothing."""
+    seen = study.first(len(study.seeds), LEVEL / 2)
+    return [judge(seen, [hypothesis], None, LEVEL / 2)[0] for hypothesis in OURS]
+
+
+def families(hypotheses: Sequence[Hypothesis]) -> list[list[Hypothesis]]:
+    """Return claims by figure, in order."""
+    figures = dict.fromkeys(h.figure for h in hypotheses)
+    return [[h for h in hypotheses if h.figure == figure] for figure in figures]
+
+
+def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: float) -> list[Answer]:
+    """Judge the claims of a figure together at a one-sided level.
+
+    A contrast counts if it has `seeds` seeds; None takes as many as there are, at least five.
+    """
+    measured = [
+        [finding for test in hypothesis.tests for finding in test(study, hypothesis.name)]
+        for hypothesis in family
+    ]
+    # A figure has as many claims and contrasts as the plan gives it, also while some lack runs.
+    planned = sum(len(hypothesis.tests) for hypothesis in family)
+    against = [f.against if counts(f, seeds) else 1.0 for findings in measured for f in findings]
+    adjusted = iter(holm(against + [1.0] * (planned - len(against))))
+    measured = [[replace(f, adjusted=next(adjusted)) for f in findings] for findings in measured]
+    support, equality = [], []
+    for hypothesis, findings in zip(family, measured, strict=True):
+        whole = len(findings) == len(hypothesis.tests) and all(counts(f, seeds) for f in findings)
+        support.append(max(f.p for f in findings) if whole else 1.0)
+        differences = whole and all(f.claimed is Claimed.above for f in findings)
+        equality.append(max(f.within for f in findings) if differences else 1.0)
+    answers = []
+    for hypothesis, findings, p, same in zip(family, measured, holm(support), holm(equality), strict=True):
+        opposite = min((f.adjusted for f in findings), default=1.0)
+        verdict, stands_on = Verdict.inconclusive, p
+        if p <= level:
+            verdict = Verdict.supported
+        elif opposite <= level:
+            verdict, stands_on = Verdict.contradicted, opposite
+        elif same <= level:
+            verdict, stands_on = Verdict.equivalent, same
+        count = seeds or max((f.seeds for f in findings), default=0)
+        answers.append(
+            Answer(
+                hypothesis,
+                [replace(f, verdict=alone(f, seeds, level)) for f in findings],
+                verdict,
+                stands_on,
+                missing=len(hypothesis.tests) - sum(counts(f, seeds) for f in findings),
+                seeds=count,
+                level=level,
+                decided=0 if verdict is Verdict.inconclusive else count,
+                claims=len(family),
+            )
+        )
+    return answers
+
+
+def counts(finding: Finding, seeds: int | None) -> bool:
+    """Return whether a contrast has the seeds that a look needs."""
+    return finding.seeds >= LEAST_SEEDS and (seeds is None or finding.seeds == seeds)
+
+
+def alone(finding: Finding, seeds: int | None, level: float) -> Verdict:
+    """Return what a contrast by itself says: inside a claim nothing is adjusted but what contradicts it."""
+    if not counts(finding, seeds):
+        return Verdict.inconclusive
+    if finding.p <= level:
+        return Verdict.supported
+    if finding.adjusted <= level:
+        return Verdict.contradicted
+    same = finding.claimed is Claimed.above and finding.within <= level
+    return Verdict.equivalent if same else Verdict.inconclusive

@@ -1,0 +1,134 @@
+"""Runs a study's jobs through Hydra's launchers: each a file, each stage one multirun."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ship_trl.config import Logger, plain
+from ship_trl.launchers import die_with_parent
+from ship_trl.paths import replacing
+from ship_trl.plan import read_result
+from ship_trl.study.analysis.manifest import run_config
+from ship_trl.study.plan.config import StudyConfig
+from ship_trl.study.plan.jobs import Job
+
+LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
+# What all runs of a study have in common, beside the learner.
+SHARED = ("profile", "device", "colour", "world")
+
+
+def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
+    """A file for each job, `<study>/jobs/job/NAME.yaml`.
+
+    `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs it alone: with all that the study
+    has set, so that what it leaves in the study's folder is what the study would have left.
+    """
+    whole = plain(run_config(config))
+    shared, learn = {key: whole[key] for key in SHARED}, whole["learn"]
+    folder = config.folder / JOBS / "job"
+    folder.mkdir(parents=True, exist_ok=True)
+    # Absolute, because a node of a cluster starts its processes wherever it likes.
+    place = config.folder.absolute()
+    for job in jobs:
+        values: dict[str, Any] = shared | job.values | {"learn": learn | job.values.get("learn", {})}
+        values |= {
+            "output": str(place / job.part),
+            "case_base": str(place / BASE),
+            "wandb": {"folder": str(place), "group": f"{job.part}/{job.label}"},
+        }
+        with replacing(folder / f"{job.name}.yaml") as draft:
+            draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
+
+
+def finished(job: Job, config: StudyConfig) -> dict[str, Any] | None:
+    """The result of a job that is done, or None."""
+    found = read_result(job.folder(config.folder))
+    return found if found and found.get("arm") == job.arm and found.get("seed") == job.seed else None
+
+
+def command(jobs: list[Job], config: StudyConfig) -> list[str]:
+    """The multirun of these jobs."""
+    # Quoted: a path may hold what Hydra's grammar takes for its own.
+    sweep = str(config.folder.absolute()).replace("'", "\\'")
+    return [
+        *(sys.executable, "-m", "ship_trl", "--multirun"),
+        *("--config-dir", str((config.folder / JOBS).absolute())),
+        *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
+        *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
+        f"profile={config.profile}",
+        *logging(config),
+        *config.overrides,
+        f"+job={','.join(job.name for job in jobs)}",
+    ]
+
+
+def logging(config: StudyConfig) -> list[str]:
+    """Overrides that send the runs to the study's wandb project."""
+    if config.logger is not Logger.wandb:
+        return []
+    wandb = config.wandb
+    entity = [f"wandb.entity={wandb.entity}"] if wandb.entity else []
+    return ["logger=wandb", f"wandb.project={wandb.project}", f"wandb.mode={wandb.mode.name}", *entity]
+
+
+@contextmanager
+def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """A child with its words in `log`, ended when the block is left."""
+    with log.open("ab") as words:
+        child = subprocess.Popen(
+            arguments,
+            stdout=words,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            preexec_fn=die_with_parent,
+        )
+        try:
+            yield child
+        finally:
+            child.terminate()
+            child.wait()
+
+
+def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> list[Job]:
+    """Run what is not finished, stage by stage, with retries; returns what has no result even so.
+
+    Some launchers end with the first process that dies, and leave the other runs to be started again:
+    only a round that finished no run at all is a failure, and only failures are counted.
+    `watch` is called about once a second.
+    """
+    for stage in sorted({job.stage for job in jobs}):
+        left, failures = [job for job in jobs if job.stage == stage], 0
+        while left and failures <= config.retries:
+            for batch in batches(left, config):
+                with started(command(batch, config), config.folder / LOG) as child:
+                    while child.poll() is None:
+                        watch()
+                        try:
+                            child.wait(1.0)
+                        except subprocess.TimeoutExpired:
+                            continue
+                watch()
+            before, left = left, [job for job in left if finished(job, config) is None]
+            failures += len(left) == len(before)
+    return [job for job in jobs if finished(job, config) is None]
+
+
+def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:
+    """What is given to the launcher at once: everything, if the launcher waits for a free core."""
+    most = processes(config) if config.launcher == "slurm_local" else len(jobs)
+    return [jobs[k : k + most] for k in range(0, len(jobs), most)]
+
+
+def processes(config: StudyConfig) -> int:
+    """How many runs go on at once on this machine: as many as are asked for, else one a core."""
+    if config.processes is not None:
+        return config.processes
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

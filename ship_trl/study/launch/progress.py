@@ -1,0 +1,89 @@
+"""One progress display for a whole study: runs done, and how far the others are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ship_trl.study.launch.launch import finished
+from ship_trl.study.plan.config import StudyConfig
+from ship_trl.study.plan.jobs import Job
+
+console = Console(highlight=False)
+# The last line of a learning curve is not longer.
+TAIL = 400
+
+
+def say(text: str) -> None:
+    """One line."""
+    console.print(text, markup=False, soft_wrap=True)
+
+
+class Display:
+    """A bar of runs; a run that goes on counts by its share of episodes.
+
+    Args:
+        jobs: all runs of the study.
+        config: where they lie.
+        episodes: of one run.
+    """
+
+    def __init__(self, jobs: list[Job], config: StudyConfig, episodes: int) -> None:
+        self.jobs, self.config, self.episodes = jobs, config, episodes
+        self._open = [job for job in jobs if finished(job, config) is None]
+        self._bar = Progress(
+            BarColumn(bar_width=30),
+            TextColumn("{task.fields[done]} of {task.fields[all]} runs"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[now]}"),
+            console=console,
+        )
+        done = len(jobs) - len(self._open)
+        self._task = self._bar.add_task("", total=len(jobs), completed=done, done=done, all=len(jobs), now="")
+
+    def missing(self) -> list[Job]:
+        """Runs without a result."""
+        return list(self._open)
+
+    def __enter__(self) -> Display:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def show(self) -> None:
+        """Look at the folders and move the bar."""
+        self._open = [job for job in self._open if finished(job, self.config) is None]
+        shares = {job.name: self._share(job) for job in self._open}
+        going = [job for job in self._open if shares[job.name] > 0]
+        done = len(self.jobs) - len(self._open)
+        self._bar.update(
+            self._task,
+            completed=done + sum(shares.values()),
+            done=done,
+            now=", ".join(f"{job.label} {job.arm} {job.seed}" for job in going[:4]),
+        )
+
+    def _share(self, job: Job) -> float:
+        """How much of a run's episodes are behind it."""
+        return last_episode(job.folder(self.config.folder) / "curve.csv") / self.episodes
+
+
+def last_episode(path: Path) -> int:
+    """The last whole line's episode; 0 where there is none."""
+    try:
+        with path.open("rb") as file:
+            file.seek(0, 2)
+            file.seek(max(0, file.tell() - TAIL))
+            lines = file.read().split(b"\n")
+        return int(lines[-2].split(b",")[0])
+    except (OSError, ValueError, IndexError):
+        return 0

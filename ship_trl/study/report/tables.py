@@ -1,0 +1,120 @@
+"""The study's numbers as tables: a row for each run, arm, claim and contrast; CSV beside the report."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ship_trl.paths import replacing
+from ship_trl.study.analysis.contrasts import LEAST_SEEDS
+from ship_trl.study.analysis.measured import SEED, Study
+from ship_trl.study.analysis.metrics import METRICS, measure, reached
+from ship_trl.study.analysis.statistics import Estimate, bootstrap, interquartile_mean, share_interval
+from ship_trl.study.claims.verdicts import Answer
+from ship_trl.study.plan.jobs import from_scratch
+
+Row = dict[str, Any]
+
+
+def run_rows(study: Study) -> list[Row]:
+    """Every number of every run."""
+    rows = []
+    for (part, pair, arm, seed), record in sorted(study.records.items()):
+        row: Row = {"part": part, "pair": pair, "arm": arm, "seed": seed}
+        row |= {name: measure(record, name) for name in METRICS}
+        row["reached"] = reached(record)
+        rows.append(row)
+    return rows
+
+
+def arm_rows(study: Study) -> list[Row]:
+    """Each metric of each arm: interquartile mean over seeds with its interval, and the transfer ratio."""
+    rows = []
+    places = sorted({key[:3] for key in study.records})
+    for part, pair, arm in places:
+        runs = list(study.arm(part, pair, arm).values())
+        row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
+        for name in METRICS:
+            row |= columns(name, estimate([measure(run, name) for run in runs]))
+        areas = [measure(run, "area") for run in runs]
+        row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
+        row["reached"] = sum(map(reached, runs))
+        # A share of runs is no level: all of them count.
+        row |= columns("fell", share_interval(sum(int(measure(run, "fell")) for run in runs), len(runs)))
+        row |= columns("transfer ratio", transfer_ratio(study, part, pair, arm))
+        rows.append(row)
+    return rows
+
+
+def columns(name: str, found: Estimate | None) -> Row:
+    """A value and the ends of its interval; empty where there is none."""
+    values = ("", "", "") if found is None else (found.value, found.low, found.high)
+    return dict(zip((name, f"{name} low", f"{name} high"), values, strict=True))
+
+
+def estimate(values: Sequence[float]) -> Estimate | None:
+    """The interquartile mean and, of enough seeds, its interval; None where a number is missing."""
+    if not values or not np.isfinite(values).all():
+        return None
+    if len(values) < LEAST_SEEDS:
+        return Estimate(float(interquartile_mean(np.array(values))), np.nan, np.nan)
+    return bootstrap([np.array(values)], interquartile_mean, SEED)
+
+
+def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | None:
+    """How much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
+    runs = study.together({"arm": (part, pair, arm), "scratch": from_scratch(part, pair)})
+    if arm == "scratch" or len(runs["arm"]) < LEAST_SEEDS:
+        return None
+    areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
+
+    def ratio(one: Any, scratch: Any, axis: int) -> Any:
+        base = interquartile_mean(scratch, axis)
+        return (interquartile_mean(one, axis) - base) / np.maximum(np.abs(base), 1e-9)
+
+    return bootstrap(areas, ratio, SEED)
+
+
+def claim_rows(answers: Sequence[Answer]) -> list[Row]:
+    """Return every contrast of every claim, with the claim's verdict."""
+    return [
+        {
+            "claim": answer.hypothesis.name,
+            "figure": answer.hypothesis.figure,
+            "sentence": answer.hypothesis.sentence,
+            "claim's verdict": answer.verdict.value,
+            "claim's p": answer.p,
+            "decided after seeds": answer.decided or "",
+            "contrast": finding.what,
+            "metric": finding.metric,
+            **columns("estimate", finding.estimate),
+            "claimed": finding.claimed.value,
+            "p": finding.p,
+            "p against": finding.against,
+            "p against adjusted": finding.adjusted,
+            "margin": "" if finding.margin is None else finding.margin,
+            "p beyond margin": finding.within,
+            "seeds": finding.seeds,
+            "seen alone": finding.seen(answer.level),
+            "seen adjusted": finding.seen(answer.level / answer.claims),
+            "verdict": finding.verdict.value,
+            "beside": "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
+        }
+        for answer in answers
+        for finding in answer.findings
+    ]
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows beside and rename; without rows there is no file."""
+    if not rows:
+        path.unlink(missing_ok=True)
+        return
+    with replacing(path) as draft, draft.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

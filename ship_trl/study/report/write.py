@@ -1,0 +1,101 @@
+"""The report of a study's folder: tables, figures and one page, from result files alone. No torch."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from ship_trl.cli import complain
+from ship_trl.config import ConfigError
+from ship_trl.paths import replacing
+from ship_trl.study.analysis.contrasts import LEAST_SEEDS
+from ship_trl.study.analysis.manifest import PLAN
+from ship_trl.study.analysis.measured import Study, read_study
+from ship_trl.study.claims.placebo import placebo
+from ship_trl.study.claims.verdicts import answer, explore
+from ship_trl.study.plan.jobs import PAIRS
+from ship_trl.study.report import figures, tables
+from ship_trl.study.report.heat_map import draw_gains
+from ship_trl.study.report.page import Drawn, as_markdown, render
+from ship_trl.study.report.similarities import table_2
+
+CURVES = (
+    "Mean over seeds, moving over a twentieth of the episodes; the band is one standard deviation over "
+    "seeds. In brackets the number of runs."
+)
+GAINS = (
+    "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
+    "scratch on the target."
+)
+
+
+def report(folder: Path, output: Path) -> None:
+    """Write the report of a study's folder: index.html, verdicts.md, CSV tables, figures as PNG and PDF.
+
+    What cannot be read is named on stderr and on the page, and left out.
+
+    Raises:
+        ConfigError: there is no finished run, or the report cannot be written.
+    """
+    study = read_study(folder)
+    for path, reason in study.broken:
+        complain(f"{path}: {reason}; left out")
+    if not study.records:
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        write(study, folder, output)
+    except OSError as error:
+        raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
+    sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
+
+
+def write(study: Study, folder: Path, output: Path) -> None:
+    """Measure and write everything."""
+    answers, explored = answer(study), explore(study)
+    arms, similar = tables.arm_rows(study), table_2()
+    for name, rows in (
+        ("runs", tables.run_rows(study)),
+        ("arms", arms),
+        ("claims", tables.claim_rows([*answers, *explored])),
+        ("table_2", similar),
+    ):
+        tables.write_csv(output / f"{name}.csv", rows)
+    drawn, shown = [], figures.pairs(study)
+    for path in output.glob("pair_*.p*"):  # of an earlier report
+        if path.stem.removeprefix("pair_") not in shown:
+            path.unlink()
+    for name, title, caption, figure in (
+        *((f"pair_{p}", figures.title(study, p), CURVES, figures.draw_pair(study, p)) for p in shown),
+        ("reuse", "Figure 9: reuse on the new case", CURVES, figures.draw_reuse(study)),
+        ("gains", "What transfer gains, by source and target", GAINS, draw_gains(study)),
+    ):
+        if figure is None:
+            for path in output.glob(f"{name}.p*"):  # of an earlier report
+                path.unlink()
+            continue
+        png, _ = figures.save(figure, output / name)
+        drawn.append(Drawn(title, caption, png))
+    seeds = {key[3] for key in study.records if key[0] == PAIRS}
+    shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
+    page = render(study, answers, explored, arms, similar, drawn, shuffled, missing(folder, study))
+    for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers))):
+        with replacing(output / name) as draft:
+            draft.write_text(text)
+    for found in answers:
+        verdict = found.verdict.value if found.findings else "no runs"
+        sys.stdout.write(f"{found.hypothesis.name:<3}  {verdict:<13} {found.hypothesis.sentence}\n")
+    if shuffled is None:
+        sys.stdout.write(f"fewer than {LEAST_SEEDS} seeds: no verdict is possible but inconclusive\n")
+
+
+def missing(folder: Path, study: Study) -> int:
+    """How many runs the study planned that are neither there nor named as broken."""
+    try:
+        jobs = json.loads((folder / PLAN).read_text())["jobs"]
+        planned = {folder / j["part"] / j["label"] / j["arm"] / f"seed={j['seed']}" for j in jobs}
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+    found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}
+    return len(planned - found)

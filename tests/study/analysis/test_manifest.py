@@ -1,0 +1,60 @@
+"""A study's folder takes nothing that does not belong to it, and keeps what is there."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config import ConfigError
+from ship_trl.study.analysis.manifest import PLAN, settle
+from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan.jobs import plan_jobs
+
+
+def begin(folder: Path, *overrides: str) -> None:
+    config = to_study(["profile=smoke", "reuse=false", "controls=false", f"output={folder}", *overrides])
+    settle(plan_jobs(config), config)
+
+
+def test_pairs_and_seeds_may_be_added(tmp_path: Path) -> None:
+    begin(tmp_path, "pairs=[high]")
+    assert json.loads((tmp_path / PLAN).read_text())["cases"].keys() == {"1", "2"}
+    begin(tmp_path, "pairs=[low]", "seeds=3")
+    # What the first pair's cases were is still known.
+    plan = json.loads((tmp_path / PLAN).read_text())
+    assert plan["cases"].keys() == {"1", "2", "3", "4"}
+    assert {job["label"] for job in plan["jobs"]} == {"3", "low"}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (["overrides=[learn.lr=0.1]"], "study of other settings \\(learn\\)"),
+        (["overrides=[colour=true]"], "study of other settings \\(colour\\)"),
+        (["first_seed=5"], "study of other settings \\(first_seed\\)"),
+    ],
+)
+def test_other_settings_are_refused(overrides: list[str], said: str, tmp_path: Path) -> None:
+    begin(tmp_path)
+    before = (tmp_path / PLAN).read_bytes()
+    with pytest.raises(ConfigError, match=said):
+        begin(tmp_path, *overrides)
+    assert (tmp_path / PLAN).read_bytes() == before
+
+
+def test_a_case_that_was_edited_is_refused(tmp_path: Path) -> None:
+    begin(tmp_path)
+    plan = json.loads((tmp_path / PLAN).read_text())
+    plan["cases"]["4"] = "another"
+    (tmp_path / PLAN).write_text(json.dumps(plan))
+    with pytest.raises(ConfigError, match=r"study of other settings \(case 4\); allowed: another output="):
+        begin(tmp_path)
+    begin(tmp_path, "pairs=[high]")  # it does not sail there
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"settings": {}, "cases": 3}'])
+def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / PLAN).write_text(text)
+    with pytest.raises(ConfigError, match="is not a study's plan"):
+        begin(tmp_path)
+    assert (tmp_path / PLAN).read_text() == text

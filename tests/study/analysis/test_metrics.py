@@ -1,0 +1,109 @@
+"""Each number of a run, against its definition."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from ship_trl.study.analysis import metrics
+from ship_trl.study.analysis.records import Record, read_run
+from tests.study.synthetic import make_record, returns_of, write_run
+
+
+def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> Record:
+    return read_run(write_run(tmp_path, np.array(scores), before=before, every=every))
+
+
+def test_areas_and_ends(tmp_path: Path) -> None:
+    rise = record(tmp_path, [k / 100 for k in range(100)])
+    assert metrics.area(rise) == pytest.approx(0.495)
+    assert metrics.early_area(rise) == pytest.approx(np.mean(np.arange(20)) / 100)
+    assert metrics.asymptote(rise) == pytest.approx(0.945)
+    assert metrics.best(rise) == pytest.approx(0.99)
+    # One greedy evaluation more: the one before training.
+    assert metrics.greedy_area(rise) == pytest.approx(0.495 * 100 / 101)
+    assert metrics.greedy_asymptote(rise) == pytest.approx(0.945)
+
+
+def test_the_start_is_the_mean_over_draws_of_the_fresh_layers(tmp_path: Path) -> None:
+    one = record(tmp_path, [0.5] * 10, before=0.3)
+    assert metrics.start(one) == pytest.approx(0.3)
+    draws = returns_of(np.array([0.1, 0.2, 0.6]))
+    assert metrics.start(replace(one, draws=draws)) == pytest.approx(0.3)
+
+
+def test_rates(tmp_path: Path) -> None:
+    # A score of 0.8 is a return of 0: above is the goal.
+    run = record(tmp_path, [0.1] * 60 + [0.9] * 40)
+    assert metrics.collisions(run) == pytest.approx(0.6) and metrics.early_collisions(run) == 1.0
+    assert metrics.success(run) == 1.0 and metrics.smallest_dcpa(run) == 60.0
+
+
+def test_the_threshold_is_reached_by_a_mean_of_a_few(tmp_path: Path) -> None:
+    run = record(tmp_path, [0.0] * 100 + [1.0] * 100)
+    # Four ones among six episodes, 3 % of 200: at last after the 104th.
+    assert metrics.time_to_threshold(run) == pytest.approx(104 / 200) and metrics.reached(run)
+    assert metrics.time_to_threshold(run, 0.5) == pytest.approx(103 / 200)
+    assert metrics.time_to_threshold(run, 0.8) == pytest.approx(105 / 200)
+    assert len(metrics.moving_scores(run)) == 195
+
+
+def test_who_never_gets_there_has_taken_all_the_time(tmp_path: Path) -> None:
+    run = record(tmp_path, [0.64] * 130)
+    assert metrics.time_to_threshold(run) == 1.0 and not metrics.reached(run)
+    assert metrics.time_to_threshold(run, 0.5) == pytest.approx(4 / 130)
+
+
+def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
+    run = record(tmp_path, [0.9] * 100)
+    assert run.source == "1"
+    assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
+    reused = replace(run, part="reuse/epsilon_1", source="2")
+    assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
+    for alone in (replace(run, source=None), replace(run, arm="FE3-random")):
+        assert metrics.total_time(alone) == metrics.time_to_threshold(run)
+
+
+def test_a_run_has_fallen_that_misses_the_goal_ten_times_in_a_row_after_exploration() -> None:
+    def run(late: list[float]) -> Record:
+        made = make_record(np.array([0.1] * 60 + late), "pairs", "low", "FT1", 0)
+        epsilon = np.maximum(0.0001, 1 - np.arange(len(made.training.total)) / 60)
+        return replace(made, training=replace(made.training, epsilon=epsilon))
+
+    nine, ten = run([0.9] * 15 + [0.1] * 9 + [0.9] * 16), run([0.9] * 15 + [0.1] * 10 + [0.9] * 15)
+    assert (metrics.fell(nine), metrics.fell(ten)) == (0.0, 1.0)
+    assert metrics.misses(ten) == pytest.approx(10 / 40, abs=0.02)
+
+
+@given(st.lists(st.floats(-3, 1), min_size=1, max_size=160))
+def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
+    made = make_record(np.array(scores), "pairs", "low", "FT1", 0)
+    width = max(1, round(0.03 * len(scores)))
+    wanted = [np.mean(scores[k : k + width]) for k in range(len(scores) - width + 1)]
+    np.testing.assert_allclose(metrics.moving_scores(made), wanted, atol=1e-9)
+    along = metrics.curve(made)
+    assert len(along) == metrics.PLACES
+    np.testing.assert_allclose([along[0], along[-1]], [wanted[0], wanted[-1]], atol=1e-9)
+
+
+def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
+    run = record(tmp_path, [0.2, 0.4, 0.6])
+    assert all(np.isfinite(measure(run)) for measure in metrics.METRICS.values())
+
+
+def test_a_dip_is_the_largest_fall_where_exploration_ends() -> None:
+    def run(scores: NDArray[np.float64]) -> Record:
+        made = make_record(scores, "pairs", "lowest", "FT1", 0)
+        epsilon = np.maximum(0.0001, 1 - np.arange(len(scores)) / 60)
+        return replace(made, training=replace(made.training, epsilon=epsilon))
+
+    falls = run(np.array([0.8] * 60 + [0.3] * 10 + [0.8] * 30))
+    assert metrics.dip(falls) == pytest.approx(0.5) and metrics.collision_rise(falls) == 1.0
+    # It neither hides behind a rise nor comes from elsewhere; what only rises has none.
+    assert metrics.dip(run(np.linspace(0, 0.9, 100) - 0.4 * (abs(np.arange(100) - 62) < 3))) > 0.3
+    assert metrics.dip(run(np.array([0.8] * 20 + [0.1] * 10 + [0.8] * 70))) == pytest.approx(0.0)
+    assert metrics.dip(run(np.linspace(0, 1, 100))) == 0.0

@@ -1,0 +1,108 @@
+"""Whole runs are read, and what is not whole is named."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ship_trl.study.analysis.records import BrokenRunError, find_runs, read_run
+from tests.study.synthetic import learning, write_run
+
+
+def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
+    scores = learning(np.random.default_rng(0), 50)
+    record = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
+    assert (record.pair, record.arm, record.seed, record.part) == ("high", "FE3", 4, "pairs")
+    np.testing.assert_allclose(record.score(record.training.total), scores)
+    assert record.score(record.before) == pytest.approx(0.2) and record.score(record.scratch) == 0.0
+    assert record.greedy.episode.tolist() == [0, 20, 40, 50]
+    assert (record.training.goal == (record.training.total > 0)).all()
+    assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
+
+
+def test_draws_before_training_are_read_and_an_older_run_has_none(tmp_path: Path) -> None:
+    scores = learning(np.random.default_rng(0), 50)
+    record = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
+    assert record.draws.tolist() == [-300.0, 80.5]
+    assert read_run(write_run(tmp_path, scores, seed=2)).draws.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("result.json", None, "result.json is missing"),
+        ("curve.csv", None, "curve.csv is missing"),
+        ("result.json", '{"pair": "hi', "result.json cannot be read"),
+        ("result.json", "[1, 2]", "result.json is not a result of this program"),
+        ("result.json", '{"accuracy": 0.9}', "result.json is not a result of this program"),
+        ("result.json", "[" * 100_000, "result.json cannot be read"),
+        ("curve.csv", "step,loss\n1,2\n", "curve.csv cannot be read"),
+        ("curve.csv", "\x00\xff", "curve.csv cannot be read"),
+        ("curve.csv", "", "curve.csv has not the 50 episodes"),
+    ],
+)
+def test_what_is_not_whole_is_named(tmp_path: Path, name: str, text: str | None, said: str) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    (place / name).unlink()
+    if text is not None:
+        (place / name).write_text(text, encoding="latin-1")
+    with pytest.raises(BrokenRunError, match=said):
+        read_run(place)
+
+
+@pytest.mark.parametrize("cut", [0.1, 0.5, 0.9, 0.99, 0.999])
+def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    text = (place / "curve.csv").read_text()
+    (place / "curve.csv").write_text(text[: int(cut * len(text))])
+    with pytest.raises(BrokenRunError, match=r"curve.csv"):
+        read_run(place)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"episodes": 49}, "curve.csv has not the 49 episodes"),
+        ({"seed": "zero"}, "holds what is no number"),
+        ({"best_known_return": float("nan")}, "holds what is no number"),
+        ({"random_return": 100.0}, "the best known return is not above the random one"),
+        ({"scratch": {}}, "not a result of this program"),
+        ({"scratch": "return lost"}, "not a result of this program"),
+        ({"before": ["return"]}, "not a result of this program"),
+        ({"before": {"return": None}}, "holds what is no number"),
+        ({"draws": [1.0, None]}, "holds what is no number"),
+        ({"draws": 3.0}, "holds what is no number"),
+        ({"best_known_return": 10**400}, "holds what is no number"),
+    ],
+)
+def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    result = json.loads((place / "result.json").read_text())
+    (place / "result.json").write_text(json.dumps(result | changes))
+    with pytest.raises(BrokenRunError, match=said):
+        read_run(place)
+
+
+def test_a_missing_key_is_named(tmp_path: Path) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    result = json.loads((place / "result.json").read_text())
+    del result["random_return"]
+    (place / "result.json").write_text(json.dumps(result))
+    with pytest.raises(BrokenRunError, match="has no random_return"):
+        read_run(place)
+
+
+def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: Path) -> None:
+    scores = learning(np.random.default_rng(0), 20)
+    write_run(tmp_path / "pairs", scores)
+    write_run(tmp_path / "reuse/epsilon", scores, seed=3)
+    write_run(tmp_path / "case_base", scores)
+    (tmp_path / "pairs/low/FE1/seed=2").mkdir(parents=True)
+    found = [(str(path.relative_to(tmp_path)), part) for path, part in find_runs(tmp_path)]
+    assert found == [
+        ("pairs/high/scratch/seed=0", "pairs"),
+        ("pairs/low/FE1/seed=2", "pairs"),
+        ("reuse/epsilon/high/scratch/seed=3", "reuse/epsilon"),
+    ]

@@ -1,0 +1,149 @@
+"""The study's statistics: against plain re-computations and libraries, and at the rates they promise."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from ship_trl.study.analysis import statistics as s
+
+
+def sample(seed: int, mean: float = 0.0, sd: float = 1.0, count: int = 15) -> s.Sample:
+    return np.random.default_rng(seed).normal(mean, sd, count)
+
+
+def test_the_interquartile_mean_leaves_out_the_outer_quarters() -> None:
+    assert s.interquartile_mean(np.array([-900.0, 1, 2, 3, 4, 5, 6, 900.0])) == 3.5
+    rows = np.array([[0.0, 1, 2, 99], [5, 6, 7, -99]])
+    assert s.interquartile_mean(rows).tolist() == [1.5, 5.5]
+
+
+@pytest.mark.parametrize("count", [4, 5, 10, 15, 16])
+def test_the_error_is_yuens(count: int) -> None:
+    values = sample(3, count=count)
+    error, freedom = s.standard_error(values)
+    # Of two samples, one of which does not vary, Yuen's t by SciPy is that of the other alone.
+    still = np.linspace(-1e-9, 1e-9, count)
+    found = stats.ttest_ind(values, still, equal_var=False, trim=s.TRIMMED)
+    assert stats.trim_mean(values, 0.25) / error == pytest.approx(float(found.statistic), rel=1e-6)
+    assert freedom == pytest.approx(s.FREEDOM * float(found.df), rel=1e-6)
+
+
+def test_estimate_interval_and_p_speak_of_one_number() -> None:
+    for seed in range(50):
+        values = sample(seed, 0.4)
+        found = s.level_of(values, 0.025)
+        assert found.value == pytest.approx(stats.trim_mean(values, 0.25))
+        assert (found.low > 0) == (s.p_above(values) <= 0.025)
+        assert (found.high < 0) == (s.p_below(values) <= 0.025)
+        assert s.p_above(values) + s.p_below(values) == pytest.approx(1.0)
+
+
+def test_some_seeds_that_agree_are_not_certainty() -> None:
+    # Most runs censored at their end, and two that are not.
+    agreeing = np.array([0.0] * 11 + [0.4, 0.5])
+    assert s.p_above(agreeing + 0.01) > 0.2
+    assert (s.p_above(np.full(5, 0.3)), s.p_above(np.zeros(5)), s.p_below(np.zeros(5))) == (0.0, 1.0, 1.0)
+
+
+def test_collapses_of_a_few_seeds_do_not_decide_a_level() -> None:
+    values = sample(4, 0.1, sd=0.05)
+    collapsed = values.copy()
+    collapsed[[2, 7, 11]] -= 5.0
+    assert s.p_above(values) < 1e-3 and s.p_above(collapsed) < 0.01
+    assert stats.ttest_1samp(collapsed, 0.0, alternative="greater").pvalue > 0.5
+
+
+def test_a_difference_beyond_the_margin_is_ruled_out_on_both_sides() -> None:
+    near = sample(12, 0.01, sd=0.01)
+    assert s.p_within(near, 0.05) < 1e-5
+    assert s.p_within(near + 0.2, 0.05) > 0.99 and s.p_within(near - 0.2, 0.05) > 0.99
+    # What does not vary at all is a bound that all have met.
+    assert s.p_within(np.zeros(5), 0.05) == 1.0
+
+
+@pytest.mark.parametrize("looks", [1, 2, 3, 5])
+def test_looks_together_err_as_often_as_one(looks: int) -> None:
+    rng = np.random.default_rng(looks)
+    steps = rng.normal(size=(200_000, looks)).cumsum(axis=1) / np.sqrt(np.arange(1, looks + 1))
+    bounds = stats.norm.isf([s.look_level(k, looks) for k in range(1, looks + 1)])
+    assert np.mean((steps > bounds).any(axis=1)) == pytest.approx(0.025, abs=0.0015)
+    assert all(np.diff(bounds) < 0)
+
+
+@pytest.mark.parametrize(("look", "looks"), [(0, 3), (4, 3), (6, 6)])
+def test_looks_that_are_not_there_are_refused(look: int, looks: int) -> None:
+    with pytest.raises(ValueError, match="looks are allowed"):
+        s.look_level(look, looks)
+
+
+def curves(seed: int, sd: float, count: int = 15, mean: float = 0.0) -> s.Sample:
+    rng = np.random.default_rng(seed)
+    return mean + sd * rng.normal(size=(count, 1)) + 0.05 * rng.normal(size=(count, 30))
+
+
+def test_the_steadier_arm_is_found_whatever_its_level() -> None:
+    narrow, wide = curves(0, 0.2, mean=5.0), curves(1, 1.0)
+    found, p, against = s.spread_test(narrow, wide, seed=0)
+    spreads = [np.std(values, axis=0, ddof=1).mean() for values in (narrow, wide)]
+    assert found.value == pytest.approx(np.log(spreads[1] / spreads[0])) and found.value > np.log(2)
+    assert p < 0.01 and against > 0.9 and found.low > 0
+    other, _, _ = s.spread_test(wide, narrow, seed=0)
+    assert other.value == pytest.approx(-found.value) and other.high < 0
+
+
+def test_few_seeds_change_places_in_all_ways_and_errors_are_the_jackknifes() -> None:
+    one, other = curves(2, 0.3, count=4), curves(3, 0.6, count=4)
+    found, p, against = s.spread_test(one, other, seed=0)
+    left, right = one - one.mean(axis=0), other - other.mean(axis=0)
+    standard = []
+    for swap in product([False, True], repeat=4):
+        chosen = np.array(swap)[:, None]
+        first, second = np.where(chosen, right, left), np.where(chosen, left, right)
+        without = np.array([s.log_ratio(*(np.delete(c, k, 0) for c in (first, second))) for k in range(4)])
+        error = np.sqrt(3 / 4 * np.sum((without - without.mean()) ** 2))
+        standard.append(s.log_ratio(first, second) / error)
+    assert found.value == pytest.approx(s.log_ratio(one, other))
+    assert p == pytest.approx(np.mean(np.array(standard) >= standard[0] - 1e-9))
+    assert against == pytest.approx(np.mean(np.array(standard) <= standard[0] + 1e-9))
+
+
+def test_curves_that_do_not_vary_or_are_two_say_nothing() -> None:
+    for count in (2, 5):
+        found, p, against = s.spread_test(np.ones((count, 9)), np.zeros((count, 9)), seed=0)
+        assert (found.value, p, against) == (0.0, 1.0, 1.0)
+
+
+def test_small_permutations_are_exact() -> None:
+    assert s.permutation(np.arange(5.0), np.arange(5.0) + 100, seed=0) == pytest.approx(2 / 252)
+
+
+def test_a_share_has_wilsons_interval() -> None:
+    found = s.share_interval(0, 20)
+    assert (found.value, found.low) == (0.0, 0.0) and found.high == pytest.approx(0.161, abs=0.001)
+
+
+def test_what_so_many_seeds_could_see() -> None:
+    # By hand: the power of a t-test is that of a noncentral t beyond its critical value.
+    effect, freedom = s.seen_effect(15), s.FREEDOM * (15 - 2 * 3 - 1)
+    assert stats.nct.sf(stats.t.isf(0.025, freedom), freedom, effect) == pytest.approx(0.8, abs=1e-4)
+    assert s.seen_effect(2) > s.seen_effect(5) > s.seen_effect(6) > effect
+    assert s.seen_effect(15, 0.001) > effect and s.seen_effect(1) == np.inf
+
+
+def test_holm_is_the_step_down_method() -> None:
+    p = [0.01, 0.04, 0.03, 0.005]
+    assert s.holm(p) == pytest.approx([0.03, 0.06, 0.06, 0.02]) and s.holm([]) == []
+
+
+def test_a_single_seed_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least two seeds"):
+        s.bootstrap([np.ones(1)], s.interquartile_mean, seed=0)
+
+
+def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
+    held = [
+        found.low <= 0.5 <= found.high for found in (s.level_of(sample(seed, 0.5)) for seed in range(1000))
+    ]
+    assert 0.93 <= np.mean(held) <= 0.97

@@ -1,0 +1,283 @@
+"""A study's copy: what it holds, how a study goes on from it, and what is refused."""
+
+import csv
+import json
+import lzma
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.report import main as report
+from ship_trl.study.analysis.manifest import settle
+from ship_trl.study.analysis.measured import read_study
+from ship_trl.study.archive.write import digest
+from ship_trl.study.keep import main as keep
+from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan.jobs import plan_jobs
+from tests.study.commands import SMALL, learned, study
+from tests.study.synthetic import learning, write_run
+from tests.test_cli import files
+
+FILES = ["curves.csv.xz", "runs.csv", "study.json"]
+
+
+def a_study(folder: Path, seeds: int = 3) -> Path:
+    """All runs of a small study, with draws but for those of seed 1."""
+    config = to_study([*SMALL, f"output={folder}", f"seeds={seeds}"])
+    jobs = plan_jobs(config)
+    settle(jobs, config)
+    for k, job in enumerate(jobs):
+        rng = np.random.default_rng(k)
+        network = f"/home/somebody/study/case_base/1/scratch/seed={job.seed}-abc/policy.safetensors"
+        changes = {"draws": rng.normal(-300, 50, 4).tolist()} if job.seed != 1 else {}
+        write_run(
+            folder / job.part,
+            learning(rng, 50),
+            pair=job.label,
+            arm=job.arm,
+            seed=job.seed,
+            source_network=network if job.arm == "FTW" else None,
+            seconds=61.5,
+            **changes,
+        )
+    return folder
+
+
+@pytest.fixture
+def whole_study(tmp_path: Path) -> Path:
+    return a_study(tmp_path / "study")
+
+
+@pytest.fixture
+def copy(whole_study: Path, tmp_path: Path) -> Path:
+    keep([str(whole_study), str(tmp_path / "copy")])
+    return tmp_path / "copy"
+
+
+def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_path: Path) -> None:
+    keep(["--restore", str(copy), str(tmp_path / "again")])
+    before, after = (read_study(folder) for folder in (whole_study, tmp_path / "again"))
+    assert before.records.keys() == after.records.keys() and len(after.records) == 9 and not after.broken
+    assert before.rules and (before.planned, before.rules) == (after.planned, after.rules)
+    for key, record in before.records.items():
+        other = after.records[key]
+        assert (record.recipe, record.best_known, record.random) == (
+            other.recipe,
+            other.best_known,
+            other.random,
+        )
+        np.testing.assert_allclose(record.draws, other.draws, atol=5e-4)
+        np.testing.assert_array_equal(record.training.epsilon, other.training.epsilon)
+        for kind in ("training", "greedy"):
+            one, two = getattr(record, kind), getattr(other, kind)
+            np.testing.assert_allclose(one.total, two.total, atol=5e-4)
+            np.testing.assert_allclose(one.dcpa, two.dcpa, atol=0.05)
+            np.testing.assert_array_equal(one.goal, two.goal)
+            np.testing.assert_array_equal(one.collision, two.collision)
+        np.testing.assert_array_equal(record.greedy.episode, other.greedy.episode)
+    result = json.loads((tmp_path / "again/pairs/high/FTW/seed=2/result.json").read_text())
+    original = json.loads((whole_study / "pairs/high/FTW/seed=2/result.json").read_text())
+    for found in (result, original):
+        del found["draws"], found["source_network"]
+    assert result == original
+    # Once more, it is the same copy.
+    keep([str(tmp_path / "again"), str(tmp_path / "second")])
+    assert files(tmp_path / "second") == files(copy)
+
+
+def test_a_copy_is_small_and_has_no_paths_of_this_machine(copy: Path, whole_study: Path) -> None:
+    assert sorted(path.name for path in copy.iterdir()) == FILES
+    before = files(copy)
+    text = b"".join(before[name] for name in FILES[1:]) + lzma.decompress(before[FILES[0]])
+    assert b"somebody" not in text and str(whole_study.parent).encode() not in text
+    with (copy / "runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["part"], row["pair"], row["arm"], row["seed"]) for row in rows[:4]] == [
+        *(("pairs", "high", "FTW", str(seed)) for seed in range(3)),
+        ("pairs", "high", "scratch", "0"),
+    ]
+    assert rows[0]["source_network"] == "case_base/1/scratch/seed=0-abc/policy.safetensors"
+    keep([str(whole_study), str(copy)])
+    assert files(copy) == before
+
+
+def test_what_is_not_whole_is_left_out_of_a_copy(whole_study: Path, tmp_path: Path) -> None:
+    (whole_study / "pairs/high/FTW/seed=1/curve.csv").write_text("episode\n")
+    (whole_study / "pairs/high/FTW/seed=2/result.json").unlink()
+    keep([str(whole_study), str(tmp_path / "copy")])
+    # Seeds that lack a run would begin with networks that are no more.
+    keep(["--restore", str(tmp_path / "copy"), str(tmp_path / "again")])
+    assert {key[3] for key in read_study(tmp_path / "again").records} == {0}
+
+
+def test_the_report_of_a_copy_is_that_of_the_study(whole_study: Path, copy: Path) -> None:
+    for folder in (whole_study, copy):
+        report([str(folder)])
+    tables = []
+    for folder in (whole_study, copy):
+        assert (folder / "report/index.html").is_file()
+        with (folder / "report/runs.csv").open(newline="") as file:
+            tables.append(list(csv.DictReader(file)))
+    for one, other in zip(*tables, strict=True):
+        for key, cell in one.items():
+            try:
+                assert float(cell) == pytest.approx(float(other[key]), abs=1e-2 if key == "DCPA" else 1e-4)
+            except ValueError:
+                assert cell == other[key]
+    assert sorted(path.name for path in copy.iterdir()) == [*FILES[:1], "report", *FILES[1:]]
+
+
+def test_a_study_goes_on_from_its_copy(whole: Path, tmp_path: Path) -> None:
+    keep([str(whole / "outputs/smoke_study"), str(tmp_path / "copy")])
+    folder = tmp_path / "outputs/smoke_study"
+    keep(["--restore", str(tmp_path / "copy"), str(folder)])
+    before = files(folder / "pairs")
+    # Nothing to do, nothing done.
+    assert '"missing": 0' in study(*SMALL, folder=tmp_path).stdout
+    # One more seed, and one more arm, for which the sources of all seeds are needed again.
+    done = study(*SMALL, "seeds=3", "arms=[scratch,FTW,FE1]", folder=tmp_path)
+    assert done.stdout.count("policy.safetensors is missing, and other runs begin with it") == 2
+    assert "8 of 12 runs to do" in done.stdout
+    assert {name: data for name, data in files(folder / "pairs").items() if name in before} == before
+    again = learned(tmp_path)
+    for name, data in learned(whole).items():
+        if "sources/" in name or "case_base/1/" in name:
+            assert again[name] == data
+    # No source was trained where it does not belong.
+    assert sorted(path.name for path in (folder / "pairs").iterdir()) == [".locks", "high"]
+
+
+def spoil(name: str, change: Callable[[bytes], bytes], signed: bool = True) -> Callable[[Path], None]:
+    """Change a file of a copy; signed, as somebody would who knows the program."""
+
+    def act(copy: Path) -> None:
+        (copy / name).write_bytes(change((copy / name).read_bytes()))
+        if signed:
+            plan = json.loads((copy / "study.json").read_text())
+            plan["kept"] = {each: digest(copy / each) for each in FILES[:2]}
+            (copy / "study.json").write_text(json.dumps(plan))
+
+    return act
+
+
+def in_runs(old: str, new: str) -> Callable[[Path], None]:
+    return spoil("runs.csv", lambda data: data.replace(old.encode(), new.encode(), 1))
+
+
+def in_curves(old: str, new: str) -> Callable[[Path], None]:
+    return spoil(
+        "curves.csv.xz",
+        lambda data: lzma.compress(lzma.decompress(data).replace(old.encode(), new.encode(), 1)),
+    )
+
+
+HOSTILE = {
+    "cut short": (
+        spoil("runs.csv", lambda d: d[:-9], signed=False),
+        "runs.csv is not the file that study.json",
+    ),
+    "curves cut short": (spoil(FILES[0], lambda d: d[:-40], signed=False), "curves.csv.xz is not the file"),
+    "curves cut short, and signed": (spoil(FILES[0], lambda d: d[:-40]), "curves.csv.xz cannot be read"),
+    "not compressed": (spoil(FILES[0], lambda d: b"run,episode\n"), "curves.csv.xz cannot be read"),
+    "other columns": (
+        spoil(FILES[0], lambda d: lzma.compress(b"a,b\n1,2\n")),
+        "curves.csv.xz cannot be read",
+    ),
+    "no curves": (lambda copy: (copy / FILES[0]).unlink(), "curves.csv.xz is not the file"),
+    "no plan": (lambda copy: (copy / FILES[2]).unlink(), "study.json is not a study's plan"),
+    "another plan": (
+        lambda copy: (copy / FILES[2]).write_text('{"jobs": 3}') and None,
+        "is not a study's plan",
+    ),
+    "a plan of no names": (
+        spoil("study.json", lambda d: d.replace(b'"label": "high"', b'"label": ["high"]', 1), signed=False),
+        "study.json is not a study's plan",
+    ),
+    "a study's plan": (
+        lambda copy: (copy / FILES[2]).write_text('{"jobs": [], "settings": {}, "cases": {}}') and None,
+        "is not the file that study.json was kept with",
+    ),
+    "a pair that leads out": (in_runs(",high,", ",../../x,"), "no run of a study is named"),
+    "an arm that leads out": (in_runs(",FTW,", ",..,"), "no run of a study is named"),
+    "a part that leads out": (in_runs("pairs,high", "../pairs,high"), "no run of a study is named"),
+    "an absolute arm": (in_runs(",FTW,", ",/tmp/x,"), "no run of a study is named"),
+    "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "no run of a study is named"),
+    "a run twice": (in_runs(",FTW,1,", ",FTW,0,"), "has no run, or one twice"),
+    "another program's table": (spoil("runs.csv", lambda d: b"step,loss\n1,2\n"), "runs.csv cannot be read"),
+    "no table": (spoil("runs.csv", lambda d: b""), "has no run, or one twice"),
+    "not text": (spoil("runs.csv", lambda d: b"\xff\xfe\x00" * 9), "runs.csv cannot be read"),
+    "a bomb of brackets": (in_runs(",FTW,", f",{'[' * 100_000},"), "no run of a study is named"),
+    "a return that is none": (in_curves(",collision,", ",collision,x"), "curves.csv.xz cannot be read"),
+    "an episode that is lost": (in_curves("\n0,7,", "\n0,8,"), "curves.csv.xz cannot be read"),
+    "a run without rows": (in_runs("\n", "\nsources,9,9,9\n"), "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("command", ["restore", "report"])
+def test_a_bad_copy_is_one_line_and_writes_nothing(
+    name: str, command: str, copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, said = HOSTILE[name]
+    change(copy)
+    before = files(tmp_path)
+    capsys.readouterr()
+    act, line = {
+        "restore": (keep, ["--restore", str(copy), str(tmp_path / "a/new/one")]),
+        "report": (report, [str(copy)]),
+    }[command]
+    with pytest.raises(SystemExit) as ended:
+        act(line)
+    told = capsys.readouterr()
+    assert ended.value.code == 1 and told.out == ""
+    assert told.err.startswith("ship_trl: copy: ") and said in told.err and told.err.count("\n") == 1
+    assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["study", "study"], "copy: study holds a study; allowed: another folder"),
+        (["nowhere", "new"], "folder: nowhere/study.json is not a study's plan"),
+        (["copy", "new"], "folder: no finished run below copy"),
+        (["study", "taken"], "copy: taken cannot be written: File exists"),
+        (["--restore", "copy", "study"], "study is there already; allowed: a new one"),
+        (["--restore", "copy", "taken"], "taken is there already; allowed: a new one"),
+        (["--restore", "copy", "taken/below"], "cannot be written: Not a directory"),
+        (["--restore", "study", "new"], "copy: study/runs.csv is not the file that study.json was kept with"),
+        (["study"], "the following arguments are required: COPY"),
+        (["--banana"], "see python -m ship_trl.study.keep --help"),
+    ],
+)
+def test_what_is_there_is_kept(
+    arguments: list[str],
+    said: str,
+    copy: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("mine")
+    before = files(tmp_path)
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as ended:
+        keep(arguments)
+    told = capsys.readouterr().err
+    assert ended.value.code == 1
+    assert told.startswith("ship_trl: ") and said in told and told.count("\n") == 1
+    assert files(tmp_path) == before
+
+
+def test_no_complete_seed_is_nothing_to_go_on_from(
+    whole_study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for seed in range(3):
+        (whole_study / f"sources/1/scratch/seed={seed}/result.json").unlink()
+    keep([str(whole_study), str(tmp_path / "copy")])
+    with pytest.raises(SystemExit):
+        keep(["--restore", str(tmp_path / "copy"), str(tmp_path / "again")])
+    assert "has no seed with all its runs" in capsys.readouterr().err
+    assert not (tmp_path / "again").exists()

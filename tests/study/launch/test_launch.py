@@ -1,0 +1,62 @@
+"""Runs that end without a result are started again, as long as others end with one."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from ship_trl.study.launch import launch
+from ship_trl.study.plan.config import StudyConfig, to_study
+from ship_trl.study.plan.jobs import Job, plan_jobs
+from tests.study.commands import SMALL
+
+# Ends the first of its runs and dies, as a launcher does with a worker of which it hears no more.
+ONE = """
+import pathlib, sys
+path = pathlib.Path(sys.argv[1])
+path.parent.mkdir(parents=True)
+path.write_text(sys.argv[2])
+"""
+
+
+def rounds(monkeypatch: pytest.MonkeyPatch, fails: str) -> list[list[str]]:
+    """What the launcher is given, round by round; runs of the arm `fails` never end with a result."""
+    given = []
+
+    def command(jobs: list[Job], config: StudyConfig) -> list[str]:
+        given.append([job.name for job in jobs])
+        able = [job for job in jobs if job.arm != fails]
+        if not able:
+            return [sys.executable, "-c", "raise SystemExit(1)"]
+        result = json.dumps({"arm": able[0].arm, "seed": able[0].seed})
+        return [sys.executable, "-c", ONE, str(able[0].folder(config.folder) / "result.json"), result]
+
+    monkeypatch.setattr(launch, "command", command)
+    return given
+
+
+def run(folder: Path, retries: int) -> list[Job]:
+    config = to_study([*SMALL, f"output={folder}", f"retries={retries}"])
+    return launch.run_jobs(plan_jobs(config), config, lambda: None)
+
+
+def test_so_many_processes_as_are_asked_for() -> None:
+    for line, wanted in (([], False), (["processes=1"], True)):
+        config = to_study([*SMALL, *line])
+        said = launch.command(plan_jobs(config), config)
+        assert ("hydra.launcher.n_jobs=1" in said) == wanted
+    assert launch.processes(to_study(["processes=3"])) == 3
+
+
+def test_a_round_that_ends_a_run_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = rounds(monkeypatch, fails="none")
+    assert run(tmp_path, retries=0) == []
+    assert list(map(len, given)) == [2, 1, 4, 3, 2, 1]
+
+
+def test_rounds_that_end_no_run_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = rounds(monkeypatch, fails="FTW")
+    left = run(tmp_path, retries=1)
+    assert [job.name for job in left] == ["pairs-high-FTW-0", "pairs-high-FTW-1"]
+    assert list(map(len, given)) == [2, 1, 4, 3, 2, 2]

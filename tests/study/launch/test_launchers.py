@@ -1,0 +1,172 @@
+"""Slurm's launcher and Ray's: the same study, and a worker that is killed costs a run a retry."""
+
+import os
+import re
+import secrets
+import signal
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import current_process
+from pathlib import Path
+
+import pytest
+from joblib import Parallel, delayed
+
+from ship_trl.launchers import JOBLIB, close_token
+from ship_trl.study.launch.launch import batches, command, processes
+from ship_trl.study.plan.config import LAUNCHERS, to_study
+from ship_trl.study.plan.jobs import plan_jobs
+from tests.study.commands import SMALL, descendants, learned, study
+from tests.test_cli import environment, files, ship_trl
+from tests.test_config import options
+
+
+def test_every_launcher_of_ours_is_a_studys() -> None:
+    assert {*options("hydra/launcher"), "joblib"} == LAUNCHERS.keys()
+
+
+def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None:
+    config = to_study(["launcher=slurm_local", "profile=smoke"])
+    jobs = plan_jobs(config)
+    parts = batches(jobs, config)
+    assert [job for part in parts for job in part] == jobs
+    assert max(map(len, parts)) == processes(config)
+    assert batches(jobs, to_study(["profile=smoke"])) == [jobs]
+
+
+def test_launchers_overrides_are_not_of_the_runs() -> None:
+    config = to_study(["launcher=slurm", "overrides=[hydra.launcher.partition=gpu,learn.lr=0.1]"])
+    assert config.of_runs == ["learn.lr=0.1"]
+    assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
+
+
+def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
+    # A name that Hydra's grammar would not take unquoted.
+    place = tmp_path / "a study, (its) folder=here's"
+    place.mkdir()
+    study(*SMALL, "launcher=slurm_local", folder=place)
+    assert learned(place) == learned(whole)
+
+
+def test_the_processes_of_a_grid_are_known_by_their_name() -> None:
+    # Else an orphan would not be told from a process of Ray's, whose parent is none of ours.
+    names = Parallel(n_jobs=2)(delayed(lambda: current_process().name)() for _ in range(2))
+    assert all(name.startswith(JOBLIB) for name in names)
+
+
+@pytest.mark.parametrize(("name", "code"), [(f"{JOBLIB}-1", -signal.SIGTERM), ("MainProcess", 0)])
+def test_a_process_whose_launcher_is_gone_before_it_begins_ends(name: str, code: int) -> None:
+    program = (
+        "from multiprocessing import current_process\n"
+        "from ship_trl.launchers import die_with_launcher\n"
+        f"current_process().name = {name!r}\n"
+        "die_with_launcher()\n"
+    )
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    line = environment() | {"SHIP_TRL_LAUNCHER": str(gone.pid)}
+    assert subprocess.run([sys.executable, "-c", program], env=line, check=False).returncode == code
+
+
+def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
+    grid = ("target=1", "method=scratch", "profile=smoke", "learn.episodes=2000", "seed=0,1")
+    # By itself it would run one after the other, and in no process of its own, where there is one core.
+    line = [sys.executable, "-m", "ship_trl", "-m", "hydra.launcher.n_jobs=2", *grid]
+    child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 300
+    try:
+        while len(list(tmp_path.rglob("curve.csv"))) < 2:
+            assert time.monotonic() < deadline and child.poll() is None
+            time.sleep(0.1)
+        family = descendants(child.pid)
+    finally:
+        child.kill()
+        child.wait()
+    assert len(family) >= 2
+    while any(Path(f"/proc/{process}").exists() for process in family):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+@contextmanager
+def cluster() -> Iterator[tuple[str, int]]:
+    """A cluster of two nodes; gives its address and process."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.study.cluster"],
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdin is not None and process.stdout is not None
+    try:
+        yield process.stdout.readline().strip(), process.pid
+    finally:
+        process.stdin.close()
+        process.wait(60)
+        process.stdout.close()
+
+
+def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = secrets.token_hex(32)
+    monkeypatch.setenv("RAY_AUTH_MODE", "token")
+    monkeypatch.setenv("RAY_AUTH_TOKEN", token)
+    with cluster() as (address, nodes):
+        where = f"overrides=[hydra.launcher.ray.init.address='{address}']"
+        line = [sys.executable, "-m", "ship_trl.study", *SMALL, "retries=0", "launcher=ray_cluster", where]
+        child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
+        try:
+            deadline = time.monotonic() + 300
+            while not (list(tmp_path.rglob("curve.csv")) and descendants(nodes, b"ray::_run_job")):
+                assert time.monotonic() < deadline and child.poll() is None
+                time.sleep(0.1)
+            os.kill(descendants(nodes, b"ray::_run_job")[0], signal.SIGKILL)
+            assert child.wait(300) == 0
+        finally:
+            child.kill()
+            child.wait()
+    assert learned(tmp_path) == learned(whole)
+    # One grid a stage: the study started nothing again, Ray's own retry did it.
+    words = (tmp_path / "outputs/smoke_study/log.txt").read_text()
+    assert words.count("Ray Launcher is launching") == 2
+
+
+def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    grid = ("target=1", "method=scratch", "profile=smoke", "seed=0,1")
+    ship_trl("-m", "hydra/launcher=ray_local", *grid, folder=tmp_path)
+    assert len(list(tmp_path.rglob("result.json"))) == 2
+    home = files(tmp_path / "home")
+    assert not any("token" in name for name in home)
+    assert not any(re.search(rb"\b[0-9a-f]{64}\b", data) for data in home.values())
+
+
+def test_a_token_file_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pathlib.Path.home", lambda: tmp_path)
+    for name in ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"):
+        monkeypatch.delenv(name, raising=False)
+    path = tmp_path / ".ray" / "auth_token"
+    path.parent.mkdir()
+    path.write_text("secret")
+    path.chmod(0o644)
+    close_token(own_cluster=False)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600 and path.read_text() == "secret"
+    close_token(own_cluster=True)
+    assert "RAY_AUTH_TOKEN" not in os.environ  # the user's own holds
+
+
+def test_only_a_cluster_of_our_own_gets_a_token_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pathlib.Path.home", lambda: tmp_path)
+    monkeypatch.setattr("os.environ", {})
+    close_token(own_cluster=False)
+    assert os.environ == {}
+    close_token(own_cluster=True)
+    assert os.environ["RAY_AUTH_MODE"] == "token" and len(os.environ["RAY_AUTH_TOKEN"]) == 64

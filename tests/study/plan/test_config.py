@@ -1,0 +1,94 @@
+"""What a study may be asked to be, and every wrong value refused in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config import ConfigError
+from ship_trl.study.plan.config import (
+    CONTROL_ARMS,
+    CONTROL_PAIRS,
+    EXPLORING_ARMS,
+    EXPLORING_PAIRS,
+    StudyConfig,
+    names,
+    to_study,
+)
+from tests.test_config import composed
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("profile=long", "profile: no long; allowed: paper, quick, smoke"),
+        ("pairs=[high,highest]", "pairs: no highest; allowed: high, low"),
+        ("arms=[FE3,FE3]", "arms: each at most once"),
+        ("arms=[]", "arms: each at most once and at least one"),
+        ("seeds=1", "seeds: must be at least 2, got 1"),
+        ("seeds=many", "seeds: Value 'many'"),
+        ("first_seed=-1", "first_seed: must be at least 0, got -1"),
+        ("first_seed=one", "first_seed: Value 'one'"),
+        ("block=0", "block: must be at least 1, got 0"),
+        ("block=none", "block: Value 'none'"),
+        ("processes=0", "processes: must be at least 1, got 0"),
+        ("processes=all", "processes: Value 'all'"),
+        ("retries=-1", "retries: must be at least 0, got -1"),
+        ("launcher=condor", "launcher: no condor; allowed: joblib"),
+        ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
+        ("overrides=[source_weights=random]", "overrides: source_weights tells the study's runs apart"),
+        ("overrides=[+arm=FE3]", "overrides: arm tells the study's runs apart"),
+        ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start tells"),
+        ("arms=scratch,FE3", "arms: a list is written arms=[ONE,OTHER]"),
+        ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
+        ("pairs=[high,self]", "pairs: self is one of the controls; allowed: controls=false"),
+        ("pairs=[high,self4]", "pairs: self4 is one of the controls; allowed: controls=false"),
+        ("pairs=[ship]", "pairs: ship is one of the controls; allowed: controls=false"),
+        ("arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: controls=false"),
+        ("arms=[FE1-permuted]", "arms: FE1-permuted is one of the controls; allowed: controls=false"),
+        ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
+        ("pairs=[low]", "reuse: needs pair high with arm FTW"),
+    ],
+)
+def test_what_is_wrong_is_said(override: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        to_study([override])
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_profile_of_ones_own_needs_its_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ship_trl.study.plan.config.names", lambda group: ["mine", *names(group)])
+    with pytest.raises(
+        ConfigError, match=r"seeds: must be given, for conf/study.yaml has none for profile mine"
+    ):
+        to_study(["profile=mine"])
+    assert to_study(["profile=mine", "seeds=4"]).count == 4
+
+
+def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ship_trl.study.plan.config.find_spec", lambda name: None)
+    with pytest.raises(
+        ConfigError, match=r"launcher: ray_cluster is not installed; ship_trl\[ray\] brings it"
+    ):
+        to_study(["launcher=ray_cluster"])
+
+
+def test_processes_are_of_joblib() -> None:
+    with pytest.raises(ConfigError, match="processes: must be left out with launcher=slurm, which has its"):
+        to_study(["launcher=slurm", "processes=1"])
+
+
+def test_every_control_composes_and_says_what_it_is() -> None:
+    for arm in (*CONTROL_ARMS, *EXPLORING_ARMS):
+        assert composed("+pair=low", f"+arm={arm}").arm == arm
+    for pair, arms in (*CONTROL_PAIRS.items(), *EXPLORING_PAIRS.items()):
+        assert set(arms) <= set(names("arm")) and pair in names("pair")
+
+
+def test_the_folder_follows_the_profile() -> None:
+    assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
+    config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
+    assert config.folder == Path("elsewhere")
+
+
+def test_epsilon_may_be_overridden_without_reuse() -> None:
+    assert to_study(["reuse=false", "overrides=[learn.epsilon_start=0.5]"]).overrides

@@ -1,0 +1,70 @@
+"""A study in wandb: its runs lie together, grouped, and one of them is the report."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ship_trl.study.launch.launch import command
+from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study.report.wandb_summary import verdicts
+from tests.study.commands import SMALL, study
+from tests.test_cli import environment
+
+
+def records(run: Path) -> list[dict[str, Any]]:
+    """What an offline run holds, read without network by wandb's own tool."""
+    done = subprocess.run(
+        [sys.executable, "-m", "wandb", "leet", "inspect", "--json", str(run)],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
+    study(*SMALL, "arms=[FTW]", "logger=wandb", "wandb.project=mine", folder=tmp_path)
+    place = tmp_path / "outputs/smoke_study"
+    runs = {}
+    for path in (place / "wandb").glob("offline-run-*"):
+        found = records(path)
+        (run,) = (record["run"] for record in found if record["type"] == "run")
+        assert run["project"] == "mine"
+        runs[run["run_group"], run["display_name"]] = found
+    assert runs.keys() == {
+        ("report", "report of smoke_study"),
+        *(("sources/1", f"1/scratch/seed={seed}") for seed in (0, 1)),
+        *(("pairs/high", f"high/FTW/seed={seed}") for seed in (0, 1)),
+    }
+    report = json.dumps(runs["report", "report of smoke_study"])
+    assert all(name in report for name in ("pair_high", "arms", "table_2", "page"))
+    assert list((place / "wandb").rglob("pair_high*.png")) and list((place / "wandb").rglob("page*.html"))
+
+
+def test_verdicts_are_the_summary() -> None:
+    rows = [["claim", "contrast", "claim's verdict"], ["C1", "a", "supported"], ["C1", "b", "supported"]]
+    assert verdicts(rows) == {"verdict/C1": "supported"} and verdicts([["nothing"]]) == {}
+
+
+def test_the_runs_get_the_studys_project() -> None:
+    config = to_study(["logger=wandb", "wandb.mode=online", "wandb.entity=us"])
+    line = command(plan_jobs(config)[:1], config)
+    wanted = {"logger=wandb", "wandb.project=ship_trl_study", "wandb.mode=online", "wandb.entity=us"}
+    assert wanted < set(line)
+    assert not any("wandb" in word for word in command(plan_jobs(to_study([]))[:1], to_study([])))
+
+
+def test_online_without_an_account_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("WANDB_API_KEY", raising=False)
+    done = study("profile=smoke", "logger=wandb", "wandb.mode=online", folder=tmp_path, code=1)
+    assert done.stderr.strip() == (
+        "ship_trl: wandb: nobody is logged in; `wandb login` does it; allowed: wandb.mode=offline"
+    )
+    assert list(tmp_path.iterdir()) == []

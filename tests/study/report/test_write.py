@@ -1,0 +1,168 @@
+"""The command that makes the report: whole, with what is broken named, and alike each time."""
+
+import csv
+import html.parser
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.report import main
+from ship_trl.study.claims.verdicts import ALL
+from tests.study.synthetic import learning, write_run
+from tests.test_cli import ROOT, files
+
+ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4", "FTW")
+
+
+def write_study(folder: Path, seeds: int, episodes: int = 60, pairs: tuple[str, ...] = ("high",)) -> None:
+    rng = np.random.default_rng(0)
+    for pair in pairs:
+        for k, arm in enumerate(ARMS):
+            for seed in range(seeds):
+                scores = learning(rng, episodes, 0.5 + 0.04 * k)
+                write_run(folder / "pairs", scores, pair=pair, arm=arm, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study")
+    write_study(folder, seeds=5)
+    main([str(folder)])
+    return folder
+
+
+class Page(html.parser.HTMLParser):
+    """Tags that were opened and not closed, and what the page would fetch."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.fetched: list[str] = []
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "link", "img"):
+            self.open.append(tag)
+        self.fetched += [v or "" for k, v in attributes if k in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_needs_nothing_else(study: Path) -> None:
+    page, text = Page(), (study / "report/index.html").read_text()
+    page.feed(text)
+    assert page.open == [] and all(link.startswith("data:") for link in page.fetched)
+    assert "50 runs of the profile quick, 60 episodes each, 5 seeds" in text
+    assert text.count('<section class="card">') == 5 and 'class="verdict supported"' in text
+
+
+def test_tables_and_figures_lie_beside_it(study: Path) -> None:
+    with (study / "report/runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 50 and 0 < float(rows[0]["area"]) < 1
+    with (study / "report/arms.csv").open(newline="") as file:
+        arms = {row["arm"]: row for row in csv.DictReader(file)}
+    assert (
+        float(arms["FTW"]["area"]) > float(arms["scratch"]["area"])
+        and arms["scratch"]["transfer ratio"] == ""
+    )
+    low, value, high = (float(arms["FTW"][f"transfer ratio{end}"]) for end in (" low", "", " high"))
+    assert 0 < low < value < high
+    for name in ("pair_high.png", "pair_high.pdf", "gains.png", "gains.pdf"):
+        assert (study / "report" / name).stat().st_size > 5_000
+
+
+def test_verdicts_are_a_markdown_table(study: Path) -> None:
+    lines = (study / "report/verdicts.md").read_text().splitlines()
+    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 3 for line in lines)
+    (line,) = (line for line in lines if line.startswith("| H5h | "))
+    assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in line
+
+
+def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> None:
+    with (study / "report/claims.csv").open(newline="") as file:
+        values = [float(row["estimate"]) for row in csv.DictReader(file) if row["claim"] == "H5f"]
+    (line,) = (
+        line for line in (study / "report/verdicts.md").read_text().splitlines() if line.startswith("| H5f ")
+    )
+    leaning = sum(value > 0 for value in values)
+    assert len(values) == 9 and f"; {leaning} estimated as claimed ({min(values):+.3f} to " in line
+
+
+def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> None:
+    main([str(study), "--output", str(tmp_path)])
+    assert files(tmp_path) == files(study / "report")
+
+
+def test_what_is_broken_is_named_and_the_rest_counted(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_study(tmp_path, seeds=2)
+    place = tmp_path / "pairs/high"
+    (place / "FE1/seed=0/curve.csv").write_text("episode")
+    (place / "FE2/seed=1/result.json").unlink()
+    (place / "FTW/seed=0/result.json").write_text("{}")
+    copied = tmp_path / "pairs_old/high/FE3/seed=0"
+    shutil.copytree(place / "FE3/seed=0", copied)
+    planned = [
+        {"part": "pairs", "label": "high", "arm": arm, "seed": seed} for arm in ARMS for seed in (0, 1, 2)
+    ]
+    (tmp_path / "study.json").write_text(json.dumps({"jobs": planned}))
+    main([str(tmp_path)])
+    said = capsys.readouterr()
+    assert said.err.count("left out") == 4 and "17 runs, 4 left out" in said.out
+    assert "pairs_old is no part of a study" in said.err
+    text = (tmp_path / "report/index.html").read_text()
+    # A third seed of each of ten arms; what is broken is named, not missing.
+    assert "10 planned runs are missing" in text and text.count("<li>") == 4
+
+
+def test_runs_that_were_not_computed_alike_are_counted(tmp_path: Path) -> None:
+    write_study(tmp_path, seeds=2)
+    for seed, precision in ((0, "bfloat16"), (1, "float32")):
+        path = tmp_path / f"pairs/high/FE1/seed={seed}/result.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"precision": precision, "device": "cpu"}))
+    main([str(tmp_path)])
+    text = (tmp_path / "report/index.html").read_text()
+    assert "Not computed alike, precision: bfloat16 (1), float32 (1)." in text and "alike, device" not in text
+
+
+@pytest.mark.parametrize("make", [False, True])
+def test_nothing_to_report_is_one_line(
+    make: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "none"
+    if make:
+        folder.mkdir()
+    with pytest.raises(SystemExit) as caught:
+        main([str(folder)])
+    error = capsys.readouterr().err
+    assert caught.value.code == 1 and error.startswith("ship_trl: folder: no ") and error.count("\n") == 1
+
+
+def test_495_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(tmp_path: Path) -> None:
+    write_study(tmp_path, seeds=15, episodes=600, pairs=("high", "low", "lowest"))
+    code = (
+        "import sys; from ship_trl.report import main; main([sys.argv[1]]);"
+        "assert 'torch' not in sys.modules;"
+        # In KiB, of this process alone: getrusage begins with what the parent had.
+        "print(next(l for l in open('/proc/self/status') if l.startswith('VmHWM')).split()[1])"
+    )
+    started = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)],
+        env=os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert int(done.stdout.split()[-1]) < 2**20
+    # A minute on a quiet machine; a busy one may take twice that.
+    assert time.monotonic() - started < 120

@@ -70,7 +70,7 @@ def main() -> None:
             optimiser.step()
             target_update.step()
     episode = rollout(env, policy)[0]
-    print(f"case {given.case}: return {episode.total:.1f}, {episode.outcome}, after {given.steps} steps")
+    print(f"case {given.case}: return {episode.episode_return:.1f}, {episode.outcome}")
 
 
 if __name__ == "__main__":

@@ -45,9 +45,9 @@ def progress(
         task = bar.add_task(title, total=episodes, now="", greedy="")
         for event in events:
             if isinstance(event, Finished):
-                bar.update(task, completed=event.episode, now=f"{event.total:.1f}")
+                bar.update(task, completed=event.episode, now=f"{event.episode_return:.1f}")
             else:
-                bar.update(task, greedy=f"{event.sailed.total:.1f}")
+                bar.update(task, greedy=f"{event.sailed.episode_return:.1f}")
             yield event
 
 

@@ -157,8 +157,8 @@ def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, mark
         pixels = not entry.policy.endswith(".safetensors")
         env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
         sailed = rollout(env, load_policy(entry.policy, env, seed))
-        rows.append(row(entry, sailed, best_known(entry.case, entry.world).total))
-        reached = sum(episode.total for episode in sailed) / len(sailed)
+        rows.append(row(entry, sailed, best_known(entry.case, entry.world).episode_return))
+        reached = sum(episode.episode_return for episode in sailed) / len(sailed)
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
         film = entry, env, sailed[0]
@@ -178,7 +178,7 @@ def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, mark
 
 def row(entry: Entry, sailed: list[Episode], best: float) -> list[str]:
     """Make the row of one policy: means over its episodes."""
-    reached = sum(episode.total for episode in sailed) / len(sailed)
+    reached = sum(episode.episode_return for episode in sailed) / len(sailed)
     ends = [episode.outcome for episode in sailed]
     often = {end: ends.count(end) for end in ("goal", "collision", "timeout") if end in ends}
     ended = (

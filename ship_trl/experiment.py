@@ -16,12 +16,12 @@ from torch import Generator
 from ship_trl import __version__, console
 from ship_trl.config import ConfigError, Method, SourceWeights
 from ship_trl.learn.agent import Agent
+from ship_trl.learn.backend import computing
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Evaluated, Finished, train
-from ship_trl.learn.vision import computing
 from ship_trl.paths import replacing
 from ship_trl.plan import ALGORITHM_VERSION, RESULT, Run
 from ship_trl.process import settle
@@ -125,7 +125,7 @@ def train_run(
     )
     replay = agent.replay(learn, streams["replay"], device)
     draws = find_draws(run, agent, eval_env)
-    known = best_known(run.target, config.world, Path(config.case_base) / PLANS).total
+    known = best_known(run.target, config.world, Path(config.case_base) / PLANS).episode_return
 
     finished: list[Finished] = []
     evaluated: list[Evaluated] = []
@@ -139,7 +139,7 @@ def train_run(
                 continue
             evaluated.append(event)
             # Of equals the later: in case 1 a network that has learned nothing may keep course.
-            if best is None or event.sailed.total >= best.sailed.total:
+            if best is None or event.sailed.episode_return >= best.sailed.episode_return:
                 best = event
                 noted = {"recipe": run.recipe, "episode": event.episode}
                 save_weights(run.folder / POLICY, agent.target_network, noted)
@@ -183,7 +183,7 @@ def train_run(
             "torch": torch.__version__,
             "processor": platform.machine(),
         }
-        greedy = [(e.episode, e.sailed.total, e.sailed.outcome) for e in evaluated]
+        greedy = [(e.episode, e.sailed.episode_return, e.sailed.outcome) for e in evaluated]
         draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
         write_gif(run.folder / "episode.gif", run.target, config.world, best.sailed, draw, run.title)
         result["seconds"] = round(time.perf_counter() - started, 1)
@@ -217,7 +217,7 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
     if count == 0:
         return []
     if layers == "all":
-        return [rollout(eval_env, agent.greedy)[0].total]
+        return [rollout(eval_env, agent.greedy)[0].episode_return]
     env = ShipEnv(
         run.target, config.world, min(count, FLEET), colour=config.colour, device=str(eval_env.device)
     )
@@ -228,7 +228,7 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
 def score(episode: Episode, at: int) -> dict[str, Any]:
     """A greedy episode as numbers for JSON; without target ships the DCPA is null."""
     return {
-        "return": episode.total,
+        "return": episode.episode_return,
         "outcome": episode.outcome,
         "length": episode.length,
         "dcpa": episode.dcpa if math.isfinite(episode.dcpa) else None,

@@ -29,13 +29,13 @@ def row(event: Finished | Evaluated) -> dict[str, Any]:
     """An event as columns of `curve.csv`; a greedy evaluation fills its own columns only."""
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)
-        values["return"] = values.pop("total")
+        values["return"] = values.pop("episode_return")
         return known(values)
     sailed = event.sailed
     values = {
         "episode": event.episode,
         "steps": event.steps,
-        "greedy_return": sailed.total,
+        "greedy_return": sailed.episode_return,
         "greedy_length": sailed.length,
         "greedy_outcome": sailed.outcome,
         "greedy_dcpa": sailed.dcpa,

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from ship_trl.config import Precision
-from ship_trl.learn.vision import computing
+from ship_trl.learn.backend import computing
 
 ROOT = Path(__file__).parent.parent
 SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")

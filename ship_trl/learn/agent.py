@@ -10,14 +10,14 @@ from torch import Generator, Tensor
 from torchrl.modules import QValueActor
 
 from ship_trl.config import Learn
-from ship_trl.learn.delta import Incremental
-from ship_trl.learn.glance import Glance
+from ship_trl.learn.backend import Draw, choose_backend, computing
+from ship_trl.learn.incremental import Incremental
+from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.replay import DrawPixels, StateReplay
-from ship_trl.learn.vision import Draw, choose_backend, computing
 
 # From this many frozen layers on, their output is kept in the replay in place of the state: 3,136
 # numbers after the third (in half precision 6 kB, a little less than a picture), 200 after the fourth.
@@ -89,7 +89,7 @@ class Agent:
         self.target_update = ForeachSoftUpdate(self.loss, tau=learn.tau)
         learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
         self.optimiser = ChannelsLastAdam(learning, lr=learn.lr)
-        self._few = Glance(network, draw.still, self.frozen) if incremental else None
+        self._few = CachedInference(network, draw.background, self.frozen) if incremental else None
         self.policy = EpsilonGreedy(self._best, self.observation, num_actions, exploration)
         self.greedy = greedy_policy(self.target_network, draw)
 

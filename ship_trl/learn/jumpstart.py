@@ -14,9 +14,9 @@ from torch import Generator, Tensor
 from torchrl.envs import EnvBase
 
 from ship_trl.learn.agent import KEPT_FROM
-from ship_trl.learn.glance import Glance
+from ship_trl.learn.backend import Draw
+from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
-from ship_trl.learn.vision import Draw
 
 # One ship's observation [1, ...] to its action [1].
 Decide = Callable[[Tensor], Tensor]
@@ -48,11 +48,11 @@ def jumpstart(
     look: Callable[[Tensor], Tensor] = draw
     decide: list[Decide]
     if env.device is not None and env.device.type == "cpu":
-        glances = [Glance(each, draw.still, copied) for each in fleet]
-        decide = [glance.actions for glance in glances]
+        inferences = [CachedInference(each, draw.background, copied) for each in fleet]
+        decide = [inference.actions for inference in inferences]
         if copied >= KEPT_FROM:
             # What so many layers make of the pictures is computed for all ships at once.
-            look, decide = lambda state: glances[0].encode(draw(state)), [g.actions_on for g in glances]
+            look, decide = lambda state: inferences[0].encode(draw(state)), [g.actions_on for g in inferences]
     else:
         decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in fleet]  # type: ignore[misc]
     found: list[float] = []

@@ -31,7 +31,7 @@ class Episode:
     dcpa: float
 
     @property
-    def total(self) -> float:
+    def episode_return(self) -> float:
         """The return: undiscounted sum of raw rewards."""
         return float(self.rewards.sum(dtype=torch.float64))
 

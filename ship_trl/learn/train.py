@@ -21,7 +21,7 @@ class Finished:
     episode: int
     steps: int
     epsilon: float
-    total: float
+    episode_return: float
     length: int
     outcome: str
     dcpa: float
@@ -66,7 +66,7 @@ def train(
     """
     device = env.device
     count = env.batch_size[0]
-    totals = torch.zeros(count, dtype=torch.float64, device=device)
+    returns = torch.zeros(count, dtype=torch.float64, device=device)
     lengths = torch.zeros(count, dtype=torch.int64, device=device)
     losses: list[torch.Tensor] = []
     episode = steps = updates = 0
@@ -79,7 +79,7 @@ def train(
         replay.extend(stepped)
         steps += count
         after = stepped["next"]
-        totals += after["reward"].squeeze(-1)
+        returns += after["reward"].squeeze(-1)
         lengths += 1
         while steps >= learn.warmup_steps and updates < (steps - learn.warmup_steps) // learn.update_every:
             losses.append(agent.update(replay.sample(learn.batch_size)))
@@ -92,13 +92,13 @@ def train(
                 episode=episode,
                 steps=steps,
                 epsilon=agent.policy.epsilon,
-                total=float(totals[row]),
+                episode_return=float(returns[row]),
                 length=int(lengths[row]),
                 outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
                 dcpa=float(after["dcpa"][row]),
                 loss=float(torch.stack(losses).mean()) if losses else None,
             )
             losses.clear()
-            totals[row], lengths[row] = 0.0, 0
+            returns[row], lengths[row] = 0.0, 0
             if episode % learn.evaluate_every == 0 or episode == learn.episodes:
                 yield Evaluated(episode, steps, rollout(eval_env, agent.greedy)[0])

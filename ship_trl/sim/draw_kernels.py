@@ -165,14 +165,14 @@ def draw(
     line_ink: Array,
     ship_ink: Array,
     background: Array,
-    still: Array,
+    background_picture: Array,
     pictures: Array,
 ) -> None:
     """Draw N states into `pictures` uint8 [N, C, P] (`render.Rasteriser`).
 
     Shapes: states [N, 4]; goal [2]; ships, velocity [K, 2]; course [K]; edges [E, 3], normal and
     offset in pixels; numbers [3]: dt, pixels per metre, reach of the line; inks [C]; background
-    float and still uint8 [C, P], the same picture.
+    float and background_picture uint8 [C, P], the same picture.
 
     Raises:
         ValueError: a state that is no place, or beyond `FARTHEST`.
@@ -189,7 +189,7 @@ def draw(
     for n in range(states.shape[0]):
         picture = pictures[n]
         for c in range(channels):
-            copy(still[c], picture[c])
+            copy(background_picture[c], picture[c])
         x, y, heading, time = states[n, 0], states[n, 1], states[n, 2], states[n, 3] * dt
         if not abs(x) + abs(y) + abs(heading) + abs(time) < FARTHEST:
             raise ValueError("a state to draw is not finite, or beyond 1e9")

@@ -17,8 +17,8 @@ from ship_trl.config import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.geometry import unit_vector
-from ship_trl.sim.outlook import Outlook
 from ship_trl.sim.transition import Transition
+from ship_trl.sim.value_bound import ValueBound
 
 
 class Pass(NamedTuple):
@@ -39,7 +39,7 @@ PASSES = (Pass(8.0, 0.05, 1.0, math.inf), Pass(4.0, 0.03, 1.0, 40.0), Pass(2.0, 
 # A plan that would pass too near is ranked as if each missing metre cost so many metres of
 # distance for one second; without that, plans bound to collide crowd out those that give way.
 DETOUR = 50.0
-# The outlook is interpolated: a plan is given up when it is behind by more than this.
+# The value_bound is interpolated: a plan is given up when it is behind by more than this.
 DOUBT = 1.5
 
 
@@ -47,7 +47,7 @@ DOUBT = 1.5
 class Plan:
     """The best sequence found: undiscounted raw return, actions, and whether it ends at the goal."""
 
-    total: float
+    episode_return: float
     actions: list[int]
     goal: bool
 
@@ -63,14 +63,14 @@ def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
         beam: plans kept from one step to the next.
     """
     step = Transition(case, world, torch.device("cpu"))
-    outlook = Outlook(step)
+    value_bound = ValueBound(step)
     best = Plan(-math.inf, [], False)
     for fineness in PASSES:
-        best = search(step, outlook, beam, fineness, best)
+        best = search(step, value_bound, beam, fineness, best)
     return best
 
 
-def search(step: Transition, outlook: Outlook, beam: int, fineness: Pass, best: Plan) -> Plan:
+def search(step: Transition, value_bound: ValueBound, beam: int, fineness: Pass, best: Plan) -> Plan:
     """One beam search; returns `best` where it finds nothing better."""
     guide = positions(step, best.actions)
     state, total = step.start[None], torch.zeros(1, dtype=torch.float64)
@@ -82,11 +82,11 @@ def search(step: Transition, outlook: Outlook, beam: int, fineness: Pass, best: 
         totals = total[parent] + after.reward
         ended = after.goal | after.collision | after.truncated
         index = int(totals.masked_fill(~ended, -math.inf).argmax())
-        if bool(ended[index]) and float(totals[index]) > best.total:
+        if bool(ended[index]) and float(totals[index]) > best.episode_return:
             actions = [*history[parent[index]].tolist(), int(action[index])]
             best = Plan(float(totals[index]), actions, bool(after.goal[index]))
-        hope = totals + outlook(after.state)
-        going = ~ended & (hope > best.total - DOUBT)
+        hope = totals + value_bound(after.state)
+        going = ~ended & (hope > best.episode_return - DOUBT)
         time = history.shape[1]
         if time < len(guide):
             going &= torch.linalg.vector_norm(after.state[:, :2] - guide[time], dim=-1) <= fineness.width

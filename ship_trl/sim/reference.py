@@ -40,7 +40,7 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
             with replacing(path) as draft:
-                draft.write_text(json.dumps({"return": plan.total, "actions": plan.actions}))
+                draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
     _known[digest] = plan
     return plan
 
@@ -50,7 +50,7 @@ def _read(path: Path, case: Case, world: World) -> Plan | None:
     try:
         kept = json.loads(path.read_text())
         plan = sail(case, world, [int(action) for action in kept["actions"]])
-        return plan if plan.total == kept["return"] else None
+        return plan if plan.episode_return == kept["return"] else None
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 

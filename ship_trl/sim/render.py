@@ -43,7 +43,7 @@ class Rasteriser:
     `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84], C = 1 (grey) or
     3 (colour). The picture depends on nothing but the state and the case (section 4 of the paper
     gives the drawing in figure 1). On a CPU it is drawn by a compiled loop, elsewhere in torch.
-    `still` [C, 84, 84] is the picture without line and target ships; `compiled` is that loop or None.
+    `background` [C, 84, 84] is the picture without line and target ships; `compiled` is that loop or None.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Rasteriser:
         self._along = torch.arange(self.size // 2, device=self.device, dtype=torch.float32)
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
         self._background = self._draw_background(world)
-        self.still = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
+        self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
         self.compiled = self._compile() if self.device.type == "cpu" else None
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:

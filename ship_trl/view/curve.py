@@ -25,7 +25,7 @@ class Trained(Protocol):
     @property
     def episode(self) -> int: ...  # noqa: D102
     @property
-    def total(self) -> float: ...  # noqa: D102
+    def episode_return(self) -> float: ...  # noqa: D102
     @property
     def outcome(self) -> str: ...  # noqa: D102
     @property
@@ -86,7 +86,7 @@ def _draw_returns(
         # A legend entry stands for its outcome even where it never happened.
         axes.plot(
             [row.episode for row in rows],
-            [row.total for row in rows],
+            [row.episode_return for row in rows],
             linestyle="",
             marker=marker,
             markersize=4,
@@ -94,7 +94,7 @@ def _draw_returns(
             alpha=0.4,
             label=f"training: {outcome} ({len(rows)})",
         )
-    mean = moving_mean([row.total for row in finished])
+    mean = moving_mean([row.episode_return for row in finished])
     axes.plot(
         [row.episode for row in finished],
         mean,

@@ -137,7 +137,7 @@ def test_a_part_of_a_layer_cannot_be_frozen() -> None:
 
 @pytest.mark.parametrize("frozen", [0, 2, 3, 4])
 def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
-    # Grey all over, with biases: what the still picture gives is not zero, and changes with the weights.
+    # Grey all over, with biases: what the background gives is not zero, and changes with the weights.
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     with torch.no_grad():
         for name, parameter in network.named_parameters():
@@ -145,7 +145,7 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
             if name.endswith("bias"):
                 parameter.uniform_(-0.3, 0.3, generator=Generator().manual_seed(1))
     grey = lambda state: draw(state) // 2 + 100  # noqa: E731
-    grey.still = draw.still // 2 + 100  # type: ignore[attr-defined]
+    grey.background = draw.background // 2 + 100  # type: ignore[attr-defined]
     learner = Agent(network, grey, 7, schedule(lr=0.01), Generator().manual_seed(2))  # type: ignore[arg-type]
     state = torch.rand(200, 2) * 8 - 4
     data, chosen = batch(), []

@@ -28,7 +28,7 @@ def test_they_are_what_each_drawn_network_scores_alone(copied: int, at_once: int
             key: value for key, value in alone.state_dict().items() if key.startswith(CONV_NAMES[:copied])
         }
         assert all(torch.equal(value, before[key]) for key, value in shared.items())
-        wanted.append(rollout(Corridor(1), greedy_policy(alone, draw))[0].total)
+        wanted.append(rollout(Corridor(1), greedy_policy(alone, draw))[0].episode_return)
     assert found == wanted
     assert len(set(found)) > 1
     assert all(torch.equal(value, before[key]) for key, value in network.state_dict().items())

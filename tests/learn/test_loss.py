@@ -11,7 +11,7 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Loss
-from ship_trl.learn.delta import Incremental
+from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels, StateReplay
@@ -80,7 +80,7 @@ def test_loss_gradients_td_error_and_targets_are_those_of_torchrl(kind: Loss, fr
 @pytest.mark.parametrize("frozen", [0, 2])
 def test_torchrls_loss_learns_by_the_incremental_backend_too(frozen: int) -> None:
     found = []
-    for backend in (None, Incremental(draw.still, torch.float32)):
+    for backend in (None, Incremental(draw.background, torch.float32)):
         value_network = actor(frozen)
         if backend is not None:
             value_network[0].module.backend = backend
@@ -146,7 +146,7 @@ def test_all_at_once_the_soft_update_is_that_of_torchrl(frozen: int) -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 def test_no_weights_are_read_that_have_changed_since(update: Any, frozen: int, dtype: torch.dtype) -> None:
     value_network = actor(frozen)
-    value_network[0].module.backend = Incremental(draw.still, dtype)
+    value_network[0].module.backend = Incremental(draw.background, dtype)
     loss, data = DoubleDQNLoss(value_network, gamma=0.9), batch()
     target = update(loss, tau=0.5)
     learning = [p for p in loss.parameters() if p.requires_grad]
@@ -159,7 +159,7 @@ def test_no_weights_are_read_that_have_changed_since(update: Any, frozen: int, d
         target.step()
         for network in (loss.network, loss.target_network):
             anew = copy.copy(network)
-            anew.backend = Incremental(draw.still, dtype)
+            anew.backend = Incremental(draw.background, dtype)
             with torch.no_grad():
                 seen.append(network(data["pixels"]))
                 assert torch.equal(seen[-1], anew(data["pixels"]))

@@ -53,7 +53,6 @@ def test_a_rollout_of_many_is_a_rollout_of_each() -> None:
         assert len(episode.states) == episode.length + 1 == len(episode.rewards) + 1
         place = float(episode.states[-1, 0])
         assert episode.outcome == {4.0: "goal", -4.0: "collision"}.get(place, "timeout")
-        assert (
-            episode.total == {"goal": 100, "collision": -100, "timeout": 0}[episode.outcome] - episode.length
-        )
+        gain = {"goal": 100, "collision": -100, "timeout": 0}[episode.outcome]
+        assert episode.episode_return == gain - episode.length
         assert episode.q_values is None

@@ -26,7 +26,7 @@ def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated]
 
 def test_it_learns() -> None:
     found, _ = events(episodes=120, lr=1e-3)
-    returns = [e.sailed.total for e in found if isinstance(e, Evaluated)]
+    returns = [e.sailed.episode_return for e in found if isinstance(e, Evaluated)]
     assert max(returns[1:]) == 96.0
 
 
@@ -36,7 +36,7 @@ def test_every_episode_is_reported_once_and_in_order() -> None:
     assert [e.episode for e in episodes] == list(range(1, 31))
     for e in episodes:
         gain = {"goal": 100, "collision": -100, "timeout": 0}[e.outcome]
-        assert e.total == gain - e.length
+        assert e.episode_return == gain - e.length
         assert e.length == 12 if e.outcome == "timeout" else 4 <= e.length <= 12
     assert {e.outcome for e in episodes} == {"goal", "collision", "timeout"}
 
@@ -81,7 +81,7 @@ def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
     state = agent.policy.generator.get_state()
     (sailed,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
     assert torch.equal(agent.policy.generator.get_state(), state)
-    assert sailed.total == again.total and torch.equal(sailed.actions, again.actions)
+    assert sailed.episode_return == again.episode_return and torch.equal(sailed.actions, again.actions)
     assert sailed.q_values is not None
     assert torch.equal(sailed.q_values.argmax(-1), sailed.actions)
     assert len(sailed.states) == sailed.length + 1

@@ -53,7 +53,7 @@ class Corridor(EnvBase):
 class Bars:
     """A bar whose place tells the position: [..., 2] to uint8 [..., 1, 84, 84]."""
 
-    still = torch.zeros(1, 84, 84, dtype=torch.uint8)
+    background = torch.zeros(1, 84, 84, dtype=torch.uint8)
 
     def __call__(self, state: Tensor) -> Tensor:
         place = ((state[..., 0] + 4) * 10).clamp(0, 80)

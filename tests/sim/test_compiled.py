@@ -63,7 +63,7 @@ def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
     away = (got - wanted).abs()
     assert away.max() <= 1 and (away > 0).float().mean() < 1e-5
     # A difference of one is rounding; a shape left out would be far more.
-    assert (got != draw.still.int()).flatten(1).any(1).all()
+    assert (got != draw.background.int()).flatten(1).any(1).all()
 
 
 @given(seed=st.integers(0, 2**31), count=st.integers(1, 5))

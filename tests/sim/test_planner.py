@@ -9,9 +9,9 @@ import torch
 from ship_trl.config import World
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.outlook import Outlook
 from ship_trl.sim.planner import DOUBT, Plan, best_plan, passing_distance
 from ship_trl.sim.transition import Transition
+from ship_trl.sim.value_bound import ValueBound
 
 MakeCase = Callable[..., Case]
 CPU = torch.device("cpu")
@@ -33,9 +33,9 @@ def sail(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
 def test_the_best_known_returns(name: str, world: World) -> None:
     case = load_case(name, world)
     plan = best_plan(case, world)
-    assert plan.total >= BEST[name] and plan.goal
+    assert plan.episode_return >= BEST[name] and plan.goal
     total, ended, goal = sail(case, world, plan)
-    assert total == pytest.approx(plan.total, abs=1e-3) and ended and goal
+    assert total == pytest.approx(plan.episode_return, abs=1e-3) and ended and goal
 
 
 def test_case_ship_has_case_2s_ship_and_another_path(world: World) -> None:
@@ -59,9 +59,11 @@ def test_a_goal_out_of_reach_still_has_a_best_plan(world: World, make_case: Make
     case = make_case(goal=[0.0, 1500.0])
     plan = best_plan(case, world, beam=500)
     assert not plan.goal and plan.actions == [3] * 60
-    assert plan.total == pytest.approx(-0.01 * sum(1500 - 15 * step for step in range(1, 61)), abs=1e-2)
+    assert plan.episode_return == pytest.approx(
+        -0.01 * sum(1500 - 15 * step for step in range(1, 61)), abs=1e-2
+    )
     total, ended, goal = sail(case, world, plan)
-    assert total == pytest.approx(plan.total, abs=1e-2) and ended and not goal
+    assert total == pytest.approx(plan.episode_return, abs=1e-2) and ended and not goal
 
 
 def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -> None:
@@ -69,7 +71,7 @@ def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -
     plan = best_plan(case, world, beam=500)
     assert not plan.goal and len(plan.actions) == 1
     total, ended, _ = sail(case, world, plan)
-    assert ended and total == pytest.approx(plan.total, abs=1e-3) and total < -200
+    assert ended and total == pytest.approx(plan.episode_return, abs=1e-3) and total < -200
 
 
 def test_it_sees_past_the_first_ship(world: World) -> None:
@@ -81,27 +83,27 @@ def test_it_sees_past_the_first_ship(world: World) -> None:
         step = env.step(step.set("action", torch.tensor([action])))["next"]
         if bool(step["done"]):
             break
-    assert bool(step["collision"]) and one.total > two.total + 10
+    assert bool(step["collision"]) and one.episode_return > two.episode_return + 10
 
 
 def test_the_outlook_is_the_return_of_open_water(world: World, make_case: MakeCase) -> None:
     case = make_case()
-    outlook = Outlook(Transition(case, world, CPU))
+    value_bound = ValueBound(Transition(case, world, CPU))
     at = lambda *values: torch.tensor([values], dtype=torch.float32)  # noqa: E731
-    assert float(outlook(at(0, 0, torch.pi / 2, 0))) == pytest.approx(83.9, abs=0.5)
+    assert float(value_bound(at(0, 0, torch.pi / 2, 0))) == pytest.approx(83.9, abs=0.5)
     # 5 steps left, 585 to 525 m away at their ends.
-    assert float(outlook(at(0, 0, torch.pi / 2, 55))) == pytest.approx(-0.01 * 5 * 555, abs=0.2)
-    assert float(outlook(at(0, 0, torch.pi / 2, 60))) == 0.0
-    port, starboard, away = (float(outlook(at(0, 0, h, 0))) for h in (2.2, torch.pi - 2.2, -torch.pi / 2))
+    assert float(value_bound(at(0, 0, torch.pi / 2, 55))) == pytest.approx(-0.01 * 5 * 555, abs=0.2)
+    assert float(value_bound(at(0, 0, torch.pi / 2, 60))) == 0.0
+    port, starboard, away = (float(value_bound(at(0, 0, h, 0))) for h in (2.2, torch.pi - 2.2, -torch.pi / 2))
     assert port == pytest.approx(starboard, abs=0.1) and away < port < 83.0
 
 
 def test_the_outlook_is_reached_by_turning_towards_the_goal(world: World, make_case: MakeCase) -> None:
     case = replace(make_case(), heading=10.0)
     plan = best_plan(case, world)
-    outlook = Outlook(Transition(case, world, CPU))
+    value_bound = ValueBound(Transition(case, world, CPU))
     assert plan.goal and plan.actions[0] == 0
-    assert plan.total == pytest.approx(float(outlook(outlook.step.start[None])), abs=DOUBT)
+    assert plan.episode_return == pytest.approx(float(value_bound(value_bound.step.start[None])), abs=DOUBT)
 
 
 def test_the_passing_distance_of_steady_courses(world: World, make_case: MakeCase) -> None:

@@ -14,7 +14,7 @@ from ship_trl.view.curve import draw_curve, moving_mean
 @dataclass(frozen=True)
 class Row:
     episode: int
-    total: float
+    episode_return: float
     outcome: str
     epsilon: float
 

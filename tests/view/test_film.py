@@ -85,7 +85,7 @@ def test_log_of_a_collision(world: World) -> None:
     assert episode.outcome == "collision"
     assert len(log.total) == len(log.goal) == len(log.closest) == episode.length + 1
     assert log.total[0] == 0.0
-    assert log.total[-1] == pytest.approx(episode.total)
+    assert log.total[-1] == pytest.approx(episode.episode_return)
     assert log.closest[0] == pytest.approx(math.hypot(259.8, 450.0))
     assert log.closest == sorted(log.closest, reverse=True)
     assert log.closest[-1] == pytest.approx(episode.dcpa)

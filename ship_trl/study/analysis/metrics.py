@@ -24,33 +24,33 @@ PLACES = 100
 
 def share(record: Record, part: float) -> int:
     """So many of a run's episodes, at least one."""
-    return max(1, round(part * len(record.training.total)))
+    return max(1, round(part * len(record.training.returns)))
 
 
 def area(record: Record) -> float:
     """Area under the training-return curve: the mean score of all training episodes."""
-    return float(np.mean(record.score(record.training.total)))
+    return float(np.mean(record.score(record.training.returns)))
 
 
 def early_area(record: Record) -> float:
     """The mean score of the first fifth of the training episodes."""
-    return float(np.mean(record.score(record.training.total[: share(record, EARLY)])))
+    return float(np.mean(record.score(record.training.returns[: share(record, EARLY)])))
 
 
 def asymptote(record: Record) -> float:
     """The mean score of the last tenth of the training episodes."""
-    return float(np.mean(record.score(record.training.total[-share(record, LAST) :])))
+    return float(np.mean(record.score(record.training.returns[-share(record, LAST) :])))
 
 
 def greedy_area(record: Record) -> float:
     """The mean score of all greedy evaluations."""
-    return float(np.mean(record.score(record.greedy.total)))
+    return float(np.mean(record.score(record.greedy.returns)))
 
 
 def greedy_asymptote(record: Record) -> float:
     """The mean score of the last tenth of the greedy evaluations."""
-    count = max(1, round(LAST * len(record.greedy.total)))
-    return float(np.mean(record.score(record.greedy.total[-count:])))
+    count = max(1, round(LAST * len(record.greedy.returns)))
+    return float(np.mean(record.score(record.greedy.returns[-count:])))
 
 
 def start(record: Record) -> float:
@@ -61,7 +61,7 @@ def start(record: Record) -> float:
 
 def best(record: Record) -> float:
     """The score of the best greedy evaluation."""
-    return float(np.max(record.score(record.greedy.total)))
+    return float(np.max(record.score(record.greedy.returns)))
 
 
 def success(record: Record) -> float:
@@ -86,7 +86,7 @@ def smallest_dcpa(record: Record) -> float:
 
 def moving_scores(record: Record) -> NDArray[np.float64]:
     """Mean scores of `WINDOW` of the training episodes in a row: [E - window + 1]."""
-    scores = record.score(record.training.total)
+    scores = record.score(record.training.returns)
     window = share(record, WINDOW)
     sums = np.concatenate([[0.0], np.cumsum(scores)])
     return (sums[window:] - sums[:-window]) / window
@@ -108,7 +108,7 @@ def time_to_threshold(record: Record, threshold: float = THRESHOLDS[0]) -> float
 
     Of a run that never is, all of them: time is restricted to the length of a run.
     """
-    scores, total = moving_scores(record), len(record.training.total)
+    scores, total = moving_scores(record), len(record.training.returns)
     there = np.flatnonzero(scores >= threshold)
     return float(total - len(scores) + 1 + there[0]) / total if there.size else 1.0
 
@@ -125,7 +125,7 @@ def total_time(record: Record) -> float:
 
 def around_annealed(record: Record) -> tuple[slice, slice]:
     """The tenth of the episodes before exploration has ended, and the one after."""
-    count = len(record.training.total)
+    count = len(record.training.returns)
     ended = np.flatnonzero(record.training.epsilon <= record.training.epsilon.min())
     end, tenth = int(ended[0]) if ended.size else count, share(record, LAST)
     return slice(max(0, end - tenth), max(1, end)), slice(min(end, count - 1), min(end + tenth, count))
@@ -137,7 +137,7 @@ def dip(record: Record) -> float:
     From two tenths of the episodes before that end to two after; the mean is over a fortieth. Chance alone
     makes falls, so that arms are compared with scratch and not with zero.
     """
-    scores = record.score(record.training.total)
+    scores = record.score(record.training.returns)
     tenth, width = share(record, LAST), share(record, LAST / 4)
     end = around_annealed(record)[0].stop
     near = scores[max(0, end - 2 * tenth) : end + 2 * tenth]

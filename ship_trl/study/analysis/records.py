@@ -30,7 +30,7 @@ class BrokenRunError(Exception):
 class Training:
     """Training episodes, in order: all [E]. `dcpa` is not a number without target ships."""
 
-    total: NDArray[np.float64]
+    returns: NDArray[np.float64]
     goal: NDArray[np.bool_]
     collision: NDArray[np.bool_]
     dcpa: NDArray[np.float64]
@@ -42,7 +42,7 @@ class Greedy:
     """Greedy evaluations, in order, the first before training: all [G]."""
 
     episode: NDArray[np.int64]
-    total: NDArray[np.float64]
+    returns: NDArray[np.float64]
     goal: NDArray[np.bool_]
     collision: NDArray[np.bool_]
     dcpa: NDArray[np.float64]
@@ -186,7 +186,7 @@ def read_curve(path: Path, episodes: int) -> tuple[Training, Greedy]:
         raise BrokenRunError(f"{path.name} has not the {episodes} episodes of {RESULT}")
     if len(judged) < 2 or greedy.episode[0] != 0 or greedy.episode[-1] != episodes:
         raise BrokenRunError(f"{path.name} lacks greedy evaluations")
-    if not all(np.isfinite(values).all() for values in (training.total, training.epsilon, greedy.total)):
+    if not all(np.isfinite(values).all() for values in (training.returns, training.epsilon, greedy.returns)):
         raise BrokenRunError(f"{path.name} holds what is no number")
     return training, greedy
 

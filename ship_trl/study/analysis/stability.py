@@ -39,7 +39,7 @@ def rows(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[list[str]]:
         if not records:
             continue
         best, last = (
-            np.array([pick(r.greedy.total) / r.best_known for r in records]) for pick in (np.max, final)
+            np.array([pick(r.greedy.returns) / r.best_known for r in records]) for pick in (np.max, final)
         )
         near = last >= best - NEAR * np.abs(best)
         yield [
@@ -61,8 +61,8 @@ def numbers(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[dict[str
             row: dict[str, Any] = {"run": name, "seed": record.seed}
             row |= {metric: measure(record, metric) for metric in METRICS}
             row |= {
-                "best of known": np.max(record.greedy.total) / record.best_known,
-                "last of known": final(record.greedy.total) / record.best_known,
+                "best of known": np.max(record.greedy.returns) / record.best_known,
+                "last of known": final(record.greedy.returns) / record.best_known,
             }
             yield row
 

@@ -123,10 +123,10 @@ def style(arm: str) -> tuple[str, Any]:
 
 def lines(axes: Sequence[Axes], name: str, runs: Sequence[Record], look: tuple[str, Any]) -> None:
     """An arm's training return in the first axes and its greedy return in the second."""
-    length = min(len(run.training.total) for run in runs)
-    count = min(len(run.greedy.total) for run in runs)
-    trained = smoothed(np.stack([run.training.total[:length] for run in runs]))
-    greedy = np.stack([run.greedy.total[:count] for run in runs])
+    length = min(len(run.training.returns) for run in runs)
+    count = min(len(run.greedy.returns) for run in runs)
+    trained = smoothed(np.stack([run.training.returns[:length] for run in runs]))
+    greedy = np.stack([run.greedy.returns[:count] for run in runs])
     label = f"{name} ({len(runs)})"
     for axis, x, values in (
         (axes[0], np.arange(1, length + 1), trained),

@@ -183,7 +183,7 @@ def render(
     return environment.get_template("page.html").render(
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
-        episodes=", ".join(sorted({str(len(r.training.total)) for r in records})),
+        episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
         seeds=seeds,
         missing=missing,
         rules=told(study.rules),

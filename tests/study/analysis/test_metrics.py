@@ -71,7 +71,7 @@ def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
 def test_a_run_has_fallen_that_misses_the_goal_ten_times_in_a_row_after_exploration() -> None:
     def run(late: list[float]) -> Record:
         made = make_record(np.array([0.1] * 60 + late), "pairs", "low", "FT1", 0)
-        epsilon = np.maximum(0.0001, 1 - np.arange(len(made.training.total)) / 60)
+        epsilon = np.maximum(0.0001, 1 - np.arange(len(made.training.returns)) / 60)
         return replace(made, training=replace(made.training, epsilon=epsilon))
 
     nine, ten = run([0.9] * 15 + [0.1] * 9 + [0.9] * 16), run([0.9] * 15 + [0.1] * 10 + [0.9] * 15)

@@ -15,10 +15,10 @@ def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
     record = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
     assert (record.pair, record.arm, record.seed, record.part) == ("high", "FE3", 4, "pairs")
-    np.testing.assert_allclose(record.score(record.training.total), scores)
+    np.testing.assert_allclose(record.score(record.training.returns), scores)
     assert record.score(record.before) == pytest.approx(0.2) and record.score(record.scratch) == 0.0
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
-    assert (record.training.goal == (record.training.total > 0)).all()
+    assert (record.training.goal == (record.training.returns > 0)).all()
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
 
 

@@ -72,7 +72,7 @@ def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_pat
         np.testing.assert_array_equal(record.training.epsilon, other.training.epsilon)
         for kind in ("training", "greedy"):
             one, two = getattr(record, kind), getattr(other, kind)
-            np.testing.assert_allclose(one.total, two.total, atol=5e-4)
+            np.testing.assert_allclose(one.episode_return, two.episode_return, atol=5e-4)
             np.testing.assert_allclose(one.dcpa, two.dcpa, atol=0.05)
             np.testing.assert_array_equal(one.goal, two.goal)
             np.testing.assert_array_equal(one.collision, two.collision)

@@ -74,8 +74,8 @@ def test_collapses_of_some_seeds_decide_no_level() -> None:
     for seed in (1, 6, 12):
         key = ("pairs", "high", "FE2", seed)
         fallen = study.records[key]
-        totals = np.where(np.arange(120) > 60, -320.0, fallen.training.total)
-        study.records[key] = replace(fallen, training=replace(fallen.training, total=totals))
+        totals = np.where(np.arange(120) > 60, -320.0, fallen.training.returns)
+        study.records[key] = replace(fallen, training=replace(fallen.training, returns=totals))
     (found,) = judge(study, [claim("A", ("FE1", "FE2"))], 15, 0.025)
     assert found.verdict is not Verdict.supported and abs(found.findings[0].estimate.value) < 0.02
 

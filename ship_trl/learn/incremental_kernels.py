@@ -1,4 +1,4 @@
-"""Compiled loops of `delta`: which windows differ from the still picture, and where their rows lie."""
+"""Compiled loops of `delta`: which windows differ from the background, and where their rows lie."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = np.ndarray[Any, Any]
 
 @compiled()
 def number(touched: Array, table: Array) -> int:
-    """Number the touched windows of all frames after the still ones; returns how many rows that makes.
+    """Number the touched windows of all frames after the background ones; returns how many rows that makes.
 
     Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row of each window, is written.
     """
@@ -31,11 +31,11 @@ def number(touched: Array, table: Array) -> int:
 
 
 @compiled()
-def mark_pixels(words: Array, still: Array, touched: Array) -> None:
-    """Which windows of the first layer hold a pixel that differs from the still picture.
+def mark_pixels(words: Array, background: Array, touched: Array) -> None:
+    """Which windows of the first layer hold a pixel that differs from the background.
 
     Windows are two words wide and two words high, and a word (four pixels) apart.
-    Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; still the same without B;
+    Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; background the same without B;
     touched bool [B, S, S] is written, S = H / 4 - 1.
     """
     batch, channels, _, width = words.shape
@@ -46,7 +46,7 @@ def mark_pixels(words: Array, still: Array, touched: Array) -> None:
             for y in range(width):
                 for row in range(4 * y, 4 * y + 4):
                     for x in range(width):
-                        blocks[y, x] |= words[b, c, row, x] ^ still[c, row, x]
+                        blocks[y, x] |= words[b, c, row, x] ^ background[c, row, x]
         for y in range(width - 1):
             for x in range(width - 1):
                 four = blocks[y, x] | blocks[y, x + 1] | blocks[y + 1, x] | blocks[y + 1, x + 1]
@@ -105,7 +105,7 @@ def index_windows(
     Shapes: below [B, S * S] and table [B, T * T], rows of the layer below and of this one;
     index int32 [R, K * K] is written.
     """
-    # Frame -1 is the still picture, whose rows are numbered by their place.
+    # Frame -1 is the background, whose rows are numbered by their place.
     for b in range(-1 if base == 0 else 0, table.shape[0]):
         for y in range(side):
             for x in range(side):

@@ -6,26 +6,26 @@ import torch
 from torch import Tensor
 
 from ship_trl.learn.changes import version
-from ship_trl.learn.delta import GEOMETRY, Cutter, Rows, as_matrix, gathered_layer
+from ship_trl.learn.incremental import GEOMETRY, Cutter, Rows, as_matrix, gathered_layer
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
 
-class Glance:
-    """Computes what differs from the still picture; what that itself gives is remembered.
+class CachedInference:
+    """Computes what differs from the background; what that itself gives is remembered.
 
     Float32, because for so few rows it is as fast as bfloat16, and needs no copies: weights are the
     network's own.
 
     Args:
         network: float32, on the CPU.
-        still: the picture that most frames resemble, uint8 [C, 84, 84].
+        background: the picture that most frames resemble, uint8 [C, 84, 84].
         frozen: how many layers, counted from the image, never change.
     """
 
-    def __init__(self, network: DuelingNetwork, still: Tensor, frozen: int) -> None:
+    def __init__(self, network: DuelingNetwork, background: Tensor, frozen: int) -> None:
         self._network, self._frozen = network, frozen
-        self._cut = Cutter(still, torch.float32)
-        self._still = self._cut(still.unsqueeze(0))
+        self._cut = Cutter(background, torch.float32)
+        self._background_frame = self._cut(background.unsqueeze(0))
         self._remembered: list[Tensor] = []
         layers = [getattr(network, name) for name in CONV_NAMES]
         self._weights = [(as_matrix(layer.weight.detach()), layer.bias.detach()) for layer in layers]
@@ -42,7 +42,7 @@ class Glance:
     @torch.no_grad()
     def actions(self, frames: Tensor) -> Tensor:
         """The best actions: uint8 [B, C, 84, 84] to int64 [B]."""
-        return self._network.best(self._advance(self._cut(frames, still=False), len(CONV_NAMES)).values)
+        return self._network.best(self._advance(self._cut(frames, background=False), len(CONV_NAMES)).values)
 
     @torch.no_grad()
     def actions_on(self, features: Tensor) -> Tensor:
@@ -53,7 +53,7 @@ class Glance:
     @torch.no_grad()
     def encode(self, frames: Tensor) -> Tensor:
         """What the frozen layers (three or four) make of frames: uint8 [B, C, 84, 84] to float32 [B, F]."""
-        values, indices = self._advance(self._cut(frames, still=False), self._frozen)
+        values, indices = self._advance(self._cut(frames, background=False), self._frozen)
         for index in indices:
             assert index is not None
             values = values[index].flatten(1)
@@ -67,15 +67,15 @@ class Glance:
         for n in range(first, first + layers):
             _, values = gathered_layer(values, indices[n - first], *self._weights[n])
             if n < len(GEOMETRY):
-                values = torch.cat((self._still_rows(n), values))
+                values = torch.cat((self._background_rows(n), values))
         return Rows(values, indices[layers:])
 
-    def _still_rows(self, layer: int) -> Tensor:
-        """What conv layer `layer` (0 to 2) makes of the still picture: [S * S, C]."""
+    def _background_rows(self, layer: int) -> Tensor:
+        """What conv layer `layer` (0 to 2) makes of the background: [S * S, C]."""
         memory = self._remembered
         while len(memory) <= layer:
             n = len(memory)
-            below = memory[-1] if memory else self._still.values
-            _, rows = gathered_layer(below, self._still.indices[n], *self._weights[n])
+            below = memory[-1] if memory else self._background_frame.values
+            _, rows = gathered_layer(below, self._background_frame.indices[n], *self._weights[n])
             memory.append(rows[: GEOMETRY[n][2] ** 2])
         return memory[layer]

@@ -5,15 +5,15 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.config import BFLOAT16, Precision
-from ship_trl.learn.delta import Incremental
+from ship_trl.learn.backend import computing
+from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.network import Dense, DuelingNetwork
-from ship_trl.learn.vision import computing
 from tests.learn.worlds import draw
 
 
 def both(network: DuelingNetwork, dtype: torch.dtype, frames: Tensor) -> list[Tensor]:
     found = []
-    for backend in (Incremental(draw.still, dtype), Dense(dtype)):
+    for backend in (Incremental(draw.background, dtype), Dense(dtype)):
         network.backend = backend
         found.append(network(frames))
     return found

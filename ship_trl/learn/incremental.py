@@ -1,13 +1,13 @@
-"""The conv layers on what differs from a still picture: the same function for half the work.
+"""The conv layers on what differs from a background: the same function for half the work.
 
 Most of what the network sees never changes: the water, the disc, the circles, own ship. A window
 of a layer that holds nothing else has the same activation in every frame, so it is computed once a
-batch. Layers are kept as rows, first those of the still picture, then those of the windows that
+batch. Layers are kept as rows, first those of the background, then those of the windows that
 some frame touches; an index tells which row stands where. A layer is then one matrix product over
-gathered rows. This is exact whatever the still picture is; a wrong one only saves nothing.
+gathered rows. This is exact whatever the background is; a wrong one only saves nothing.
 
-`filters` learns from batches of such rows; `glance` reads a few frames, for which the rows of the
-still picture would be most of the work, and takes those from memory.
+`Incremental` learns from batches of such rows; `inference.CachedInference` reads a few frames, for which the
+rows of the background would be most of the work, and takes those from memory.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from ship_trl.learn import delta_kernels as kernels
+from ship_trl.learn import incremental_kernels as kernels
 from ship_trl.learn.changes import version
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
@@ -35,7 +35,7 @@ class Rows(NamedTuple):
 
     `values` [R, C] are activations, or windows of pixels; `indices` has an entry for each conv
     layer to come: int32 [T, K], the rows that each of its T windows holds, or None where `values`
-    are its windows already. Rows are numbered as if those of the still picture came first, even
+    are its windows already. Rows are numbered as if those of the background came first, even
     where they are left out.
     """
 
@@ -47,38 +47,38 @@ class Cutter:
     """Cuts frames into windows: uint8 [B, C, 84, 84] to the `Rows` of conv1.
 
     Args:
-        still: the picture that most frames resemble, uint8 [C, 84, 84].
+        background: the picture that most frames resemble, uint8 [C, 84, 84].
         dtype: of the windows, whose values are 0 to 1.
     """
 
-    def __init__(self, still: Tensor, dtype: torch.dtype) -> None:
+    def __init__(self, background: Tensor, dtype: torch.dtype) -> None:
         self.dtype = dtype
-        still = still.contiguous()
-        self.still_words = still.view(torch.int32).numpy()
+        background = background.contiguous()
+        self.background_words = background.view(torch.int32).numpy()
         self.worth = as_numpy((torch.arange(256) / 255.0).to(dtype))
-        windows = still.unfold(1, 8, 4).unfold(2, 8, 4).permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
-        self.still_windows = (windows / 255.0).to(dtype)
+        windows = background.unfold(1, 8, 4).unfold(2, 8, 4).permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
+        self.background_windows = (windows / 255.0).to(dtype)
 
-    def __call__(self, frames: Tensor, still: bool = True) -> Rows:
-        """Find what differs from the still picture, and where it lies.
+    def __call__(self, frames: Tensor, background: bool = True) -> Rows:
+        """Find what differs from the background, and where it lies.
 
-        Without `still`, windows of the still picture itself are left out.
+        Without `background`, windows of the background itself are left out.
         """
         batch = frames.shape[0]
         frames = frames.contiguous()
         touched = [np.empty((batch, side, side), np.bool_) for _, _, side in GEOMETRY]
         tables = [np.empty((batch, side * side), np.int32) for _, _, side in GEOMETRY]
         # The number of the first row that is kept.
-        base = [0 if still else side * side for _, _, side in GEOMETRY]
-        kernels.mark_pixels(frames.view(torch.int32).numpy(), self.still_words, touched[0])
+        base = [0 if background else side * side for _, _, side in GEOMETRY]
+        kernels.mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
         rows = [kernels.number(touched[0], tables[0])]
         for n in (1, 2):
             kernel, stride, _ = GEOMETRY[n]
             kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
             rows.append(kernels.number(touched[n], tables[n]))
-        windows = torch.zeros(rounded(rows[0] - base[0]), self.still_windows.shape[1], dtype=self.dtype)
-        if still:
-            windows[: len(self.still_windows)] = self.still_windows
+        windows = torch.zeros(rounded(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
+        if background:
+            windows[: len(self.background_windows)] = self.background_windows
         pixels, side = frames.numpy(), GEOMETRY[0][2]
         kernels.cut_pixels(pixels, tables[0], side, self.worth, as_numpy(windows), base[0])
         indices: list[Tensor | None] = [None]

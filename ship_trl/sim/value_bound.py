@@ -21,10 +21,10 @@ GRID_STEPS_PER_ACTION = 2
 ANGLES = 96
 
 
-class Outlook:
+class ValueBound:
     """The best return to come on open water, for the states of one case.
 
-    `outlook(state)` takes float [N, 4], all at one step, and returns float [N].
+    `value_bound(state)` takes float [N, 4], all at one step, and returns float [N].
     """
 
     def __init__(self, step: Transition) -> None:

@@ -8,14 +8,14 @@ import torch
 from torch import Tensor
 
 from ship_trl.config import BackendName, Precision, bfloat16_allowed
-from ship_trl.learn.delta import Incremental
+from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.network import Backend, Dense
 
 
 class Draw(Protocol):
-    """Draws states: float [..., S] to uint8 [..., C, 84, 84]; most frames resemble `still` [C, 84, 84]."""
+    """Draws states: float [..., S] to uint8 [..., C, 84, 84]; most resemble `background` [C, 84, 84]."""
 
-    still: Tensor
+    background: Tensor
 
     def __call__(self, state: Tensor) -> Tensor:
         """The pictures of states."""
@@ -26,7 +26,7 @@ def choose_backend(wanted: BackendName, draw: Draw, dtype: torch.dtype, device: 
     """Make what computes the conv layers; `auto` is the quickest on a device."""
     quickest = BackendName.incremental if device.type == "cpu" else BackendName.dense
     chosen = quickest if wanted is BackendName.auto else wanted
-    return Incremental(draw.still, dtype) if chosen is BackendName.incremental else Dense(dtype)
+    return Incremental(draw.background, dtype) if chosen is BackendName.incremental else Dense(dtype)
 
 
 def computing(precision: Precision, device: torch.device) -> torch.dtype:

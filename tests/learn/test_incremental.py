@@ -1,4 +1,4 @@
-"""The conv layers on what differs from a still picture are the conv layers."""
+"""The conv layers on what differs from a background are the conv layers."""
 
 import copy
 from itertools import pairwise
@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Generator, Tensor
 
-from ship_trl.learn.delta import Cutter, Incremental, rounded
-from ship_trl.learn.glance import Glance
+from ship_trl.learn.incremental import Cutter, Incremental, rounded
+from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.network import DuelingNetwork
 
 
@@ -27,17 +27,17 @@ def network(channels: int = 1, frozen: int = 0, seed: int = 0) -> DuelingNetwork
 
 
 def scene(batch: int, channels: int, patches: int, seed: int) -> tuple[Tensor, Tensor]:
-    """A still picture of noise, and frames that differ from it in some patches."""
+    """A background of noise, and frames that differ from it in some patches."""
     generator = Generator().manual_seed(seed)
     noise = lambda *shape: torch.randint(256, shape, generator=generator, dtype=torch.uint8)  # noqa: E731
-    still = noise(channels, 84, 84)
-    frames = still.repeat(batch, 1, 1, 1)
+    background = noise(channels, 84, 84)
+    frames = background.repeat(batch, 1, 1, 1)
     for frame in frames:
         for _ in range(patches):
             top, left, height, width = torch.randint(0, 84, (4,), generator=generator).tolist()
             patch = frame[:, top : top + height, left : left + width // 4]
             patch.copy_(noise(*patch.shape))
-    return still, frames
+    return background, frames
 
 
 def gradients(net: DuelingNetwork, q: Tensor) -> dict[str, Tensor]:
@@ -45,9 +45,9 @@ def gradients(net: DuelingNetwork, q: Tensor) -> dict[str, Tensor]:
     return {name: p.grad for name, p in net.named_parameters() if p.grad is not None}
 
 
-def incremental(net: DuelingNetwork, frames: Tensor, still: Tensor, dtype: torch.dtype) -> Any:
+def incremental(net: DuelingNetwork, frames: Tensor, background: Tensor, dtype: torch.dtype) -> Any:
     """Q-values and gradients by windows."""
-    net.backend = Incremental(still, dtype)
+    net.backend = Incremental(background, dtype)
     q = net(frames)
     return q.detach(), gradients(net, q)
 
@@ -63,11 +63,11 @@ def incremental(net: DuelingNetwork, frames: Tensor, still: Tensor, dtype: torch
 def test_it_is_the_network_and_its_gradient(
     batch: int, channels: int, patches: int, frozen: int, seed: int
 ) -> None:
-    still, frames = scene(batch, channels, patches, seed)
+    background, frames = scene(batch, channels, patches, seed)
     dense = network(channels, frozen)
     q = dense(frames)
     wanted = gradients(dense, q)
-    got_q, got = incremental(network(channels, frozen), frames, still, torch.float32)
+    got_q, got = incremental(network(channels, frozen), frames, background, torch.float32)
     torch.testing.assert_close(got_q, q.detach(), rtol=1e-4, atol=1e-5)
     assert got.keys() == wanted.keys()
     for name, gradient in wanted.items():
@@ -78,29 +78,29 @@ def test_it_is_the_network_and_its_gradient(
 
 
 def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
-    still, frames = scene(3, 1, 2, 0)
-    net, wrong = network(), torch.zeros_like(still)
-    right, dense = Cutter(still, torch.float32)(frames), Cutter(wrong, torch.float32)(frames)
+    background, frames = scene(3, 1, 2, 0)
+    net, wrong = network(), torch.zeros_like(background)
+    right, dense = Cutter(background, torch.float32)(frames), Cutter(wrong, torch.float32)(frames)
     assert len(right.values) < len(dense.values)
-    found = [incremental(net, frames, picture, torch.float32)[0] for picture in (still, wrong)]
+    found = [incremental(net, frames, picture, torch.float32)[0] for picture in (background, wrong)]
     torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
 
 
 def test_frames_that_are_the_still_picture_cost_no_rows() -> None:
-    still, frames = scene(5, 1, 0, 0)
-    rows = Cutter(still, torch.float32)(frames)
+    background, frames = scene(5, 1, 0, 0)
+    rows = Cutter(background, torch.float32)(frames)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = (len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None))
     assert counts == tuple(rounded(p) for p in places)
 
 
 def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
-    still, frames = scene(8, 1, 3, 4)
+    background, frames = scene(8, 1, 3, 4)
     dense = network()
     q = dense(frames)
     wanted = gradients(dense, q)
     net = network()
-    got_q, got = incremental(net, frames, still, torch.bfloat16)
+    got_q, got = incremental(net, frames, background, torch.bfloat16)
     assert (got_q - q).abs().max() < 0.02 * q.abs().max()
     assert got_q.dtype is torch.float32 and all(p.dtype is torch.float32 for p in net.parameters())
     for name, gradient in wanted.items():
@@ -113,13 +113,13 @@ def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 @pytest.mark.parametrize("frozen", [0, 2])
 def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: int) -> None:
-    still, frames = scene(2, 1, 2, 1)
+    background, frames = scene(2, 1, 2, 1)
     net = network(frozen=frozen)
-    net.backend = Incremental(still, dtype)
+    net.backend = Incremental(background, dtype)
 
     def alone() -> Tensor:
         other = copy.deepcopy(net)
-        other.backend = Incremental(still, dtype)
+        other.backend = Incremental(background, dtype)
         return other(frames)
 
     found = [net(frames)]
@@ -135,8 +135,8 @@ def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: i
 
 
 def test_networks_of_other_frozen_layers_may_share_it() -> None:
-    still, frames = scene(2, 1, 2, 1)
-    nets, backend = [network(frozen=2, seed=seed) for seed in (0, 1)], Incremental(still, torch.float32)
+    background, frames = scene(2, 1, 2, 1)
+    nets, backend = [network(frozen=2, seed=seed) for seed in (0, 1)], Incremental(background, torch.float32)
     for net in nets:
         wanted = net(frames)
         net.backend = backend
@@ -144,10 +144,10 @@ def test_networks_of_other_frozen_layers_may_share_it() -> None:
 
 
 def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
-    still, frames = scene(1, 1, 1, 0)
+    background, frames = scene(1, 1, 1, 0)
     net = network()
     net.conv2.weight.data = net.conv2.weight.data.contiguous()
-    net.backend = Incremental(still, torch.float32)
+    net.backend = Incremental(background, torch.float32)
     with pytest.raises(RuntimeError, match="view"):
         net(frames)
 
@@ -163,34 +163,36 @@ def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
 def test_at_a_glance_the_network_decides_alike(
     batch: int, channels: int, patches: int, frozen: int, seed: int
 ) -> None:
-    still, frames = scene(batch, channels, patches, seed)
+    background, frames = scene(batch, channels, patches, seed)
     net = network(channels, frozen)
-    glance = Glance(net, still, frozen)
+    inference = CachedInference(net, background, frozen)
     for change in (1.0, -1.3):  # what was remembered must be forgotten when weights change
         with torch.no_grad():
             for parameter in net.parameters():
                 if parameter.requires_grad:
                     parameter.mul_(change)
-        assert torch.equal(glance.actions(frames), net(frames).argmax(-1))
+        assert torch.equal(inference.actions(frames), net(frames).argmax(-1))
         # No more rows than places that differ, and no frame depends on its neighbours.
-        one_by_one = torch.cat([glance.actions(frame.unsqueeze(0)) for frame in frames])
+        one_by_one = torch.cat([inference.actions(frame.unsqueeze(0)) for frame in frames])
         assert torch.equal(one_by_one, net(frames).argmax(-1))
     if frozen > 2:
-        features = glance.encode(frames)
+        features = inference.encode(frames)
         assert features.shape == (batch, 3136 if frozen == 3 else 200)
-        assert torch.equal(glance.actions_on(features), net(frames).argmax(-1))
+        assert torch.equal(inference.actions_on(features), net(frames).argmax(-1))
 
 
 def test_a_glance_computes_only_what_differs() -> None:
-    still, frames = scene(1, 1, 2, 5)
-    cut = Cutter(still, torch.float32)
-    whole, few = cut(frames), cut(frames, still=False)
+    background, frames = scene(1, 1, 2, 5)
+    cut = Cutter(background, torch.float32)
+    whole, few = cut(frames), cut(frames, background=False)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = [len(few.values), *(len(index) for index in few.indices[1:3] if index is not None)]
     full = [len(whole.values), *(len(index) for index in whole.indices[1:3] if index is not None)]
     for count, all_rows, place in zip(counts, full, places, strict=True):
         assert 0 < count <= all_rows - place + 8
-    nothing = cut(still.unsqueeze(0), still=False)
+    nothing = cut(background.unsqueeze(0), background=False)
     assert len(nothing.values) == 0
     net = network()
-    assert torch.equal(Glance(net, still, 0).actions(still[None]), net(still[None]).argmax(-1))
+    assert torch.equal(
+        CachedInference(net, background, 0).actions(background[None]), net(background[None]).argmax(-1)
+    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -17,6 +16,7 @@ from rich.progress import (
 from rich.table import Table
 
 from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.result import Result
 
 console = Console()
 
@@ -51,45 +51,38 @@ def progress(
             yield event
 
 
-def title_of(result: dict[str, Any]) -> str:
-    """What a run was."""
-    start = "" if result["source"] is None else f"case {result['source']} -> "
-    return f"{start}case {result['target']}, {result['arm']}, seed {result['seed']}"
-
-
-def say_result(result: dict[str, Any], folder: Path) -> None:
+def say_result(result: Result, folder: Path) -> None:
     """The result of one run of a grid, in a line."""
-    best, final = result["best"], result["final"]
+    best, final = result.best, result.final
     say(
-        f"{title_of(result)}: best {best['return']:.1f} ({best['outcome']}), final {final['return']:.1f} "
-        f"({final['outcome']}) of {result['best_known_return']:.1f}, {result['seconds']:.0f} s; {folder}"
+        f"{result.title}: best {best.episode_return:.1f} ({best.outcome}), final {final.episode_return:.1f} "
+        f"({final.outcome}) of {result.best_known_return:.1f}, {result.seconds:.0f} s; {folder}"
     )
 
 
-def show_result(result: dict[str, Any], folder: Path) -> None:
+def show_result(result: Result, folder: Path) -> None:
     """The table at the end of a run."""
-    table = Table(title=title_of(result), title_justify="left")
+    table = Table(title=result.title, title_justify="left")
     for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
-    known = result["best_known_return"]
-    for name, key in (
-        ("scratch, untrained", "scratch"),
-        ("before training", "before"),
-        ("best", "best"),
-        ("final", "final"),
+    known = result.best_known_return
+    for name, row in (
+        ("scratch, untrained", result.scratch),
+        ("before training", result.before),
+        ("best", result.best),
+        ("final", result.final),
     ):
-        row = result[key]
         # A share of the best says something only where both are gains.
-        share = f"{row['return'] / known:.0%}" if known > 0 and row["return"] > 0 else "-"
-        dcpa = "-" if row["dcpa"] is None else f"{row['dcpa']:.0f} m"
+        share = f"{row.episode_return / known:.0%}" if known > 0 and row.episode_return > 0 else "-"
+        dcpa = "-" if row.dcpa is None else f"{row.dcpa:.0f} m"
         table.add_row(
-            name, f"{row['return']:.1f}", share, row["outcome"], str(row["length"]), dcpa, str(row["episode"])
+            name, f"{row.episode_return:.1f}", share, row.outcome, str(row.length), dcpa, str(row.episode)
         )
     table.add_row("best known (planner)", f"{known:.1f}", "100%", "", "", "", "")
     console.print(table)
     say(
-        f"{result['episodes']} episodes, {result['steps']} steps, {result['seconds']:.0f} s; "
-        f"goal in {result['training_goal_rate']:.0%} of the training episodes, "
-        f"collision in {result['training_collision_rate']:.0%}"
+        f"{result.episodes} episodes, {result.steps} steps, {result.seconds:.0f} s; "
+        f"goal in {result.training_goal_rate:.0%} of the training episodes, "
+        f"collision in {result.training_collision_rate:.0%}"
     )
     say(f"{folder}: result.json, curve.csv, curve.png, episode.gif, policy.safetensors")

@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError, World, explain
-from ship_trl.plan import RESULT, read_result
+from ship_trl.result import RESULT, ResultError, read_result
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
 
@@ -103,22 +103,20 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
     """
     found: list[Entry] = []
     for path in sorted(folder.rglob(RESULT)):
-        result, place = read_result(path.parent), path.parent
-        if result is None:
-            raise ConfigError(f"policy: {path} is not a whole result")
+        place = path.parent
+        try:
+            result = read_result(place)
+        except ResultError as error:
+            raise ConfigError(f"policy: {path} {error}") from None
         world, colour = settings_of(place)
-        label = f"{result.get('pair')} {result.get('arm')} seed {result.get('seed')}"
-        for file, key in ((POLICY, "best"), (POLICY_LAST, "final")):
+        label = f"{result.pair} {result.arm} seed {result.seed}"
+        for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
             entry = Entry(str(place / file), f"{label}, {key}", Case([], 0, [], "", []), world, colour)
             if targets:
                 found += [replace(entry, case=case) for case in targets]
             elif (place / file).is_file():
-                case = load_case(str(result.get("target")), world, f"{path}: target")
-                claim = result.get(key)
-                claimed = claim.get("return") if isinstance(claim, dict) else None
-                found.append(
-                    replace(entry, case=case, claimed=float(claimed) if claimed is not None else None)
-                )
+                case = load_case(result.target, world, f"{path}: target")
+                found.append(replace(entry, case=case, claimed=claim.episode_return))
     if not found:
         raise ConfigError(f"policy: no {RESULT} with its networks at or below {folder}")
     return found

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import copy
-import json
 import math
 import platform
 import time
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Generator
@@ -22,9 +20,9 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Evaluated, Finished, train
-from ship_trl.paths import replacing
-from ship_trl.plan import ALGORITHM_VERSION, RESULT, Run
+from ship_trl.plan import ALGORITHM_VERSION, Run
 from ship_trl.process import settle
+from ship_trl.result import SCHEMA_VERSION, Result, Score, write_result
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.random_policy import random_return
 from ship_trl.sim.reference import best_known
@@ -41,10 +39,10 @@ FLEET = 25
 PLANS = ".plans"
 
 
-def run_experiment(run: Run, one_of_many: bool = False) -> dict[str, Any]:
+def run_experiment(run: Run, one_of_many: bool = False) -> Result:
     """Train a run, its source first where the case base has none, and return its result.
 
-    A finished run of the same recipe is shown again, not trained again. A run that is one of many
+    A finished run of the same settings is shown again, not trained again. A run that is one of many
     shows less of itself.
     """
     settle()
@@ -78,7 +76,7 @@ def find_source(run: Run, one_of_many: bool) -> Entry | None:
     if source is None:
         return None
     base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
-    wanted = (source.target, source.config.arm, source.config.seed, source.recipe)
+    wanted = (source.target, source.config.arm, source.config.seed, source.config_hash)
     with base.lock(*wanted):
         entry = base.find(*wanted)
         if entry is None:
@@ -86,23 +84,22 @@ def find_source(run: Run, one_of_many: bool) -> Entry | None:
             with source.lock():
                 result = source.result() or train_run(source, device, None, one_of_many)
             return retain(source, result)
-    console.say(f"source: {entry.policy} (greedy return {entry.scores['best']['return']:.1f})")
+    console.say(f"source: {entry.policy} (greedy return {entry.score:.1f})")
     return entry
 
 
-def retain(run: Run, result: dict[str, Any]) -> Entry:
+def retain(run: Run, result: Result) -> Entry:
     """Keep a finished run's network in the case base, for later targets (section 4.2)."""
-    scores = {key: result[key] for key in ("best", "final", "best_known_return")}
+    values = result.to_json()
+    scores = {key: values[key] for key in ("best", "final", "best_known_return")}
     arm = run.config.arm
     if run.config.method is not Method.scratch:
         arm += f"-from-{Path(str(run.config.source)).stem}"
     base = CaseBase(Path(run.config.case_base))
-    return base.retain(run.target, arm, run.config.seed, run.recipe, scores, run.folder)
+    return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder)
 
 
-def train_run(
-    run: Run, device: torch.device, source: Entry | None, one_of_many: bool = False
-) -> dict[str, Any]:
+def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many: bool = False) -> Result:
     """Train one network and write everything about it into the run's folder, `result.json` last."""
     config, learn, started = run.config, run.config.learn, time.perf_counter()
     # Weights are drawn on the CPU, so that they are the same for every device; the other draws are
@@ -141,56 +138,59 @@ def train_run(
             # Of equals the later: in case 1 a network that has learned nothing may keep course.
             if best is None or event.sailed.episode_return >= best.sailed.episode_return:
                 best = event
-                noted = {"recipe": run.recipe, "episode": event.episode}
+                noted = {"config_hash": run.config_hash, "episode": event.episode}
                 save_weights(run.folder / POLICY, agent.target_network, noted)
         assert best is not None
         last = evaluated[-1]
         save_weights(
             run.folder / POLICY_LAST,
             agent.target_network,
-            {"recipe": run.recipe, "episode": last.episode},
+            {"config_hash": run.config_hash, "episode": last.episode},
         )
-        result: dict[str, Any] = {
-            "pair": config.label,
-            "source": None if config.method is Method.scratch else config.source,
-            "target": config.target,
-            "method": config.method.value,
-            "layers": config.layers,
-            "arm": config.arm,
-            "seed": config.seed,
-            "profile": config.profile,
-            "recipe": run.recipe,
-            "source_network": None
-            if transfer is None
-            else "random"
-            if config.source_weights is SourceWeights.random
-            else str(source.policy if source else config.source_file),
-            "best_known_return": known,
-            "random_return": random_return(run.target, config.world),
-            "scratch": score(scratch, 0),
-            "before": score(evaluated[0].sailed, 0),
-            "best": score(best.sailed, best.episode),
-            "final": score(last.sailed, last.episode),
-            "draws": draws,
-            "episodes": learn.episodes,
-            "steps": last.steps,
-            "training_goal_rate": sum(f.outcome == "goal" for f in finished) / len(finished),
-            "training_collision_rate": sum(f.outcome == "collision" for f in finished) / len(finished),
-            "device": str(device),
-            "precision": str(computing(learn.precision, device)).removeprefix("torch."),
-            "algorithm_version": ALGORITHM_VERSION,
-            "ship_trl": __version__,
-            "torch": torch.__version__,
-            "processor": platform.machine(),
-        }
         greedy = [(e.episode, e.sailed.episode_return, e.sailed.outcome) for e in evaluated]
         draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
         write_gif(run.folder / "episode.gif", run.target, config.world, best.sailed, draw, run.title)
-        result["seconds"] = round(time.perf_counter() - started, 1)
+        result = Result(
+            pair=config.label,
+            source=None if config.method is Method.scratch else str(config.source),
+            target=str(config.target),
+            method=config.method.value,
+            layers=config.layers,
+            arm=config.arm,
+            seed=config.seed,
+            profile=config.profile,
+            config_hash=run.config_hash,
+            source_network=None if transfer is None else origin(run, source),
+            best_known_return=known,
+            random_return=random_return(run.target, config.world),
+            scratch=score(scratch, 0),
+            before=score(evaluated[0].sailed, 0),
+            best=score(best.sailed, best.episode),
+            final=score(last.sailed, last.episode),
+            draws=draws,
+            episodes=learn.episodes,
+            steps=last.steps,
+            training_goal_rate=sum(f.outcome == "goal" for f in finished) / len(finished),
+            training_collision_rate=sum(f.outcome == "collision" for f in finished) / len(finished),
+            device=str(device),
+            precision=str(computing(learn.precision, device)).removeprefix("torch."),
+            algorithm_version=ALGORITHM_VERSION,
+            schema_version=SCHEMA_VERSION,
+            ship_trl=__version__,
+            torch=torch.__version__,
+            processor=platform.machine(),
+            seconds=round(time.perf_counter() - started, 1),
+        )
         tracker.finish(result)
-    with replacing(run.folder / RESULT) as draft:
-        draft.write_text(json.dumps(result, indent=1))
+    write_result(run.folder, result)
     return result
+
+
+def origin(run: Run, source: Entry | None) -> str:
+    """Say where the weights of a transfer came from."""
+    if run.config.source_weights is SourceWeights.random:
+        return "random"
+    return str(source.policy if source else run.config.source_file)
 
 
 def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Transfer | None:
@@ -225,12 +225,7 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
     return jumpstart(env, agent.draw, agent.network, layers, count, generator)
 
 
-def score(episode: Episode, at: int) -> dict[str, Any]:
-    """A greedy episode as numbers for JSON; without target ships the DCPA is null."""
-    return {
-        "return": episode.episode_return,
-        "outcome": episode.outcome,
-        "length": episode.length,
-        "dcpa": episode.dcpa if math.isfinite(episode.dcpa) else None,
-        "episode": at,
-    }
+def score(episode: Episode, at: int) -> Score:
+    """Give a greedy episode as numbers; without target ships there is no DCPA."""
+    dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
+    return Score(episode.episode_return, episode.outcome, episode.length, dcpa, at)

@@ -1,4 +1,4 @@
-"""One run, settled before torch is imported: its cases, its source, its folder, its recipe."""
+"""One run, settled before torch is imported: its cases, its source, its folder, the hash of its settings."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock
 
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
+from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.sim.cases import Case, load_case
 
-RESULT = "result.json"
 # Goes up with every change of what a run of the same settings learns (world, network, learner, streams),
 # so that no run of an older program is shown as one of this.
 ALGORITHM_VERSION = 2
@@ -24,7 +23,7 @@ DAMAGED = "damaged-"
 
 
 class OtherSettingsError(ConfigError):
-    """A folder that holds a finished run of another recipe."""
+    """A folder that holds a finished run of other settings."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(
@@ -38,7 +37,7 @@ class OtherSettingsError(ConfigError):
 class Run:
     """An arm on a target case with a seed; `source` is the run that trains the source network.
 
-    `recipe` is a digest of everything that decides what is learned: the same recipe gives the same
+    `config_hash` is a digest of everything that decides what is learned: the same hash gives the same
     network on the same machine.
     """
 
@@ -46,7 +45,7 @@ class Run:
     target: Case
     source: Run | None
     folder: Path
-    recipe: str
+    config_hash: str
 
     @property
     def title(self) -> str:
@@ -77,23 +76,17 @@ class Run:
         config = self.config
         return FileLock(locks / f"{config.label}-{config.arm}-{config.seed}.lock")
 
-    def result(self) -> dict[str, Any] | None:
-        """What a finished run of this recipe found, or None."""
-        found = read_result(self.folder)
-        return found if found and found.get("recipe") == self.recipe else None
-
-
-def read_result(folder: Path) -> dict[str, Any] | None:
-    """`result.json` of a folder, or None where there is none that can be read."""
-    try:
-        found = json.loads((folder / RESULT).read_text())
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
+    def result(self) -> Result | None:
+        """Give what a finished run of these settings found, or None."""
+        try:
+            found = read_result(self.folder)
+        except ResultError:
+            return None
+        return found if found.config_hash == self.config_hash else None
 
 
 def make_run(config: Config) -> Run:
-    """Load the cases of a checked configuration and settle folder, source and recipe.
+    """Load the cases of a checked configuration and find folder, source and hash.
 
     Raises:
         ConfigError: a case that is not there or not right, a folder that cannot be written, or one
@@ -126,7 +119,7 @@ def make_run(config: Config) -> Run:
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
-    run = Run(config, target, source, folder_of(config), recipe_of(config, target, source))
+    run = Run(config, target, source, folder_of(config), hash_of(config, target, source))
     check_folder(run)
     return run
 
@@ -136,9 +129,9 @@ def folder_of(config: Config) -> Path:
     return Path(config.output) / config.label / config.arm / f"seed={config.seed}"
 
 
-def recipe_of(config: Config, target: Case, source: Run | None) -> str:
+def hash_of(config: Config, target: Case, source: Run | None) -> str:
     """Twelve hex digits over all that decides the outcome; names and folders do not."""
-    origin = source.recipe if source else None
+    origin = source.config_hash if source else None
     if config.method is not Method.scratch and config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
     if config.source_weights is SourceWeights.random:

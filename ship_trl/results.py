@@ -5,15 +5,16 @@ from __future__ import annotations
 import csv
 import sys
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Column, Table
 
 from ship_trl.cli import complain, make_parser
-from ship_trl.plan import DAMAGED, RESULT, read_result
+from ship_trl.plan import DAMAGED
+from ship_trl.result import RESULT, Result, ResultError, Score, read_result
 
 HEADINGS = (
     "run",
@@ -28,7 +29,24 @@ HEADINGS = (
 # Of a table that goes into a file or a pipe.
 FILE_WIDTH = 200
 TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", "p, permutation")
-KEYS = ("pair", "arm", "target", "seed", "best", "final", "best_known_return")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A finished run: its result, its folder, the folder that was asked for, and the part of that it lies in.
+
+    A study has the same pair and arm in several parts.
+    """
+
+    result: Result
+    folder: Path
+    below: Path
+    part: str
+
+    @property
+    def place(self) -> str:
+        """Name the pair, and the part that it lies in if it is not at the top."""
+        return f"{self.part}/{self.result.pair}" if self.part else self.result.pair
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -45,12 +63,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--csv", type=Path, help="write every number of every run, a row each")
     options = parser.parse_args(arguments)
     folders = options.folders or [Path("outputs")]
-    found: list[dict[str, Any]] = []
+    found: list[Found] = []
     for folder in folders:
         whole, broken = collect(folder)
-        for path in broken:
-            complain(f"{path} is not a whole result and is left out")
-        found += [r | {"below": str(folder)} for r in whole if options.arm in (None, r["arm"])]
+        for path, error in broken:
+            complain(f"{path} {error}; left out")
+        found += [one for one in whole if options.arm in (None, one.result.arm)]
     if not found:
         places = ", ".join(map(str, folders))
         complain(f"folder: no finished run below {places}; python -m ship_trl makes one")
@@ -59,20 +77,20 @@ def main(arguments: list[str] | None = None) -> None:
     if options.picture is not None:
         picture(options.picture, found)
     if options.csv is not None:
-        write_numbers(options.csv, grouped(found))
+        write_numbers(options.csv, folders_of(found))
     show(HEADINGS, rows, options.markdown)
     if options.stability:
         from ship_trl.study.analysis import stability
 
-        show(stability.HEADINGS, list(stability.rows(grouped(found))), options.markdown)
+        show(stability.HEADINGS, list(stability.rows(folders_of(found))), options.markdown)
     if options.test:
         if len(folders) != 2:
             complain(f"--test: two folders are needed, got {len(folders)}")
             sys.exit(1)
-        show(TEST_HEADINGS, list(compare(found, *map(str, folders))), options.markdown)
+        show(TEST_HEADINGS, list(compare(found, *folders)), options.markdown)
 
 
-def write_numbers(path: Path, groups: dict[str, list[dict[str, Any]]]) -> None:
+def write_numbers(path: Path, groups: dict[str, list[Path]]) -> None:
     """Write a row of numbers for each run, beside and renamed."""
     from ship_trl.study.analysis import stability
     from ship_trl.study.report import tables
@@ -100,62 +118,62 @@ def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> No
     console.print(table)
 
 
-def collect(folder: Path) -> tuple[list[dict[str, Any]], list[Path]]:
-    """Whole results below `folder`, in order, and the paths of those that are not whole.
-
-    `part` of a result is where in `folder` its pair lies: a study has the same pair and arm in several parts.
-    """
+def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
+    """Read the results below `folder`, in order; those that are not whole by path and what is wrong."""
     found, broken = [], []
     for path in sorted(folder.rglob(RESULT)):
         if path.parent.name.startswith(DAMAGED):
             continue
-        result = read_result(path.parent)
-        if result is not None and all(key in result for key in KEYS):
+        try:
             part = "/".join(path.relative_to(folder).parts[:-4])
-            found.append(result | {"folder": path.parent, "part": part})
-        else:
-            broken.append(path)
+            found.append(Found(read_result(path.parent), path.parent, folder, part))
+        except ResultError as error:
+            broken.append((path, str(error)))
     return found, broken
 
 
-def grouped(results: Iterable[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Runs of each folder, part, profile, pair and arm, by the name of their row, in the order of seeds."""
-    groups: dict[tuple[str, ...], list[dict[str, Any]]] = {}
-    for result in results:
-        names = (result["below"], result["part"], result.get("profile"), result["pair"], result["arm"])
-        groups.setdefault(tuple(map(str, names)), []).append(result)
+def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
+    """Group runs by folder, part, profile, pair and arm, under the name of their row, by seed."""
+    groups: dict[tuple[str, ...], list[Found]] = {}
+    for one in found:
+        names = (str(one.below), one.part, one.result.profile, one.result.pair, one.result.arm)
+        groups.setdefault(names, []).append(one)
     several = len({below for below, *_ in groups}) > 1
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for (below, part, _, pair, arm), runs in sorted(groups.items()):
-        name = f"{place(part, pair)} {arm}"
-        rows.setdefault(f"{below}: {name}" if several else name, []).extend(
-            sorted(runs, key=lambda r: int(r["seed"]))
-        )
+    rows: dict[str, list[Found]] = {}
+    for (below, *_, arm), runs in sorted(groups.items()):
+        name = f"{runs[0].place} {arm}"
+        row = rows.setdefault(f"{below}: {name}" if several else name, [])
+        row += sorted(runs, key=lambda one: one.result.seed)
     return rows
 
 
-def summarise(results: Iterable[dict[str, Any]]) -> Iterable[list[str]]:
-    """One row for each part, profile, pair and arm."""
-    for name, runs in grouped(results).items():
-        known = runs[0]["best_known_return"]
-        best, final = ([r[which] for r in runs] for which in ("best", "final"))
-        lowest = min(b["return"] for b in best)
+def folders_of(found: Iterable[Found]) -> dict[str, list[Path]]:
+    """Give the folders of each group."""
+    return {name: [one.folder for one in runs] for name, runs in grouped(found).items()}
+
+
+def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
+    """Make one row for each part, profile, pair and arm."""
+    for name, runs in grouped(found).items():
+        known = runs[0].result.best_known_return
+        best, final = [one.result.best for one in runs], [one.result.final for one in runs]
+        lowest = min(score.episode_return for score in best)
         yield [
             name,
-            " ".join(str(r["seed"]) for r in runs),
+            " ".join(str(one.result.seed) for one in runs),
             f"{known:.1f}",
-            " ".join(f"{b['return']:.1f}" for b in best),
+            " ".join(f"{score.episode_return:.1f}" for score in best),
             f"at least {lowest / known:.0%}" if known > 0 and lowest > 0 else "-",
             goals(best),
-            " ".join(f"{f['return']:.1f}" for f in final),
+            " ".join(f"{score.episode_return:.1f}" for score in final),
             goals(final),
         ]
 
 
-def read_curve(result: dict[str, Any]) -> tuple[list[float], list[int], list[float]] | None:
-    """Training returns, and episodes and returns of greedy evaluations; says so where one is not whole."""
+def read_curve(folder: Path) -> tuple[list[float], list[int], list[float]] | None:
+    """Read training returns, and episodes and returns of greedy evaluations; None, and said, if not whole."""
     try:
-        with (result["folder"] / "curve.csv").open(newline="") as file:
+        with (folder / "curve.csv").open(newline="") as file:
             lines = list(csv.DictReader(file))
         greedy = [line for line in lines if line["greedy_return"]]
         return (
@@ -164,57 +182,49 @@ def read_curve(result: dict[str, Any]) -> tuple[list[float], list[int], list[flo
             [float(line["greedy_return"]) for line in greedy],
         )
     except (OSError, ValueError, KeyError):
-        complain(f"{result['folder'] / 'curve.csv'} is not a whole learning curve and is left out")
+        complain(f"{folder / 'curve.csv'} is not a whole learning curve and is left out")
         return None
 
 
-def compare(results: list[dict[str, Any]], one: str, other: str) -> Iterable[list[str]]:
+def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
     """For each arm of a pair: the runs' mean greedy returns in both folders, and p of their being alike."""
     from ship_trl.study.analysis.statistics import permutation
 
-    means: dict[tuple[str, str], dict[str, list[float]]] = {}
-    for result in sorted(results, key=lambda r: int(r["seed"])):
-        curve = read_curve(result)
+    means: dict[tuple[str, str], dict[Path, list[float]]] = {}
+    for run in sorted(found, key=lambda run: run.result.seed):
+        curve = read_curve(run.folder)
         if curve is not None:
-            name = place(result["part"], str(result["pair"])), str(result["arm"])
-            by_folder = means.setdefault(name, {one: [], other: []})
-            by_folder[result["below"]].append(float(np.mean(curve[2])))
-    for (pair, arm), found in sorted(means.items()):
-        samples = [np.array(found[folder]) for folder in (one, other)]
+            by_folder = means.setdefault((run.place, run.result.arm), {one: [], other: []})
+            by_folder[run.below].append(float(np.mean(curve[2])))
+    for (pair, arm), both in sorted(means.items()):
+        samples = [np.array(both[folder]) for folder in (one, other)]
         enough = min(map(len, samples)) > 1
         p = f"{permutation(samples[0], samples[1], seed=0):.2f}" if enough else "-"
         yield [f"{pair} {arm}", *(" ".join(f"{mean:.1f}" for mean in sample) for sample in samples), p]
 
 
-def picture(path: Path, results: list[dict[str, Any]]) -> None:
+def picture(path: Path, found: list[Found]) -> None:
     """Draw learning curves: a column for each pair, a line for each arm and folder."""
     from ship_trl.view.comparison import Curve, draw_comparison
 
-    several = len({r["below"] for r in results}) > 1
+    several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}
-    for result in results:
-        read = read_curve(result)
+    for one in found:
+        read = read_curve(one.folder)
         if read is None:
             continue
         curve = Curve(*(np.array(values) for values in read))
-        name = f"{result['below']}: {result['arm']}" if several else result["arm"]
-        where = place(result["part"], str(result["pair"]))
-        panels.setdefault(where, {}).setdefault(name, []).append(curve)
+        name = f"{one.below}: {one.result.arm}" if several else one.result.arm
+        panels.setdefault(one.place, {}).setdefault(name, []).append(curve)
     if not panels:
         complain("picture: no learning curve to draw")
         sys.exit(1)
-    best = {place(r["part"], str(r["pair"])): float(r["best_known_return"]) for r in results}
-    draw_comparison(path, panels, best)
+    draw_comparison(path, panels, {one.place: one.result.best_known_return for one in found})
 
 
-def place(part: str, pair: str) -> str:
-    """A pair, and the part of the folder that it lies in if it is not at its top."""
-    return f"{part}/{pair}" if part else pair
-
-
-def goals(scores: list[dict[str, Any]]) -> str:
-    """How many of the greedy episodes end at the goal."""
-    return f"{sum(s['outcome'] == 'goal' for s in scores)} of {len(scores)}"
+def goals(scores: list[Score]) -> str:
+    """Count the greedy episodes that end at the goal."""
+    return f"{sum(score.outcome == 'goal' for score in scores)} of {len(scores)}"
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from ship_trl.config import ConfigError, Logger, WandbMode, plain
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import replacing
 from ship_trl.plan import Run
+from ship_trl.result import Result
 from ship_trl.transfer.casebase import CONFIG
 
 COLUMNS = (
@@ -101,7 +102,7 @@ class WandbTracker:
                 job_type=config.arm,
                 name=f"{config.label}/{config.arm}/seed={config.seed}",
                 tags=[config.profile],
-                config=plain(config) | {"arm": config.arm, "recipe": run.recipe},
+                config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
                 reinit="finish_previous",
             )
         except (wandb.Error, OSError) as error:
@@ -126,20 +127,21 @@ class WandbTracker:
                 values[f"{kind}/{name}"] = value
         self._wandb.log(values)
 
-    def finish(self, result: dict[str, Any], folder: Path) -> None:
+    def finish(self, result: Result, folder: Path) -> None:
         """Log the pictures and put the result into the summary."""
         import wandb
 
         self._wandb.log(
             {
-                "episode": result["episodes"],
+                "episode": result.episodes,
                 "greedy episode": wandb.Video(str(folder / "episode.gif"), format="gif"),
                 "learning curve": wandb.Image(str(folder / "curve.png")),
             }
         )
+        values = result.to_json()
         for key in ("scratch", "before", "best", "final"):
-            self._wandb.summary.update({f"{key}/{name}": value for name, value in result[key].items()})
-        self._wandb.summary.update({key: result[key] for key in ("best_known_return", "steps", "seconds")})
+            self._wandb.summary.update({f"{key}/{name}": value for name, value in values[key].items()})
+        self._wandb.summary.update({key: values[key] for key in ("best_known_return", "steps", "seconds")})
 
     def close(self, failed: bool) -> None:
         """End the run, so that the next one of a sweep is a run of its own."""
@@ -165,7 +167,7 @@ class Tracker:
         if self._wandb:
             self._wandb.log(event)
 
-    def finish(self, result: dict[str, Any]) -> None:
+    def finish(self, result: Result) -> None:
         """Report the result."""
         if self._wandb:
             self._wandb.finish(result, self._run.folder)

@@ -9,9 +9,9 @@ import pytest
 from ship_trl import experiment
 from ship_trl.experiment import find_source
 from ship_trl.plan import Run, make_run
+from ship_trl.result import Result
+from tests.a_result import a_result
 from tests.test_config import composed
-
-SCORE = {"return": 1.0, "outcome": "goal"}
 
 
 @pytest.fixture
@@ -19,12 +19,12 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Folders of runs that were trained, in no time."""
     folders: list[Path] = []
 
-    def train_run(run: Run, *_: Any) -> dict[str, Any]:
+    def train_run(run: Run, *_: Any) -> Result:
         folders.append(run.folder)
         run.folder.mkdir(parents=True)
         for name in ("policy.safetensors", "config.yaml"):
             (run.folder / name).write_text("")
-        return {"best": SCORE, "final": SCORE, "best_known_return": 1.0}
+        return a_result()
 
     monkeypatch.setattr(experiment, "train_run", train_run)
     return folders

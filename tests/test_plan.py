@@ -1,13 +1,14 @@
-"""A run's recipe, streams and folder."""
+"""The hash of a run's settings, streams and folder."""
 
 import dataclasses
-import json
 from pathlib import Path
 
 import pytest
 
 from ship_trl.config import ConfigError
 from ship_trl.plan import Run, make_run
+from ship_trl.result import write_result
+from tests.a_result import a_result
 from tests.test_config import composed
 
 
@@ -18,7 +19,7 @@ def run(*overrides: str) -> Run:
 def test_source_is_the_scratch_run_of_the_source_case() -> None:
     transfer, scratch = run("+pair=high", "layers=3"), run("target=1", "method=scratch")
     assert transfer.source is not None
-    assert transfer.source.recipe == scratch.recipe
+    assert transfer.source.config_hash == scratch.config_hash
     assert transfer.source.folder == scratch.folder
     assert all(transfer.source.stream(name) == scratch.stream(name) for name in ("weights", "replay"))
 
@@ -35,8 +36,8 @@ def test_a_permuted_source_is_trained_like_any_other_and_told_apart() -> None:
     permuted, learned = run("+pair=high", "+arm=FE3-permuted"), run("+pair=high", "+arm=FE3")
     assert permuted.source is not None and learned.source is not None
     assert permuted.source == learned.source
-    assert permuted.recipe != learned.recipe and permuted.folder != learned.folder
-    assert permuted.recipe != run("+pair=high", "+arm=FE3-permuted", "learn.lr=0.5").recipe
+    assert permuted.config_hash != learned.config_hash and permuted.folder != learned.folder
+    assert permuted.config_hash != run("+pair=high", "+arm=FE3-permuted", "learn.lr=0.5").config_hash
     assert all(permuted.stream(name) == learned.stream(name) for name in ("weights", "exploration", "replay"))
 
 
@@ -47,7 +48,7 @@ def test_a_source_by_file_may_be_permuted(tmp_path: Path) -> None:
     learned, permuted = run(*line), run(*line, "source_weights=permuted")
     path.write_bytes(b"another")
     other = run(*line, "source_weights=permuted")
-    assert len({learned.recipe, permuted.recipe, other.recipe}) == 3
+    assert len({learned.config_hash, permuted.config_hash, other.config_hash}) == 3
 
 
 @pytest.mark.parametrize(
@@ -64,18 +65,25 @@ def test_a_source_by_file_may_be_permuted(tmp_path: Path) -> None:
         "source_weights=permuted",
     ],
 )
-def test_recipe_tells_runs_apart(change: str) -> None:
+def test_config_hash_tells_runs_apart(change: str) -> None:
     lines = ["+pair=high", "layers=3"]
-    assert run(*lines).recipe != run(*lines, change).recipe
+    assert run(*lines).config_hash != run(*lines, change).config_hash
 
 
 @pytest.mark.parametrize(
     "change",
-    ["output=elsewhere", "logger=wandb", "wandb.project=x", "overwrite=true", "learn.jumpstart_draws=0"],
+    [
+        "output=elsewhere",
+        "logger=wandb",
+        "wandb.project=x",
+        "overwrite=true",
+        "learn.jumpstart_draws=0",
+        "learn.backend=dense",
+    ],
 )
-def test_recipe_ignores_what_is_not_learned_from(change: str) -> None:
+def test_config_hash_ignores_what_is_not_learned_from(change: str) -> None:
     lines = ["+pair=high", "layers=3"]
-    assert run(*lines).recipe == run(*lines, change).recipe
+    assert run(*lines).config_hash == run(*lines, change).config_hash
 
 
 def test_no_two_streams_are_the_same() -> None:
@@ -104,8 +112,9 @@ def test_a_case_file_by_path_names_the_folder(tmp_path: Path) -> None:
 def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
     first = run("target=1", "method=scratch", f"output={tmp_path}")
     first.folder.mkdir(parents=True)
-    (first.folder / "result.json").write_text(json.dumps({"recipe": first.recipe}))
-    assert run("target=1", "method=scratch", f"output={tmp_path}").result() == {"recipe": first.recipe}
+    made = a_result(config_hash=first.config_hash)
+    write_result(first.folder, made)
+    assert run("target=1", "method=scratch", f"output={tmp_path}").result() == made
     with pytest.raises(ConfigError, match=r"holds a finished run of other settings.*overwrite=true"):
         run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5")
     run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5", "overwrite=true")
@@ -114,7 +123,7 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
 def test_overwrite_is_of_the_target_not_of_its_source(tmp_path: Path) -> None:
     source = run("target=1", "method=scratch", f"output={tmp_path}")
     source.folder.mkdir(parents=True)
-    (source.folder / "result.json").write_text(json.dumps({"recipe": source.recipe}))
+    write_result(source.folder, a_result(config_hash=source.config_hash))
     line = ("+pair=high", "layers=1", f"output={tmp_path}", "overwrite=true")
     assert run(*line).source is not None
     with pytest.raises(ConfigError, match=r"where the source would be trained.*target=1 method=scratch"):
@@ -125,7 +134,9 @@ def test_a_shipped_case_by_path_is_the_same_run() -> None:
     place = Path(__file__).parent.parent / "conf/case/1.yaml"
     by_name = run("source=1", "target=2", "layers=1")
     by_path = run(f"source={place}", "target=2", "layers=1")
-    assert by_name.recipe == by_path.recipe and by_name.stream("weights") == by_path.stream("weights")
+    assert by_name.config_hash == by_path.config_hash and by_name.stream("weights") == by_path.stream(
+        "weights"
+    )
 
 
 def test_an_unreadable_result_is_not_lost_either(tmp_path: Path) -> None:
@@ -137,6 +148,6 @@ def test_an_unreadable_result_is_not_lost_either(tmp_path: Path) -> None:
 
 
 def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = run("target=1", "method=scratch").recipe
+    before = run("target=1", "method=scratch").config_hash
     monkeypatch.setattr("ship_trl.plan.ALGORITHM_VERSION", 1_000_000)
-    assert run("target=1", "method=scratch").recipe != before
+    assert run("target=1", "method=scratch").config_hash != before

@@ -1,7 +1,7 @@
 """The case base: trained networks kept by case, found again by similarity. No torch.
 
-An entry is a folder `<case>/<arm>/seed=<k>-<recipe>/` with `entry.json` (case, its fingerprint,
-recipe, scores), `config.yaml` and `policy.safetensors`. It is filled under another name and
+An entry is a folder `<case>/<arm>/seed=<k>-<config hash>/` with `entry.json` (case, its fingerprint,
+config hash, scores), `config.yaml` and `policy.safetensors`. It is filled under another name and
 renamed, so two processes never see half an entry.
 """
 
@@ -18,6 +18,7 @@ from typing import Any
 from filelock import FileLock
 
 from ship_trl.config import Method, World
+from ship_trl.result import RENAMED
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import distance, similarity
 
@@ -29,14 +30,14 @@ HIGH_SIMILARITY = 0.64
 
 @dataclass(frozen=True)
 class Entry:
-    """A stored network: where it lies, of which case and arm, by which recipe, how good."""
+    """A stored network: where it lies, of which case and arm, by which settings, how good."""
 
     path: Path
     case: str
     fingerprint: str
     arm: str
     seed: int
-    recipe: str
+    config_hash: str
     scores: dict[str, Any]
 
     @property
@@ -75,8 +76,9 @@ class CaseBase:
         found = []
         for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
             try:
-                found.append(Entry(path=file.parent, **json.loads(file.read_text())))
-            except (OSError, ValueError, TypeError):
+                values = json.loads(file.read_text())
+                found.append(Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()}))
+            except (OSError, ValueError, TypeError, AttributeError):
                 continue
         return found
 
@@ -85,32 +87,32 @@ class CaseBase:
         kept = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
         return max((e for e in kept if e.score > -math.inf), key=lambda entry: entry.score, default=None)
 
-    def place(self, case: Case, arm: str, seed: int, recipe: str) -> Path:
+    def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
         """Folder of an entry, there or not."""
-        return self.folder / case.name / arm / f"seed={seed}-{recipe}"
+        return self.folder / case.name / arm / f"seed={seed}-{config_hash}"
 
-    def lock(self, case: Case, arm: str, seed: int, recipe: str) -> FileLock:
+    def lock(self, case: Case, arm: str, seed: int, config_hash: str) -> FileLock:
         """Held while an entry is made, so that two processes do not make the same one.
 
         Its file, below `.locks`, stays: taking it away could take it from under one who waits.
         """
         locks = self.folder / ".locks"
         locks.mkdir(parents=True, exist_ok=True)
-        return FileLock(locks / f"{case.name}-{arm}-{seed}-{recipe}.lock")
+        return FileLock(locks / f"{case.name}-{arm}-{seed}-{config_hash}.lock")
 
-    def find(self, case: Case, arm: str, seed: int, recipe: str) -> Entry | None:
-        """The entry trained on just this case by just this recipe, or None."""
-        place = self.place(case, arm, seed, recipe)
+    def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
+        """The entry trained on just this case by just these settings, or None."""
+        place = self.place(case, arm, seed, config_hash)
         found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
         return found[0] if found and found[0].policy.is_file() else None
 
     def retain(
-        self, case: Case, arm: str, seed: int, recipe: str, scores: dict[str, Any], run: Path
+        self, case: Case, arm: str, seed: int, config_hash: str, scores: dict[str, Any], run: Path
     ) -> Entry:
         """Keep a finished run's network; an entry already there stays (it is the same network)."""
-        place = self.place(case, arm, seed, recipe)
-        entry = Entry(place, case.name, case.fingerprint, arm, seed, recipe, scores)
-        if self.find(case, arm, seed, recipe):
+        place = self.place(case, arm, seed, config_hash)
+        entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores)
+        if self.find(case, arm, seed, config_hash):
             return entry
         draft = place.with_name(f".{place.name}.{os.getpid()}")
         shutil.rmtree(draft, ignore_errors=True)

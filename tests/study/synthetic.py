@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ship_trl.result import write_result
 from ship_trl.study.analysis.measured import Study
 from ship_trl.study.analysis.records import Greedy, Record, Training
+from tests.a_result import a_result, a_score
 
 BEST, RANDOM = 80.0, -320.0
 
@@ -60,21 +61,18 @@ def write_run(
         writer = csv.DictWriter(file, (*keys, *greedy), restval="")
         writer.writeheader()
         writer.writerows(lines)
-    result = {
+    values: dict[str, Any] = {
         "pair": pair,
-        "source": "1",
-        "target": "2",
         "arm": arm,
         "seed": seed,
-        "profile": "quick",
-        "recipe": f"{pair}{arm}{seed}",
+        "config_hash": f"{pair}{arm}{seed}",
         "episodes": len(totals),
         "best_known_return": BEST,
         "random_return": RANDOM,
-        "scratch": {"return": RANDOM},
-        "before": {"return": first},
+        "scratch": a_score(RANDOM),
+        "before": a_score(first),
     }
-    (place / "result.json").write_text(json.dumps(result | changes))
+    write_result(place, a_result(**values | changes))
     return place
 
 

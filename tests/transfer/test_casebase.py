@@ -51,7 +51,7 @@ def test_the_best_network_of_a_case_stands_for_it(tmp_path: Path, finished: Path
 
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])
-def test_another_arm_seed_or_recipe_is_not_found(
+def test_another_arm_seed_or_config_hash_is_not_found(
     tmp_path: Path, finished: Path, case: Case, other: tuple[str, int, str]
 ) -> None:
     base = CaseBase(tmp_path / "base")

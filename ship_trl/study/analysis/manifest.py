@@ -61,10 +61,13 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
     # It is read when the runs are judged, which may be days from now.
     margins()
     shared = run_config(config)
+    learn = plain(shared.learn)
+    # It decides nothing that is learned, as the device does not, and may be another one later.
+    del learn["backend"]
     settings: dict[str, Any] = {
         "profile": config.profile,
         "first_seed": config.first_seed,
-        "learn": plain(shared.learn),
+        "learn": learn,
         "world": plain(shared.world),
         "colour": shared.colour,
     }

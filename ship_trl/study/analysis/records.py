@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.plan import RESULT
+from ship_trl.result import RESULT, ResultError, read_result
 
 CURVE = "curve.csv"
-TEXTS = ("pair", "target", "arm", "profile", "recipe")
 # What decides the digits, beside the settings.
 COMPUTED = ("ship_trl", "torch", "device", "precision", "processor")
-NUMBERS = ("seed", "episodes", "best_known_return", "random_return")
 
 
 class BrokenRunError(Exception):
@@ -65,7 +61,7 @@ class Record:
     arm: str
     seed: int
     profile: str
-    recipe: str
+    config_hash: str
     best_known: float
     random: float
     scratch: float
@@ -88,35 +84,33 @@ def read_run(folder: Path, part: str = "") -> Record:
     Raises:
         BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
     """
-    result = read_json(folder / RESULT)
-    for key in (*TEXTS, *NUMBERS, "scratch", "before"):
-        if key not in result:
-            raise BrokenRunError(f"{RESULT} has no {key}")
-    numbers = [result[key] for key in NUMBERS] + [result[key]["return"] for key in ("scratch", "before")]
-    draws = result.get("draws", [])
-    if not isinstance(draws, list) or not all(map(is_number, numbers + draws)):
-        raise BrokenRunError(f"{RESULT} holds what is no number")
-    if result["best_known_return"] <= result["random_return"]:
+    try:
+        result = read_result(folder)
+    except ResultError as error:
+        raise BrokenRunError(f"{RESULT} {error}") from None
+    if result.random_return is None:
+        raise BrokenRunError(f"{RESULT} has no random_return")
+    if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
-    training, greedy = read_curve(folder / CURVE, int(result["episodes"]))
+    training, greedy = read_curve(folder / CURVE, result.episodes)
     return Record(
         folder=folder,
         part=part,
-        pair=str(result["pair"]),
-        source=result.get("source"),
-        target=str(result["target"]),
-        arm=str(result["arm"]),
-        seed=int(result["seed"]),
-        profile=str(result["profile"]),
-        recipe=str(result["recipe"]),
-        best_known=float(result["best_known_return"]),
-        random=float(result["random_return"]),
-        scratch=float(result["scratch"]["return"]),
-        before=float(result["before"]["return"]),
+        pair=result.pair,
+        source=result.source,
+        target=result.target,
+        arm=result.arm,
+        seed=result.seed,
+        profile=result.profile,
+        config_hash=result.config_hash,
+        best_known=result.best_known_return,
+        random=result.random_return,
+        scratch=result.scratch.episode_return,
+        before=result.before.episode_return,
         training=training,
         greedy=greedy,
-        computed={key: str(result[key]) for key in COMPUTED if key in result},
-        draws=np.array(draws, np.float64),
+        computed={key: str(value) for key in COMPUTED if (value := getattr(result, key)) is not None},
+        draws=np.array(result.draws, np.float64),
     )
 
 
@@ -130,28 +124,6 @@ def read_placed(folder: Path, part: str = "") -> Record:
     if folder.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
         raise BrokenRunError(f"{RESULT} is of another run")
     return record
-
-
-def is_number(value: object) -> bool:
-    """Whether it is a number that a float can hold."""
-    try:
-        return isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError:
-        return False
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """An object of JSON; its `scratch` and `before` have a return."""
-    try:
-        found = json.loads(path.read_text())
-    except FileNotFoundError:
-        raise BrokenRunError(f"{path.name} is missing") from None
-    except (OSError, ValueError, RecursionError):
-        raise BrokenRunError(f"{path.name} cannot be read") from None
-    parts = [found.get(key) for key in ("scratch", "before")] if isinstance(found, dict) else [None]
-    if not all(isinstance(part, dict) and "return" in part for part in parts):
-        raise BrokenRunError(f"{path.name} is not a result of this program")
-    return dict(found)
 
 
 def read_curve(path: Path, episodes: int) -> tuple[Training, Greedy]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,15 +28,15 @@ HEADINGS = (
 NEAR = 0.1
 
 
-def rows(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[list[str]]:
-    """Yield a row for each group of results: numbers are means over runs, with the deviation over seeds.
+def rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
+    """Yield a row for each group of runs: numbers are means over runs, with the deviation over seeds.
 
     fell: runs that, exploration over, missed the goal ten times in a row; misses: share of the episodes
     after exploration that do; best and last greedy return as a share of the best known; how many of the
     last networks lose at most a tenth of the best one's return.
     """
-    for name, results in groups.items():
-        records = [record for record in map(read, results) if record is not None]
+    for name, folders in groups.items():
+        records = [record for record in map(read, folders) if record is not None]
         if not records:
             continue
         best, last = (
@@ -54,10 +55,10 @@ def rows(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[list[str]]:
         ]
 
 
-def numbers(groups: Mapping[str, Sequence[dict[str, Any]]]) -> Iterator[dict[str, Any]]:
+def numbers(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any]]:
     """Yield every number of every run, by the name of its group and its seed."""
-    for name, results in groups.items():
-        for record in filter(None, map(read, results)):
+    for name, folders in groups.items():
+        for record in filter(None, map(read, folders)):
             row: dict[str, Any] = {"run": name, "seed": record.seed}
             row |= {metric: measure(record, metric) for metric in METRICS}
             row |= {
@@ -78,10 +79,10 @@ def spread(values: Any) -> str:
     return f"{np.mean(values):.3f}{deviation}"
 
 
-def read(result: dict[str, Any]) -> Record | None:
+def read(folder: Path) -> Record | None:
     """Read a run; says so where its curve is not whole."""
     try:
-        return read_run(result["folder"])
+        return read_run(folder)
     except BrokenRunError as error:
-        complain(f"{result['folder']}: {error}; left out")
+        complain(f"{folder}: {error}; left out")
         return None

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ship_trl.config import ConfigError
-from ship_trl.plan import RESULT
+from ship_trl.result import RESULT
 from ship_trl.study.analysis.manifest import PLAN
 from ship_trl.study.analysis.records import CURVE, BrokenRunError, read_placed
 from ship_trl.study.archive.write import (

@@ -17,7 +17,7 @@ from typing import Any
 
 from ship_trl.config import ConfigError
 from ship_trl.paths import replacing
-from ship_trl.plan import read_result
+from ship_trl.result import read_result
 from ship_trl.study.analysis.manifest import PLAN
 from ship_trl.study.analysis.records import CURVE, BrokenRunError, find_runs, read_placed
 from ship_trl.study.plan.jobs import PARTS
@@ -106,9 +106,9 @@ def digest(path: Path) -> str:
 
 def flat(path: Path) -> Row:
     """A run's result as cells, without the draws; "best.return" is the return of "best"."""
-    result = dict(read_result(path) or {})
-    result.pop("draws", None)
-    if isinstance(result.get("source_network"), str):
+    result = read_result(path).to_json()
+    del result["draws"]
+    if result["source_network"] is not None:
         result["source_network"] = "/".join(Path(result["source_network"]).parts[-INSIDE:])
     row: Row = {}
     for key, value in result.items():
@@ -134,8 +134,8 @@ def curve_rows(paths: Iterable[Path]) -> Iterator[Row]:
     """The rows of all runs; epsilon is left out where it is, episode by episode, that of the run before."""
     before: list[str] = []
     for number, path in enumerate(paths):
-        for total in (read_result(path) or {}).get("draws", []):
-            yield {"run": str(number), "kind": DRAWN, "return": rounded(total, 3)}
+        for draw in read_result(path).draws:
+            yield {"run": str(number), "kind": DRAWN, "return": rounded(draw, 3)}
         with (path / CURVE).open(newline="") as file:
             lines = list(csv.DictReader(file))
         epsilon = [line["epsilon"] for line in lines]

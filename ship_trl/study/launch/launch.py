@@ -15,7 +15,7 @@ import yaml
 from ship_trl.config import Logger, plain
 from ship_trl.launchers import die_with_parent
 from ship_trl.paths import replacing
-from ship_trl.plan import read_result
+from ship_trl.result import Result, ResultError, read_result
 from ship_trl.study.analysis.manifest import run_config
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job
@@ -48,10 +48,13 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
             draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
 
 
-def finished(job: Job, config: StudyConfig) -> dict[str, Any] | None:
-    """The result of a job that is done, or None."""
-    found = read_result(job.folder(config.folder))
-    return found if found and found.get("arm") == job.arm and found.get("seed") == job.seed else None
+def finished(job: Job, config: StudyConfig) -> Result | None:
+    """Give the result of a job that is done, or None."""
+    try:
+        found = read_result(job.folder(config.folder))
+    except ResultError:
+        return None
+    return found if (found.arm, found.seed) == (job.arm, job.seed) else None
 
 
 def command(jobs: list[Job], config: StudyConfig) -> list[str]:

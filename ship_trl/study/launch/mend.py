@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ship_trl.config import ConfigError
-from ship_trl.plan import DAMAGED, RESULT
+from ship_trl.plan import DAMAGED
+from ship_trl.result import RESULT
 from ship_trl.study.analysis.records import BrokenRunError, read_placed
 from ship_trl.study.launch.launch import finished
 from ship_trl.study.plan.config import StudyConfig

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 import subprocess
 import sys
@@ -10,7 +9,7 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from ship_trl.plan import RESULT
+from ship_trl.result import RESULT, read_result
 from ship_trl.study.launch.launch import finished, processes
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job
@@ -24,7 +23,7 @@ CASE = "4"
 
 def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tuple[float, str]:
     """Seconds of one run among as many as go on at once, and by what that was measured."""
-    known = [float(r["seconds"]) for r in (finished(job, config) for job in jobs) if r and "seconds" in r]
+    known = [result.seconds for result in (finished(job, config) for job in jobs) if result]
     if len(known) >= ENOUGH:
         return statistics.mean(known), f"the {len(known)} finished runs"
     if episodes <= LONG:
@@ -66,8 +65,8 @@ def timed(config: StudyConfig, episodes: int) -> float:
             _, said = child.communicate()
             if child.returncode != 0:
                 raise RuntimeError(said.strip().splitlines()[-1] if said.strip() else "a short run failed")
-        results = [json.loads(path.read_text()) for path in Path(folder).glob(f"**/scratch/**/{RESULT}")]
-    return statistics.mean(result["seconds"] for result in results)
+        results = [read_result(path.parent) for path in Path(folder).glob(f"**/scratch/**/{RESULT}")]
+    return statistics.mean(result.seconds for result in results)
 
 
 def in_words(seconds: float) -> str:

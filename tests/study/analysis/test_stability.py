@@ -2,20 +2,20 @@
 
 import csv
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from ship_trl.results import main
 from ship_trl.study.analysis.stability import HEADINGS, rows
+from tests.a_result import a_score
 from tests.study.synthetic import BEST, write_run
 
 
-def result(folder: Path, scores: list[float], seed: int) -> dict[str, Any]:
+def result(folder: Path, scores: list[float], seed: int) -> Path:
     # A score of 1 is the best known return, 0.9 a return of half of it.
-    best = {"return": BEST, "outcome": "goal"}
-    return {"folder": write_run(folder, np.array(scores), seed=seed, every=5, best=best, final=best)}
+    best = a_score(BEST)
+    return write_run(folder, np.array(scores), seed=seed, every=5, best=best, final=best)
 
 
 def row(found: list[str]) -> dict[str, str]:
@@ -36,7 +36,7 @@ def test_one_run_has_no_spread_and_a_broken_one_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     broken = result(tmp_path, [1.0] * 20, 1)
-    (broken["folder"] / "curve.csv").write_text("episode")
+    (broken / "curve.csv").write_text("episode")
     found = list(rows({"a": [result(tmp_path, [1.0] * 20, 0), broken], "b": [broken]}))
     assert [line[0] for line in found] == ["a"] and "±" not in "".join(found[0])
     assert capsys.readouterr().err.count("curve.csv") == 2

@@ -63,8 +63,8 @@ def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_pat
     assert before.rules and (before.planned, before.rules) == (after.planned, after.rules)
     for key, record in before.records.items():
         other = after.records[key]
-        assert (record.recipe, record.best_known, record.random) == (
-            other.recipe,
+        assert (record.config_hash, record.best_known, record.random) == (
+            other.config_hash,
             other.best_known,
             other.random,
         )
@@ -72,7 +72,7 @@ def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_pat
         np.testing.assert_array_equal(record.training.epsilon, other.training.epsilon)
         for kind in ("training", "greedy"):
             one, two = getattr(record, kind), getattr(other, kind)
-            np.testing.assert_allclose(one.episode_return, two.episode_return, atol=5e-4)
+            np.testing.assert_allclose(one.returns, two.returns, atol=5e-4)
             np.testing.assert_allclose(one.dcpa, two.dcpa, atol=0.05)
             np.testing.assert_array_equal(one.goal, two.goal)
             np.testing.assert_array_equal(one.collision, two.collision)

@@ -9,6 +9,7 @@ import pytest
 from ship_trl.study.launch import launch
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs
+from tests.a_result import a_result
 from tests.study.commands import SMALL
 
 # Ends the first of its runs and dies, as a launcher does with a worker of which it hears no more.
@@ -29,7 +30,7 @@ def rounds(monkeypatch: pytest.MonkeyPatch, fails: str) -> list[list[str]]:
         able = [job for job in jobs if job.arm != fails]
         if not able:
             return [sys.executable, "-c", "raise SystemExit(1)"]
-        result = json.dumps({"arm": able[0].arm, "seed": able[0].seed})
+        result = json.dumps(a_result(arm=able[0].arm, seed=able[0].seed).to_json())
         return [sys.executable, "-c", ONE, str(able[0].folder(config.folder) / "result.json"), result]
 
     monkeypatch.setattr(launch, "command", command)

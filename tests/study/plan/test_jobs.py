@@ -79,7 +79,7 @@ def test_a_job_started_alone_is_the_studys_run(tmp_path: Path) -> None:
     place = f"hydra.searchpath=[file://{tmp_path / 'jobs'}]"
     alone = make_run(composed("+job=pairs-high-FE3-0", place))
     as_sent = make_run(composed("+job=pairs-high-FE3-0", "profile=smoke", *config.overrides, place))
-    assert alone.config == as_sent.config and alone.recipe == as_sent.recipe
+    assert alone.config == as_sent.config and alone.config_hash == as_sent.config_hash
     assert alone.config.learn.lr == 0.005 and alone.config.profile == "smoke"
 
 
@@ -159,13 +159,13 @@ def test_nothing_is_trained_twice(overrides: tuple[str, ...]) -> None:
             Path(job.values["source_file"]).parent.mkdir(parents=True, exist_ok=True)
             Path(job.values["source_file"]).write_text(job.values["source_file"])
     write_jobs(planned, config)
-    recipes: dict[str, Job] = {}
+    hashes: dict[str, Job] = {}
     for job in planned:
         place = f"hydra.searchpath=[file://{(config.folder / 'jobs').absolute()}]"
         run = make_run(composed(f"+job={job.name}", "profile=smoke", place))
-        assert run.recipe not in recipes, (job, recipes[run.recipe])
-        recipes[run.recipe] = job
+        assert run.config_hash not in hashes, (job, hashes[run.config_hash])
+        hashes[run.config_hash] = job
         assert run.folder == job.folder(config.folder.absolute())
         # What it copies from is one of the study's runs, of an earlier stage.
         if run.source is not None:
-            assert recipes[run.source.recipe].stage < job.stage
+            assert hashes[run.source.config_hash].stage < job.stage

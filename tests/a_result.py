@@ -1,0 +1,40 @@
+"""A whole result, to be changed in what a test is about."""
+
+from typing import Any
+
+from ship_trl.result import SCHEMA_VERSION, Result, Score
+
+
+def a_score(episode_return: float = 10.0, outcome: str = "goal", episode: int = 0) -> Score:
+    return Score(episode_return, outcome, 40, 50.0, episode)
+
+
+def a_result(**changes: Any) -> Result:
+    values: dict[str, Any] = {
+        "pair": "high",
+        "source": "1",
+        "target": "2",
+        "method": "finetune",
+        "layers": 3,
+        "arm": "FT3",
+        "seed": 0,
+        "profile": "quick",
+        "config_hash": "0123456789ab",
+        "source_network": None,
+        "best_known_return": 80.0,
+        "random_return": -320.0,
+        **{key: a_score() for key in ("scratch", "before", "best", "final")},
+        "episodes": 50,
+        "steps": 2000,
+        "training_goal_rate": 0.5,
+        "training_collision_rate": 0.25,
+        "device": "cpu",
+        "precision": "float32",
+        "ship_trl": "0.1.0",
+        "torch": "2.13.0",
+        "processor": "x86_64",
+        "seconds": 12.5,
+        "algorithm_version": 2,
+        "schema_version": SCHEMA_VERSION,
+    }
+    return Result(**values | changes)

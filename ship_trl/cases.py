@@ -15,7 +15,7 @@ from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.transfer.casebase import CaseBase, rank
-from ship_trl.transfer.similarity import distance, in_words, similarity
+from ship_trl.transfer.similarity import MEASURES, distance, in_words, similarity
 
 console = Console(highlight=False)
 
@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("ship_trl.cases", __doc__)
     parser.add_argument("--target", help="rank all other cases as sources for this one and recommend an arm")
     parser.add_argument(
-        "--by", choices=("similarity", "distance"), default="similarity", help="rank by equation 8 or 7"
+        "--by", choices=MEASURES, default="similarity", help="rank by similarity (equation 8) or distance (7)"
     )
     parser.add_argument(
         "--case-base", type=Path, default=Path("outputs/case_base"), help="folder of trained networks"
@@ -96,14 +96,15 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored: CaseBase) -> None:
     """Sources for a target, best first, what is stored of each, and the arm recommended."""
     table = Table(title=f"Sources for case {target.name}, by {by}", title_justify="left")
-    for name in ("source", "similarity", "distance", "arm, by the paper", "stored networks"):
-        table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
+    for name in ("source", *MEASURES, "arm, by the paper", "stored networks"):
+        table.add_column(name, justify="right" if name in MEASURES else "left")
     kept = stored.entries()
     ranking = rank(target, bases, world, by)
     for match in ranking:
         arm = f"method={match.method.value} layers={match.layers}"
         count = sum(entry.fingerprint == match.case.fingerprint for entry in kept)
-        table.add_row(match.case.name, f"{match.similarity:.2f}", f"{match.distance:.2f}", arm, str(count))
+        measured = (f"{value:.2f}" for value in match.measured.values())
+        table.add_row(match.case.name, *measured, arm, str(count))
     console.print(table)
     if ranking:
         first = ranking[0]

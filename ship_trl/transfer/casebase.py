@@ -20,7 +20,7 @@ from filelock import FileLock
 from ship_trl.config import Method, World
 from ship_trl.result import RENAMED
 from ship_trl.sim.cases import Case
-from ship_trl.transfer.similarity import distance, similarity
+from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
 ENTRY, CONFIG = "entry.json", "config.yaml"
@@ -56,11 +56,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Match:
-    """A case ranked against a target, with the arm that the paper's conclusions recommend."""
+    """A case ranked against a target by every measure, and the arm that the paper's conclusions favour."""
 
     case: Case
-    similarity: float
-    distance: float
+    measured: dict[str, float]
     method: Method
     layers: int
 
@@ -134,15 +133,20 @@ class CaseBase:
 
 
 def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") -> list[Match]:
-    """Cases to transfer from, best first: by `similarity` (equation 8) or `distance` (equation 7).
+    """Rank cases to transfer from, the most alike first, by one of `MEASURES`.
 
     Ties keep the order given, so the ranking is the same on every machine.
     """
     matches = [
-        Match(base, similarity(base, target), distance(base, target, world), *recommend(base, target))
+        Match(
+            base,
+            {name: measure.value(base, target, world) for name, measure in MEASURES.items()},
+            *recommend(base, target),
+        )
         for base in bases
     ]
-    return sorted(matches, key=lambda m: m.distance if by == "distance" else -m.similarity)
+    sign = 1.0 if MEASURES[by].nearer else -1.0
+    return sorted(matches, key=lambda match: sign * match.measured[by])
 
 
 def recommend(base: Case, target: Case) -> tuple[Method, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from ship_trl.config import World
@@ -104,3 +105,18 @@ def distance(base: Case, target: Case, world: World, weights: dict[str, float] |
     a, b = characteristics(base, world), characteristics(target, world)
     weight = weights or dict.fromkeys(a, 1.0)
     return math.sqrt(sum(weight[name] * (a[name] - b[name]) ** 2 for name in a))
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How alike a base and a target are, as a number; `nearer` says whether less of it is more alike."""
+
+    value: Callable[[Case, Case, World], float]
+    nearer: bool = False
+
+
+# By the word that stands for it on a command line. A measure of your own is one more line here.
+MEASURES = {
+    "similarity": Measure(lambda base, target, _: similarity(base, target)),
+    "distance": Measure(distance, nearer=True),
+}

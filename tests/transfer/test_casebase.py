@@ -9,6 +9,7 @@ from filelock import Timeout
 from ship_trl.config import Method, World
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
+from ship_trl.transfer.similarity import MEASURES, Measure
 
 
 @pytest.fixture
@@ -98,9 +99,22 @@ def test_ranking_by_similarity_and_by_distance(world: World) -> None:
     target = cases.pop("new")
     ranking = rank(target, list(cases.values()), world)
     assert ranking[0].case.name == "2"
-    assert [m.similarity for m in ranking] == sorted((m.similarity for m in ranking), reverse=True)
+    found = [match.measured["similarity"] for match in ranking]
+    assert found == sorted(found, reverse=True)
     ranking = rank(target, list(cases.values()), world, by="distance")
-    assert [m.distance for m in ranking] == sorted(m.distance for m in ranking)
+    found = [match.measured["distance"] for match in ranking]
+    assert found == sorted(found)
+
+
+def test_ranking_by_a_measure_of_ones_own(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    ships = Measure(
+        lambda base, target, _: abs(len(base.target_ships) - len(target.target_ships)), nearer=True
+    )
+    monkeypatch.setitem(MEASURES, "ships", ships)
+    cases = [load_case(name, world) for name in ("1", "2", "3", "4")]
+    ranking = rank(load_case("3", world), cases, world, by="ships")
+    found = [match.measured["ships"] for match in ranking]
+    assert found == sorted(found) and found[0] == 0 and found[-1] > 0
 
 
 def test_recommended_arm_follows_the_paper(world: World) -> None:

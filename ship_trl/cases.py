@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def show_cases(cases: dict[str, Case]) -> None:
-    """What each case is."""
+    """Print what each case is."""
     table = Table(title="Cases", title_justify="left")
     for name in ("case", "ideal path", "target ships: x, y (m), heading (deg), speed (m/s)", "fingerprint"):
         table.add_column(name)
@@ -94,7 +94,7 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 
 
 def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored: CaseBase) -> None:
-    """Sources for a target, best first, what is stored of each, and the arm recommended."""
+    """Print sources for a target, best first, what is stored of each, and the arm recommended."""
     table = Table(title=f"Sources for case {target.name}, by {by}", title_justify="left")
     for name in ("source", *MEASURES, "arm, by the paper", "stored networks"):
         table.add_column(name, justify="right" if name in MEASURES else "left")
@@ -121,7 +121,7 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
 
 
 def write_picture(path: Path, cases: dict[str, Case], world: World) -> None:
-    """The contact sheet: every case as people and as the network see it."""
+    """Draw the contact sheet: every case as people and as the network see it."""
     from ship_trl.view.contact_sheet import write_contact_sheet
 
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -74,7 +74,7 @@ def finite(keys: dict[str, float]) -> None:
 
 
 def named(prefix: str, values: object, fields: str) -> dict[str, float]:
-    """The fields of a dataclass under their full keys."""
+    """Return the fields of a dataclass under their full keys."""
     return {f"{prefix}.{name}": getattr(values, name) for name in fields.split()}
 
 

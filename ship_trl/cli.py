@@ -141,7 +141,7 @@ def hydra_errors() -> Iterator[None]:
 
 
 def origin(error: BaseException) -> str:
-    """Module in which an error was raised."""
+    """Name the module in which an error was raised."""
     trace = error.__traceback__
     while trace and trace.tb_next:
         trace = trace.tb_next
@@ -166,7 +166,7 @@ def explain_hydra(error: Exception) -> str:
 
 
 def allowed_keys(key: str) -> str:
-    """What may stand where an unknown `key` was given."""
+    """Say what may stand where an unknown `key` was given."""
     import dataclasses
     import typing
 

@@ -179,7 +179,7 @@ class Config:
 
 
 def plain(values: Any) -> Any:
-    """A config object as plain dicts, lists and words, for JSON, YAML and wandb."""
+    """Return a config object as plain dicts, lists and words, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)
 
 

@@ -52,7 +52,7 @@ def progress(
 
 
 def say_result(result: Result, folder: Path) -> None:
-    """The result of one run of a grid, in a line."""
+    """Say the result of one run of a grid, in a line."""
     best, final = result.best, result.final
     say(
         f"{result.title}: best {best.episode_return:.1f} ({best.outcome}), final {final.episode_return:.1f} "
@@ -61,7 +61,7 @@ def say_result(result: Result, folder: Path) -> None:
 
 
 def show_result(result: Result, folder: Path) -> None:
-    """The table at the end of a run."""
+    """Print the table at the end of a run."""
     table = Table(title=result.title, title_justify="left")
     for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")

@@ -68,7 +68,7 @@ def run_experiment(run: Run, one_of_many: bool = False) -> Result:
 
 
 def find_source(run: Run, one_of_many: bool) -> Entry | None:
-    """The source network of a transfer, from the case base or trained and retained first.
+    """Find the source network of a transfer in the case base, or train and retain it first.
 
     Of several processes that want the same one, the first trains it and the others wait.
     """

@@ -99,7 +99,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         return np.ascontiguousarray(pixels[0].T).reshape(height, width, channels), info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The large picture as uint8 [600, 600, 3], or in a window with render_mode "human"."""
+        """Draw the large picture as uint8 [600, 600, 3], or in a window with render_mode "human"."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing without render_mode")
             return None

@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def conf_dir() -> Path:
-    """The folder of the YAML files: the checkout's, else the one inside the installed package.
+    """Find the folder of the YAML files: the checkout's, else the one inside the installed package.
 
     The checkout's wins, because an editable install can leave a stale copy in the package.
     """

@@ -27,7 +27,7 @@ COLUMNS = (
 
 
 def row(event: Finished | Evaluated) -> dict[str, Any]:
-    """An event as columns of `curve.csv`; a greedy evaluation fills its own columns only."""
+    """Write an event as columns of `curve.csv`; a greedy evaluation fills its own columns only."""
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)
         values["return"] = values.pop("episode_return")

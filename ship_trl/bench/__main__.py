@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def refusal(options: argparse.Namespace) -> str:
-    """What is wrong with the options or missing, in one line; nothing if all is well."""
+    """Say what is wrong with the options or missing, in one line; nothing if all is well."""
     for part in options.parts:
         if part not in PARTS:
             return f"bench: no part {part}; allowed: {', '.join(PARTS)}"
@@ -53,7 +53,7 @@ def refusal(options: argparse.Namespace) -> str:
 
 
 def run(options: argparse.Namespace) -> list[Any]:
-    """The machine, then the parts one after the other."""
+    """Time the machine, then the parts one after the other."""
     # After the checks: torch takes seconds to import.
     from ship_trl.bench import parts, report
     from ship_trl.bench.machine import survey

@@ -21,7 +21,7 @@ READY = "ready"
 
 
 def side_by_side(processes: int, seconds: float) -> float:
-    """Steps a second of so many trainings at once, all together."""
+    """Return steps a second of so many trainings at once, all together."""
     command = [sys.executable, "-m", "ship_trl.bench.cores", str(seconds)]
     with ExitStack() as stack:
         started = []
@@ -49,7 +49,7 @@ def side_by_side(processes: int, seconds: float) -> float:
 
 
 def growth_with_cores(rounds: int, seconds: float) -> dict[int, list[float]]:
-    """Steps a second by number of processes, 1 and one a core, in turn."""
+    """Return steps a second by number of processes, 1 and one a core, in turn."""
     counts = sorted({1, cores()})
     rates: dict[int, list[float]] = {count: [] for count in counts}
     for _ in range(rounds):

@@ -19,7 +19,7 @@ class Layer:
 
 
 def layers_of(network: nn.Module, size: int = SIZE) -> list[Layer]:
-    """The conv and linear layers of a network, in the order of its attributes.
+    """Return the conv and linear layers of a network, in the order of its attributes.
 
     The conv layers follow each other from a picture of `size` x `size` without padding.
     """
@@ -39,7 +39,7 @@ def forward_flops(layers: list[Layer], batch: int) -> int:
 
 
 def update_flops(layers: list[Layer], batch: int, frozen: int = 0, double: bool = True) -> int:
-    """What one double-DQN update cannot do without, the first `frozen` conv layers being fixed.
+    """Return what one double-DQN update cannot do without, the first `frozen` conv layers being fixed.
 
     Forwards: the online network on the pictures and on the next ones, the target network on the
     next ones; without `double` the online network does not see those. Frozen layers are the same

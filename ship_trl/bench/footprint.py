@@ -80,7 +80,7 @@ def replay_memory(transitions: int = TRANSITIONS) -> dict[str, int]:
 
 
 def surroundings() -> dict[str, str]:
-    """The environment in which another Python finds this package."""
+    """Return the environment in which another Python finds this package."""
     path = os.pathsep.join(
         filter(None, [str(Path(ship_trl.__file__).parents[1]), os.environ.get("PYTHONPATH")])
     )
@@ -88,7 +88,7 @@ def surroundings() -> dict[str, str]:
 
 
 def python(*arguments: str) -> Callable[[], int]:
-    """A start of a Python of its own with this package, in the working directory."""
+    """Start a Python of its own with this package, in the working directory."""
 
     def run() -> int:
         subprocess.run([sys.executable, *arguments], env=surroundings(), check=True, capture_output=True)
@@ -130,7 +130,7 @@ def peak_bytes(process: int) -> int:
 
 
 def startup_probes() -> list[Probe]:
-    """Starts of Python: help, and everything that a training imports."""
+    """Probe starts of Python: help, and everything that a training imports."""
     return [
         Probe("import stable_baselines3", python("-c", "import stable_baselines3"), "start"),
         Probe("import ship_trl.experiment", python("-c", "import ship_trl.experiment"), "start", ours=True),

@@ -35,7 +35,7 @@ ACTING = 4
 
 
 def precision(name: str) -> str:
-    """What a peer computes in."""
+    """Return what a peer computes in."""
     return "bf16" if name == TUNED_BF16 else "fp32"
 
 
@@ -47,7 +47,7 @@ def step_flops(learn: Learn, frozen: int = 0, double: bool = True) -> float:
 
 
 def warmed(peer: Peer, chunk: int = CHUNK) -> Callable[[], int]:
-    """A peer's loop behind its warm-up."""
+    """Return a peer's loop behind its warm-up."""
     peer.run(WARMUP)
     return lambda: peer.run(chunk)
 
@@ -95,7 +95,7 @@ def frozen_probes(make_env: MakeEnv) -> list[Probe]:
 
 
 def one(action: Callable[[], object], units: int = 1) -> Callable[[], int]:
-    """A probe's run of something that does `units` units."""
+    """Make a probe's run of something that does `units` units."""
 
     def run() -> int:
         action()
@@ -113,7 +113,7 @@ def filled(make_env: MakeEnv, learn: Learn) -> dict[str, Peer]:
 
 
 def replay_probes(make_env: MakeEnv) -> list[Probe]:
-    """Sampling a batch as the learner gets it, ours drawn on the way; a unit is a batch."""
+    """Probe sampling of a batch as the learner gets it, ours drawn on the way; a unit is a batch."""
     ours = Ours()
     ours.fill(WARMUP)
     probes = [Probe("ours, states drawn", one(ours.sample), "batch", ours=True)]

@@ -37,7 +37,7 @@ class Machine:
 
 
 def processor_name() -> str:
-    """The processor as the system calls it."""
+    """Return the processor as the system calls it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -47,7 +47,7 @@ def processor_name() -> str:
 
 
 def product(size: int, dtype: torch.dtype) -> Callable[[], int]:
-    """A square matrix product; counts its floating point operations."""
+    """Multiply square matrices; counts floating point operations."""
     left, right = torch.rand(size, size).to(dtype), torch.rand(size, size).to(dtype)
     out = torch.empty(size, size, dtype=dtype)
 
@@ -59,7 +59,7 @@ def product(size: int, dtype: torch.dtype) -> Callable[[], int]:
 
 
 def copy(count: int) -> Callable[[], int]:
-    """A copy of `count` bytes; counts what is read and what is written."""
+    """Copy `count` bytes; counts what is read and what is written."""
     source: Tensor = torch.ones(count, dtype=torch.uint8)
     target = torch.empty_like(source)
 

@@ -22,12 +22,12 @@ ARMS = ("scratch", *(f"FE{n}" for n in range(1, CONV_LAYERS + 1)), "FT3")
 
 
 def new_network(seed: int = 0) -> DuelingNetwork:
-    """The paper's network with weights of its own, for grey pictures and seven actions."""
+    """Return the paper's network with weights of its own, for grey pictures and seven actions."""
     return DuelingNetwork(1, len(load_world().actions), Generator().manual_seed(seed))
 
 
 def network_layers() -> list[Layer]:
-    """The layers of the paper's network with their operations."""
+    """Return the layers of the paper's network with their operations."""
     return layers_of(new_network())
 
 
@@ -78,7 +78,7 @@ class Ours:
             self.replay.extend(stepped)
 
     def whole_loop(self, chunk: int = CHUNK) -> Callable[[], int]:
-        """The training loop; each call goes on for at least `chunk` environment steps.
+        """Start the training loop; each call goes on for at least `chunk` environment steps.
 
         The warm-up is over when this returns.
         """
@@ -98,7 +98,7 @@ class Ours:
         return run
 
     def sample(self, batch_size: int | None = None) -> TensorDictBase:
-        """A batch from the replay."""
+        """Draw a batch from the replay."""
         return self.replay.sample(batch_size or self.learn.batch_size)
 
     def update(self, batch: TensorDictBase) -> None:

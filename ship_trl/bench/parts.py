@@ -29,12 +29,12 @@ def run_part(name: str, plan: Plan) -> list[Any]:
 
 
 def timed(title: str, probes: Callable[[], list[Probe]]) -> Callable[[str, Plan], list[Any]]:
-    """A part of probes that need nothing."""
+    """Make a part of probes that need nothing."""
     return lambda part, plan: show(part, title, probes(), plan)
 
 
 def beside_peers(title: str, probes: Callable[[simulator.MakeEnv], list[Probe]]) -> Callable[..., list[Any]]:
-    """A part whose peers learn on the quicker of the two Gymnasium environments."""
+    """Make a part whose peers learn on the quicker of the two Gymnasium environments."""
 
     def run(part: str, plan: Plan) -> list[Any]:
         make_env, said = simulator.faster_env(CASE, learn_config().reward_scale)

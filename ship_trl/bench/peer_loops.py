@@ -59,7 +59,7 @@ class PixelLoop(ABC):
 
     @abstractmethod
     def greedy(self, observation: NDArray[np.uint8]) -> int:
-        """The action that the network thinks best."""
+        """Choose the action that the network thinks best."""
 
     @abstractmethod
     def store(self, observation: Any, action: int, reward: float, following: Any, terminated: bool) -> None:
@@ -67,7 +67,7 @@ class PixelLoop(ABC):
 
     @abstractmethod
     def sample(self) -> Batch:
-        """A batch of kept transitions, drawn uniformly."""
+        """Draw a batch of kept transitions, uniformly."""
 
     def loss(self, batch: Batch) -> Tensor:
         """Mean squared error to the double-DQN target."""
@@ -123,7 +123,7 @@ class PlainLoop(PixelLoop):
         self.count = 0
 
     def greedy(self, observation: NDArray[np.uint8]) -> int:
-        """The action that the network thinks best."""
+        """Choose the action that the network thinks best."""
         with torch.no_grad():
             return int(self.network(torch.as_tensor(observation).reshape(1, *FRAME)).argmax(1))
 
@@ -135,7 +135,7 @@ class PlainLoop(PixelLoop):
         self.count += 1
 
     def sample(self) -> Batch:
-        """A batch of kept transitions, drawn uniformly."""
+        """Draw a batch of kept transitions, uniformly."""
         rows = self.random.integers(min(self.count, self.learn.replay_size), size=self.learn.batch_size)
         arrays = (self.pixels, self.action, self.reward, self.following, self.terminated)
         return Batch(*(torch.from_numpy(array[rows]) for array in arrays))
@@ -170,7 +170,7 @@ class TunedLoop(PixelLoop):
         self.slow: list[Tensor] = [slow for slow, fast in both if fast.requires_grad]
 
     def greedy(self, observation: NDArray[np.uint8]) -> int:
-        """The action that the network thinks best."""
+        """Choose the action that the network thinks best."""
         picture = blocks(torch.from_numpy(observation).reshape(1, *FRAME[1:]))
         # In float32 even with bf16: for one picture, converting all weights costs more than it saves.
         with torch.inference_mode():
@@ -186,7 +186,7 @@ class TunedLoop(PixelLoop):
         self.count += 1
 
     def sample(self) -> Batch:
-        """A batch of kept transitions, drawn uniformly."""
+        """Draw a batch of kept transitions, uniformly."""
         rows = torch.randint(min(self.count, self.learn.replay_size), (self.learn.batch_size,))
         return Batch(*(values.index_select(0, rows) for values in self.kept))
 

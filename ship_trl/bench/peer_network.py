@@ -13,7 +13,7 @@ from ship_trl.config import CONV_LAYERS
 
 
 def conv_layers(channels: int = 1) -> list[nn.Conv2d]:
-    """The four conv layers of section 3.5, from 84x84 to 200 features."""
+    """Compute the four conv layers of section 3.5, from 84x84 to 200 features."""
     return [
         nn.Conv2d(channels, 32, 8, stride=4),
         nn.Conv2d(32, 64, 4, stride=2),

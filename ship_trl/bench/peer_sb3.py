@@ -55,7 +55,7 @@ class DoubleDQN(DQN):
 
     @torch.no_grad()
     def td_target(self, batch: ReplayBufferSamples) -> Tensor:
-        """The online network chooses, the target network values: [B, 1]."""
+        """Choose by the online network and value by the target network: [B, 1]."""
         best = self.q_net(batch.next_observations).argmax(1, keepdim=True)
         value = self.q_net_target(batch.next_observations).gather(1, best)
         return batch.rewards + (1 - batch.dones) * self.gamma * value
@@ -125,7 +125,7 @@ class Sb3Loop:
         return int(self.model.num_timesteps) - before
 
     def sample(self) -> ReplayBufferSamples:
-        """A batch of kept transitions."""
+        """Draw a batch of kept transitions."""
         assert self.model.replay_buffer is not None
         return self.model.replay_buffer.sample(self.model.batch_size)
 

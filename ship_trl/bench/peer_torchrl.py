@@ -59,7 +59,7 @@ class TorchRLLoop:
         self.steps = 0
 
     def sample(self) -> TensorDictBase:
-        """A batch of kept transitions."""
+        """Draw a batch of kept transitions."""
         batch: TensorDictBase = self.replay.sample()
         return batch
 

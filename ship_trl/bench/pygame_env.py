@@ -35,7 +35,7 @@ def grey(colour: tuple[int, int, int]) -> int:
 
 
 def still_picture(world: World) -> NDArray[np.uint8]:
-    """What never moves in an own-ship-centred view, drawn once: uint8 [84, 84]."""
+    """Draw what never moves in an own-ship-centred view, once: uint8 [84, 84]."""
     size = scene.SIZE * OVERSAMPLING
     scale = scene.PIXELS_PER_METRE * OVERSAMPLING
     picture = pygame.Surface((size, size), depth=32)

@@ -129,6 +129,6 @@ def header(machine: Machine) -> None:
 
 
 def json_line(values: Any) -> str:
-    """An object, or a dataclass, as one line."""
+    """Write an object, or a dataclass, as one line."""
     plain = dataclasses.asdict(values) if dataclasses.is_dataclass(values) else values  # type: ignore[arg-type]
     return json.dumps(plain)

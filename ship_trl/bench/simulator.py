@@ -42,7 +42,7 @@ def one_by_one(env: gymnasium.Env[Any, Any]) -> Callable[[], int]:
 
 
 def random_actions(count: int) -> list[np.int64]:
-    """The same random actions every time, drawn beforehand."""
+    """Draw the same random actions every time, beforehand."""
     return list(np.random.default_rng(0).integers(count, size=CHUNK))
 
 
@@ -100,7 +100,7 @@ def simulator_probes() -> list[Probe]:
 
 
 def fleet(case: Case, ships: int) -> Case:
-    """A case with so many target ships, spread over the picture and on courses that differ."""
+    """Make a case with so many target ships, spread over the picture and on courses that differ."""
     places = [math.tau * k / MAX_TARGET_SHIPS for k in range(ships)]
     return dataclasses.replace(
         case,
@@ -127,7 +127,7 @@ def ship_probes() -> list[Probe]:
 
 
 def faster_env(case_name: str, reward_scale: float, seconds: float = 0.2) -> tuple[MakeEnv, str]:
-    """The quicker of the two Gymnasium environments, tried here and now, and a sentence on it."""
+    """Return the quicker of the two Gymnasium environments, tried here and now, and a sentence on it."""
     world = load_world()
     case = load_case(case_name, world)
     makers: dict[str, MakeEnv] = {

@@ -21,7 +21,7 @@ CHUNK = 64
 
 
 def learn_config(**changes: Any) -> Learn:
-    """The paper profile's learner with a small replay, epsilon fixed, and no evaluation."""
+    """Return the paper profile's learner with a small replay, epsilon fixed, and no evaluation."""
     fixed = {
         "epsilon_start": EPSILON,
         "epsilon_end": EPSILON,

@@ -18,7 +18,7 @@ class Draw(Protocol):
     background: Tensor
 
     def __call__(self, state: Tensor) -> Tensor:
-        """The pictures of states."""
+        """Draw the pictures of states."""
         ...
 
 
@@ -30,7 +30,7 @@ def choose_backend(wanted: BackendName, draw: Draw, dtype: torch.dtype, device: 
 
 
 def computing(precision: Precision, device: torch.device) -> torch.dtype:
-    """The precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
+    """Choose the precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
 
     `SHIP_TRL_BFLOAT16=off` says that no device does.
 

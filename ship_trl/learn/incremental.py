@@ -98,7 +98,7 @@ def rounded(rows: int) -> int:
 
 
 def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
-    """The same memory as an array; NumPy knows no bfloat16, so its bits as uint16."""
+    """View the same memory as an array; NumPy knows no bfloat16, so its bits as uint16."""
     return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()
 
 
@@ -112,7 +112,7 @@ def as_matrix(weight: Tensor) -> Tensor:
 
 
 def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
-    """The windows `rows[index]` and `relu(windows @ weight.T + bias)`: one conv layer.
+    """Compute one conv layer: the windows `rows[index]` and `relu(windows @ weight.T + bias)`.
 
     Shapes: rows [R, C], index int32 [T, K] (None: rows are windows already), weight [O, K C],
     bias [O]; returns [T, K C] and [T, O].

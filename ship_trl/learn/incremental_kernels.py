@@ -13,7 +13,7 @@ Array = np.ndarray[Any, Any]
 
 @compiled()
 def number(touched: Array, table: Array) -> int:
-    """Number the touched windows of all frames after the background ones; returns how many rows that makes.
+    """Give each touched window of all frames a number, after those of the background; returns how many.
 
     Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row of each window, is written.
     """

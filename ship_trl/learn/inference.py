@@ -41,18 +41,18 @@ class CachedInference:
 
     @torch.no_grad()
     def actions(self, frames: Tensor) -> Tensor:
-        """The best actions: uint8 [B, C, 84, 84] to int64 [B]."""
+        """Choose the best actions: uint8 [B, C, 84, 84] to int64 [B]."""
         return self._network.best(self._advance(self._cut(frames, background=False), len(CONV_NAMES)).values)
 
     @torch.no_grad()
     def actions_on(self, features: Tensor) -> Tensor:
-        """The best actions, given what the frozen layers made of frames: [B, F] to int64 [B]."""
+        """Choose the best actions, given what the frozen layers made of frames: [B, F] to int64 [B]."""
         rows = Rows(features.float(), (None,) * (len(CONV_NAMES) - self._frozen))
         return self._network.best(self._advance(rows, len(rows.indices)).values)
 
     @torch.no_grad()
     def encode(self, frames: Tensor) -> Tensor:
-        """What the frozen layers (three or four) make of frames: uint8 [B, C, 84, 84] to float32 [B, F]."""
+        """Compute the frozen layers (three or four) of frames: uint8 [B, C, 84, 84] to float32 [B, F]."""
         values, indices = self._advance(self._cut(frames, background=False), self._frozen)
         for index in indices:
             assert index is not None
@@ -71,7 +71,7 @@ class CachedInference:
         return Rows(values, indices[layers:])
 
     def _background_rows(self, layer: int) -> Tensor:
-        """What conv layer `layer` (0 to 2) makes of the background: [S * S, C]."""
+        """Compute conv layer `layer` (0 to 2) of the background: [S * S, C]."""
         memory = self._remembered
         while len(memory) <= layer:
             n = len(memory)

@@ -67,7 +67,7 @@ def jumpstart(
 
 @torch.no_grad()
 def sail(env: EnvBase, look: Callable[[Tensor], Tensor], decide: Sequence[Decide]) -> list[float]:
-    """Returns of one greedy episode of each decider, in the first rows of the environment's batch."""
+    """Sail one greedy episode of each decider, in the first rows of the batch, and give their returns."""
     step = env.reset()
     totals = torch.zeros(len(decide), dtype=torch.float64, device=env.device)
     going = list(range(len(decide)))

@@ -110,7 +110,7 @@ class DuelingNetwork(nn.Module):
         return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
     def best(self, features: Tensor) -> Tensor:
-        """The actions of the highest Q-values: features [B, 200] to int64 [B].
+        """Choose the actions of the highest Q-values: features [B, 200] to int64 [B].
 
         The value is the same for all actions, so advantages decide.
         """

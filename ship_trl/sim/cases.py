@@ -60,7 +60,7 @@ class Case(CaseFile):
 
 
 def load_world(name: str = "paper") -> World:
-    """The shared physics of conf/world, for use without Hydra."""
+    """Read the shared physics of conf/world, for use without Hydra."""
     values = OmegaConf.merge(
         OmegaConf.structured(World), OmegaConf.load(conf_dir() / "world" / f"{name}.yaml")
     )

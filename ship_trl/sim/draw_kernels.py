@@ -35,14 +35,14 @@ STRIP = 3
 
 @compiled(RELAXED)
 def copy(source: Array, target: Array) -> None:
-    """A loop that becomes a block copy, as assigning the array does not."""
+    """Copy in a loop that becomes a block copy, as assigning the array does not."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
 @compiled(NUMBERS_ONLY)
 def strip(dx: Number, dy: Number, reach: Number, size: int, cover: Array, place: Array) -> tuple[int, int]:
-    """The line from the middle to (dx, dy), in pixels, right and up; see `Rasteriser._draw_line`.
+    """Draw the line from the middle to (dx, dy), in pixels, right and up; see `Rasteriser._draw_line`.
 
     Walks along the longer axis. Shapes: cover float32 [STRIP, size / 2], coverage of the pixels
     side by side at each place; place int32 [size / 2], the first pixel of each. Both are written.
@@ -102,7 +102,7 @@ def lay_ship(
     row: Array,
     cover: Array,
 ) -> int:
-    """A polygon at (cx, cy), pixels from the upper left corner; see `Rasteriser._draw_ships`.
+    """Draw a polygon at (cx, cy), pixels from the upper left corner; see `Rasteriser._draw_ships`.
 
     Shapes: image float and picture uint8 [C, P]; column, row and cover [W * W], of the pixels of
     the square that holds it: the first two are given, coverage is written.

@@ -96,7 +96,7 @@ class ShipEnv(EnvBase):
         return observation | {key: encode(state) for key, encode in self._encoders.items()}
 
     def _start(self, count: int) -> dict[str, Tensor]:
-        """The entries of `count` rows that have just begun."""
+        """Make the entries of `count` rows that have just begun."""
         state = self._transition.start.expand(count, STATE_SIZE).clone()
         dcpa = torch.full((count, 1), math.inf, device=self.device)
         no = torch.zeros((count, 1), dtype=torch.bool, device=self.device)

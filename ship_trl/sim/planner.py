@@ -107,7 +107,7 @@ def positions(step: Transition, actions: list[int]) -> Tensor:
 
 
 def choose(hope: Tensor, state: Tensor, step: Transition, beam: int, fineness: Pass) -> Tensor:
-    """Indices of the most hopeful plans, one for each cell."""
+    """Choose the most hopeful plans, one for each cell; returns their indices."""
     passing = passing_distance(state, step)
     weights, safe = step.world.reward, step.world.safe_distance
     metre = abs(weights.w3 * weights.k1) * DETOUR

@@ -83,7 +83,7 @@ class Rasteriser:
         return Bounded(0, 255, shape=size, dtype=torch.uint8, device=self.device)
 
     def _draw_background(self, world: World) -> Tensor:
-        """The still part of the picture, float [C, size * size]."""
+        """Draw the part of the picture that never changes, float [C, size * size]."""
         axis = torch.arange(self.size, device=self.device) + 0.5 - self.size / 2
         x, y = axis[None, :], -axis[:, None]
         radius = torch.hypot(x, y)

@@ -54,7 +54,7 @@ class ValueBound:
         self.table = torch.stack(table)
 
     def _corners(self, distance: Tensor, off_bow: Tensor) -> tuple[Tensor, Tensor]:
-        """The four grid points around each place and their shares in it, both [..., 4]."""
+        """Find the four grid points around each place and their shares in it, both [..., 4]."""
         row = (distance / self.spacing).clamp(max=self.rows - 1.001)
         column = (off_bow + math.pi) / self.turn
         low, left = row.floor(), column.floor()
@@ -66,7 +66,7 @@ class ValueBound:
         return corners, shares
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Returns to come: states [N, 4] of one step to [N]."""
+        """Compute the returns to come: states [N, 4] of one step to [N]."""
         off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.step.goal)
         corners, shares = self._corners(self.step.goal_distance(state), off_bow)
         left = max(0, self.step.world.max_steps - int(state[0, STEP]))

@@ -84,7 +84,7 @@ def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
 
 
 def conclude(jobs: list[Job], left: list[Job], config: StudyConfig) -> None:
-    """The report of what there is, and where everything lies."""
+    """Make the report of what there is, and say where everything lies."""
     from ship_trl.study.report.write import report
 
     if len(left) < len(jobs):

@@ -82,7 +82,7 @@ class CaseBase:
         return found
 
     def representative(self, case: Case) -> Entry | None:
-        """The stored network with the best greedy return, which stands for its case (section 4.3)."""
+        """Find the stored network with the best greedy return, which stands for its case (section 4.3)."""
         kept = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
         return max((e for e in kept if e.score > -math.inf), key=lambda entry: entry.score, default=None)
 
@@ -100,7 +100,7 @@ class CaseBase:
         return FileLock(locks / f"{case.name}-{arm}-{seed}-{config_hash}.lock")
 
     def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
-        """The entry trained on just this case by just these settings, or None."""
+        """Find the entry trained on just this case by just these settings, or None."""
         place = self.place(case, arm, seed, config_hash)
         found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
         return found[0] if found and found[0].policy.is_file() else None
@@ -150,7 +150,7 @@ def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") 
 
 
 def recommend(base: Case, target: Case) -> tuple[Method, int]:
-    """The arm that the paper's results favour at this similarity (conclusions 2 and 3).
+    """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3).
 
     High: three frozen layers, which beat four. Else: finetuning of the first layer alone, because
     the return falls with every further layer. These are the paper's findings, not ours; a study

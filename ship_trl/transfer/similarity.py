@@ -54,7 +54,7 @@ def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
 
 
 def in_words(base: Case, target: Case) -> tuple[str, str]:
-    """What two cases have in common and what not, with the weight of each: "1 ideal path", "0"."""
+    """Say what two cases have in common and what not, with the weight of each: "1 ideal path", "0"."""
     found = rules(base, target)
     common = " + ".join(f"{rule.common:g} {rule.what}" for rule in found if rule.common)
     different = " + ".join(f"{rule.different:g} {rule.what}" for rule in found if rule.different)
@@ -70,7 +70,7 @@ def similarity(base: Case, target: Case) -> float:
 
 
 def characteristics(case: Case, world: World) -> dict[str, float]:
-    """What equation 7 compares, each scaled to about 0 to 1 (our choice; the paper names none).
+    """Compute what equation 7 compares, each scaled to about 0 to 1 (our choice; the paper names none).
 
     Number of target ships, goal's distance, and of the target ship that comes nearest to own ship
     keeping course at the speed of straight travel: how near (DCPA), when (TCPA) and its course

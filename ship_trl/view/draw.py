@@ -113,13 +113,13 @@ def draw_scene(
 
 
 def to_array(surface: pygame.Surface) -> NDArray[np.uint8]:
-    """The pixels of a surface: uint8 [H, W, 3], RGB, a copy."""
+    """Copy the pixels of a surface: uint8 [H, W, 3], RGB."""
     raw = np.frombuffer(pygame.image.tobytes(surface, "RGB"), dtype=np.uint8)
     return raw.reshape(surface.get_height(), surface.get_width(), 3).copy()
 
 
 def _line(chart: Chart, goal: Sequence[float]) -> Points:
-    """The line from own ship to the goal as a strip; its length is the goal's distance."""
+    """Draw the line from own ship to the goal as a strip; its length is the goal's distance."""
     (x1, y1), (x2, y2) = (chart.middle, chart.middle), chart.point(goal[0], goal[1])
     length = math.hypot(x2 - x1, y2 - y1) or 1.0
     # The width is given in the network's pixels.

@@ -60,7 +60,7 @@ def write_gif(
 def draw_frames(
     case: Case, world: World, episode: Episode, rasteriser: Rasteriser, title: str = ""
 ) -> list[Image.Image]:
-    """The frames in RGB, one for each state of the episode."""
+    """Draw the frames in RGB, one for each state of the episode."""
     panel = Panel(case, world, episode, title)
     seen = _views(rasteriser, episode)
     frames = []

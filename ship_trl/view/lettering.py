@@ -25,7 +25,7 @@ def font(size: int, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 
 def fit(text: str, width: int, size: int, bold: bool = False) -> tuple[str, ImageFont.FreeTypeFont]:
-    """The text and its font, at most `width` pixels wide: set up to 4 px smaller, then cut short."""
+    """Fit a text into `width` pixels: set up to 4 px smaller, then cut short; returns it and its font."""
     for smaller in range(size, size - 5, -1):
         letters = font(smaller, bold)
         if letters.getlength(text) <= width:
@@ -36,5 +36,5 @@ def fit(text: str, width: int, size: int, bold: bool = False) -> tuple[str, Imag
 
 
 def number(value: float, form: str) -> str:
-    """A number in a format such as `.1f` or `g`, with a true minus sign and none before zero."""
+    """Write a number in a format such as `.1f` or `g`, with a true minus sign and none before zero."""
     return format(value, f"z{form}").replace("-", "\N{MINUS SIGN}")

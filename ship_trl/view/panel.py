@@ -68,7 +68,7 @@ class Panel:
         self.blank = self._heading(case, title)
 
     def __call__(self, step: int, seen: NDArray[np.uint8]) -> Image.Image:
-        """The panel after `step` steps, with what the network sees (uint8 [C, 84, 84])."""
+        """Draw the panel after `step` steps, with what the network sees (uint8 [C, 84, 84])."""
         picture = self.blank.copy()
         pen = ImageDraw.Draw(picture)
         self._numbers(pen, step)
@@ -120,7 +120,7 @@ class Panel:
             pen.text((x, y + 14), value, colour, font(15, True))
 
     def _action(self, pen: ImageDraw.ImageDraw, step: int) -> None:
-        """The action chosen now, or how the episode ended."""
+        """Write the action chosen now, or how the episode ended."""
         if step == self.episode.length:
             outcome = self.episode.outcome
             pen.text((LEFT, 151), "outcome", FAINT, font(11))

@@ -24,7 +24,7 @@ PLAN = "study.json"
 
 
 def run_config(config: StudyConfig) -> Config:
-    """The configuration that all runs share, checked.
+    """Compose the configuration that all runs share, checked.
 
     Raises:
         ConfigError: an override that is not right.
@@ -46,7 +46,7 @@ def episodes_of(config: StudyConfig) -> int:
 
 
 def fingerprints(jobs: list[Job], world: World) -> dict[str, str]:
-    """What each case of a study is, by name: its file may be edited while runs of it are kept."""
+    """Say what each case of a study is, by name: its file may be edited while runs of it are kept."""
     named = (job.values.get(key) for job in jobs for key in ("source", "target"))
     names = sorted({str(name) for name in named if name is not None})
     return {name: load_case(name, world).fingerprint for name in names}

@@ -33,34 +33,34 @@ def area(record: Record) -> float:
 
 
 def early_area(record: Record) -> float:
-    """The mean score of the first fifth of the training episodes."""
+    """Return the mean score of the first fifth of the training episodes."""
     return float(np.mean(record.score(record.training.returns[: share(record, EARLY)])))
 
 
 def asymptote(record: Record) -> float:
-    """The mean score of the last tenth of the training episodes."""
+    """Return the mean score of the last tenth of the training episodes."""
     return float(np.mean(record.score(record.training.returns[-share(record, LAST) :])))
 
 
 def greedy_area(record: Record) -> float:
-    """The mean score of all greedy evaluations."""
+    """Return the mean score of all greedy evaluations."""
     return float(np.mean(record.score(record.greedy.returns)))
 
 
 def greedy_asymptote(record: Record) -> float:
-    """The mean score of the last tenth of the greedy evaluations."""
+    """Return the mean score of the last tenth of the greedy evaluations."""
     count = max(1, round(LAST * len(record.greedy.returns)))
     return float(np.mean(record.score(record.greedy.returns[-count:])))
 
 
 def start(record: Record) -> float:
-    """The mean greedy score before training, over draws of the layers that are not copied."""
+    """Return the mean greedy score before training, over draws of the layers that are not copied."""
     draws = record.draws if len(record.draws) else np.array([record.before])
     return float(np.mean(record.score(draws)))
 
 
 def best(record: Record) -> float:
-    """The score of the best greedy evaluation."""
+    """Return the score of the best greedy evaluation."""
     return float(np.max(record.score(record.greedy.returns)))
 
 
@@ -80,7 +80,7 @@ def early_collisions(record: Record) -> float:
 
 
 def smallest_dcpa(record: Record) -> float:
-    """The least distance (m) to a target ship in the last greedy episode; not a number without ships."""
+    """Return the least distance (m) to a target ship in the last greedy episode; NaN without ships."""
     return float(record.greedy.dcpa[-1])
 
 
@@ -93,7 +93,7 @@ def moving_scores(record: Record) -> NDArray[np.float64]:
 
 
 def curve(record: Record) -> NDArray[np.float64]:
-    """Moving scores at `PLACES` places, evenly along the run."""
+    """Return moving scores at `PLACES` places, evenly along the run."""
     scores = moving_scores(record)
     return np.interp(np.linspace(0, len(scores) - 1, PLACES), np.arange(len(scores)), scores)
 
@@ -114,7 +114,7 @@ def time_to_threshold(record: Record, threshold: float = THRESHOLDS[0]) -> float
 
 
 def total_time(record: Record) -> float:
-    """The same with the episodes counted on which its sources were trained (Taylor and Stone, 2009).
+    """Return the same with the episodes counted on which its sources were trained (Taylor and Stone, 2009).
 
     The network that figure 9 reuses was trained twice: on case 1, and then on case 2.
     """
@@ -124,7 +124,7 @@ def total_time(record: Record) -> float:
 
 
 def around_annealed(record: Record) -> tuple[slice, slice]:
-    """The tenth of the episodes before exploration has ended, and the one after."""
+    """Return the tenth of the episodes before exploration has ended, and the one after."""
     count = len(record.training.returns)
     ended = np.flatnonzero(record.training.epsilon <= record.training.epsilon.min())
     end, tenth = int(ended[0]) if ended.size else count, share(record, LAST)
@@ -132,7 +132,7 @@ def around_annealed(record: Record) -> tuple[slice, slice]:
 
 
 def dip(record: Record) -> float:
-    """The largest fall of the moving score around the end of exploration: a peak less the trough after it.
+    """Return the largest fall of the moving score around the end of exploration: peak less trough after it.
 
     From two tenths of the episodes before that end to two after; the mean is over a fortieth. Chance alone
     makes falls, so that arms are compared with scratch and not with zero.
@@ -153,7 +153,7 @@ def collision_rise(record: Record) -> float:
 
 
 def after_exploration(record: Record) -> slice:
-    """The training episodes after exploration has ended; the last one at least."""
+    """Return the training episodes after exploration has ended; the last one at least."""
     end = around_annealed(record)[1].start
     return slice(end, None)
 

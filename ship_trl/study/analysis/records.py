@@ -74,7 +74,7 @@ class Record:
     measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def score(self, values: Any) -> Any:
-        """Returns as a share of the way from random actions to the best known: 0 to 1, less if worse."""
+        """Scale returns to the way from random actions to the best known: 0 to 1, less if worse."""
         return (values - self.random) / (self.best_known - self.random)
 
 

@@ -78,7 +78,7 @@ def read_copy(copy: Path) -> Copy:
 
 
 def deep(row: dict[str, Any]) -> dict[str, Any]:
-    """A result from its cells."""
+    """Make a result of its cells."""
     result: dict[str, Any] = {}
     for key, value in row.items():
         outer, _, inner = key.partition(".")
@@ -90,7 +90,7 @@ def deep(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def place_of(part: str, result: dict[str, Any]) -> Path:
-    """A run's folder in its study.
+    """Name a run's folder in its study.
 
     Raises:
         ValueError: a name that would lead out of it, or is none.
@@ -142,7 +142,7 @@ def unpack(copy: Copy, folder: Path, seeds: set[int] | None = None) -> int:
 
 
 def unpacked(rows: Iterable[Row], epsilon: dict[str, str]) -> tuple[list[Row], list[float]]:
-    """A run's rows as lines of `curve.csv`, and its draws.
+    """Make a run's rows lines of `curve.csv`, and give its draws.
 
     `epsilon` by episode is that of the run before, and becomes this one's where it has one.
     """

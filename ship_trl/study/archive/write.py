@@ -75,7 +75,7 @@ def write_copy(folder: Path, copy: Path) -> tuple[int, int]:
 
 
 def read_plan(path: Path, key: str) -> dict[str, Any]:
-    """A `study.json`.
+    """Read a `study.json`.
 
     Raises:
         ConfigError: there is none, or it is another program's; `key` names what it is of.
@@ -105,7 +105,7 @@ def digest(path: Path) -> str:
 
 
 def flat(path: Path) -> Row:
-    """A run's result as cells, without the draws; "best.return" is the return of "best"."""
+    """Write a run's result as cells, without the draws; "best.return" is the return of "best"."""
     result = read_result(path).to_json()
     del result["draws"]
     if result["source_network"] is not None:
@@ -123,7 +123,7 @@ def as_cell(value: Any) -> str:
 
 
 def from_cell(cell: str) -> Any:
-    """What a cell stands for."""
+    """Read what a cell stands for."""
     try:
         return json.loads(cell)
     except (ValueError, RecursionError):
@@ -131,7 +131,7 @@ def from_cell(cell: str) -> Any:
 
 
 def curve_rows(paths: Iterable[Path]) -> Iterator[Row]:
-    """The rows of all runs; epsilon is left out where it is, episode by episode, that of the run before."""
+    """Yield the rows of all runs; epsilon is left out where it is, by episode, that of the run before."""
     before: list[str] = []
     for number, path in enumerate(paths):
         for draw in read_result(path).draws:
@@ -154,5 +154,5 @@ def curve_rows(paths: Iterable[Path]) -> Iterator[Row]:
 
 
 def rounded(number: str | float, digits: int) -> str:
-    """A number with so many decimals; nothing where there is none."""
+    """Write a number with so many decimals; nothing where there is none."""
     return "" if number in ("", None) else str(round(float(number), digits))

@@ -26,7 +26,7 @@ SHARED = ("profile", "device", "colour", "world")
 
 
 def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
-    """A file for each job, `<study>/jobs/job/NAME.yaml`.
+    """Write a file for each job, `<study>/jobs/job/NAME.yaml`.
 
     `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs it alone: with all that the study
     has set, so that what it leaves in the study's folder is what the study would have left.
@@ -58,7 +58,7 @@ def finished(job: Job, config: StudyConfig) -> Result | None:
 
 
 def command(jobs: list[Job], config: StudyConfig) -> list[str]:
-    """The multirun of these jobs."""
+    """Make the multirun of these jobs."""
     # Quoted: a path may hold what Hydra's grammar takes for its own.
     sweep = str(config.folder.absolute()).replace("'", "\\'")
     return [
@@ -74,7 +74,7 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
 
 
 def logging(config: StudyConfig) -> list[str]:
-    """Overrides that send the runs to the study's wandb project."""
+    """Make the overrides that send the runs to the study's wandb project."""
     if config.logger is not Logger.wandb:
         return []
     wandb = config.wandb
@@ -84,7 +84,7 @@ def logging(config: StudyConfig) -> list[str]:
 
 @contextmanager
 def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """A child with its words in `log`, ended when the block is left."""
+    """Start a child with its words in `log`, and end it when the block is left."""
     with log.open("ab") as words:
         child = subprocess.Popen(
             arguments,
@@ -125,7 +125,7 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
 
 
 def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:
-    """What is given to the launcher at once: everything, if the launcher waits for a free core."""
+    """Split what is given to the launcher at once: everything, if the launcher waits for a free core."""
     most = processes(config) if config.launcher == "slurm_local" else len(jobs)
     return [jobs[k : k + most] for k in range(0, len(jobs), most)]
 

@@ -47,7 +47,7 @@ class Display:
         self._task = self._bar.add_task("", total=len(jobs), completed=done, done=done, all=len(jobs), now="")
 
     def missing(self) -> list[Job]:
-        """Runs without a result."""
+        """List the runs without a result."""
         return list(self._open)
 
     def __enter__(self) -> Display:
@@ -78,7 +78,7 @@ class Display:
 
 
 def last_episode(path: Path) -> int:
-    """The last whole line's episode; 0 where there is none."""
+    """Read the last whole line's episode; 0 where there is none."""
     try:
         with path.open("rb") as file:
             file.seek(0, 2)

@@ -121,7 +121,7 @@ def to_study(overrides: list[str]) -> StudyConfig:
 
 
 def names(group: str) -> list[str]:
-    """What a config group offers."""
+    """List what a config group offers."""
     return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
 
 
@@ -186,6 +186,6 @@ def one_of(key: str, got: list[str], allowed: list[str]) -> None:
 
 @cache
 def read(group: str, name: str) -> Mapping[str, Any]:
-    """The values of a config group's choice; a plan asks for the same few again and again."""
+    """Read the values of a config group's choice; a plan asks for the same few again and again."""
     values: Any = OmegaConf.to_container(OmegaConf.load(conf_dir() / group / f"{name}.yaml"))
     return MappingProxyType(values)

@@ -61,7 +61,7 @@ def plan_jobs(config: StudyConfig) -> list[Job]:
 
 
 def of_seed(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """The runs of one seed: figures 5 to 7, reuse, controls, each behind the sources that it needs."""
+    """Plan the runs of one seed: figures 5 to 7, reuse, controls, each behind the sources that it needs."""
     groups = (pair_jobs, reuse_jobs, control_jobs, exploring_jobs)
     stage = 2 * len(groups) * block_of(config, seed)
     known: set[str] = set()
@@ -79,7 +79,7 @@ def of_seed(config: StudyConfig, seed: int) -> Iterator[Job]:
 
 
 def block_of(config: StudyConfig, seed: int) -> int:
-    """The block of a seed, counted from 0."""
+    """Count the block of a seed, from 0."""
     return (seed - config.first_seed) // config.block
 
 
@@ -105,12 +105,12 @@ def pair_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
 
 
 def control_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Controls that are run with all seeds."""
+    """Plan the controls that are run with all seeds."""
     return controls(config, seed, CONTROL_ARMS, CONTROL_PAIRS)
 
 
 def exploring_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Controls that are run with the first block of seeds only."""
+    """Plan the controls that are run with the first block of seeds only."""
     if block_of(config, seed) > 0:
         return iter(())
     return controls(config, seed, EXPLORING_ARMS, EXPLORING_PAIRS)
@@ -160,23 +160,23 @@ def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
 
 
 def job(part: str, label: str, arm: str, seed: int, values: dict[str, Any]) -> Job:
-    """A run, not yet in its stage; its name is also that of the file from which it can be started alone."""
+    """Plan a run, not yet in its stage; its name is also that of the file that starts it alone."""
     name = "-".join((part.replace("/", "-"), label, arm, str(seed)))
     return Job(name, 0, part, label, arm, seed, values | {"seed": seed})
 
 
 def alone(part: str, case: str, seed: int, **extra: Any) -> Job:
-    """A case from scratch."""
+    """Plan a case from scratch."""
     return job(part, case, "scratch", seed, {"target": case, **read("arm", "scratch"), **extra})
 
 
 def transfer(part: str, pair: str, arm: str, seed: int) -> Job:
-    """An arm on a pair."""
+    """Plan an arm on a pair."""
     return job(part, pair, arm, seed, {**read("pair", pair), **read("arm", arm)})
 
 
 def whole(part: str, source: str, seed: int, **extra: Any) -> Job:
-    """The whole network of another case on the new one."""
+    """Plan the whole network of another case on the new one."""
     cases = {"source": source, "target": NEW_CASE}
     return job(part, f"{source}-{NEW_CASE}", "FTW", seed, {**cases, **read("arm", "FTW"), **extra})
 

@@ -122,7 +122,7 @@ def style(arm: str) -> tuple[str, Any]:
 
 
 def lines(axes: Sequence[Axes], name: str, runs: Sequence[Record], look: tuple[str, Any]) -> None:
-    """An arm's training return in the first axes and its greedy return in the second."""
+    """Draw an arm's training return in the first axes and its greedy return in the second."""
     length = min(len(run.training.returns) for run in runs)
     count = min(len(run.greedy.returns) for run in runs)
     trained = smoothed(np.stack([run.training.returns[:length] for run in runs]))

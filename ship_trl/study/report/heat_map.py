@@ -28,7 +28,7 @@ Place = tuple[str, str, str]
 
 
 def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
-    """What is compared: by "source to target", the runs from scratch and those of each arm."""
+    """Find what is compared: by "source to target", the runs from scratch and those of each arm."""
     found: dict[str, tuple[Place, dict[str, Place]]] = {}
     for pair in pairs(study):
         source, target = study.cases(pair)
@@ -68,7 +68,7 @@ def gain(study: Study, place: Place, scratch: Place) -> float:
 
 
 def draw_gains(study: Study) -> Figure | None:
-    """The heat map; None without runs from scratch to compare with."""
+    """Draw the heat map; None without runs from scratch to compare with."""
     found = rows(study)
     if not found:
         return None

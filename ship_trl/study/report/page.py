@@ -50,12 +50,12 @@ class Drawn:
 
 
 def number(value: Any, digits: int = 2) -> str:
-    """A number for people; nothing where there is none."""
+    """Write a number for people; nothing where there is none."""
     return f"{value:.{digits}f}" if isinstance(value, int | float) else str(value)
 
 
 def interval(found: Estimate | None) -> str:
-    """The ends of an interval."""
+    """Write the ends of an interval."""
     return "" if found is None else f"{found.low:+.3f} to {found.high:+.3f}"
 
 
@@ -123,13 +123,13 @@ def in_a_sentence(answer: Answer) -> str:
 
 
 def spread(values: Sequence[float]) -> str:
-    """The least and the largest."""
+    """Write the least and the largest."""
     low, high = f"{min(values):.2f}", f"{max(values):.2f}"
     return low if low == high else f"{low} to {high}"
 
 
 def claim(answer: Answer) -> dict[str, str]:
-    """A claim as words."""
+    """Write a claim as words."""
     return {
         "name": answer.hypothesis.name,
         "figure": answer.hypothesis.figure,
@@ -159,7 +159,7 @@ def render(
     shuffled: Placebo | None,
     missing: int,
 ) -> str:
-    """The page.
+    """Make the page.
 
     Args:
         study: what was read.

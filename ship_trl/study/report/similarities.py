@@ -13,7 +13,7 @@ EQUATION = f"{ALPHA:g} common / ({ALPHA:g} common + {BETA:g} different)"
 
 
 def table_2() -> list[Row]:
-    """A row for each pair of conf/pair, the most similar first."""
+    """Make a row for each pair of conf/pair, the most similar first."""
     world, rows = load_world(), []
     for pair in names("pair"):
         values = read("pair", pair)

@@ -51,13 +51,13 @@ def arm_rows(study: Study) -> list[Row]:
 
 
 def columns(name: str, found: Estimate | None) -> Row:
-    """A value and the ends of its interval; empty where there is none."""
+    """Write a value and the ends of its interval; empty where there is none."""
     values = ("", "", "") if found is None else (found.value, found.low, found.high)
     return dict(zip((name, f"{name} low", f"{name} high"), values, strict=True))
 
 
 def estimate(values: Sequence[float]) -> Estimate | None:
-    """The interquartile mean and, of enough seeds, its interval; None where a number is missing."""
+    """Compute the interquartile mean and, of enough seeds, its interval; None where a number is missing."""
     if not values or not np.isfinite(values).all():
         return None
     if len(values) < LEAST_SEEDS:

@@ -84,7 +84,7 @@ def read_table(path: Path) -> list[list[Any]]:
 
 
 def numbers(column: list[str]) -> list[Any]:
-    """A column as numbers, None where there is none; as it is if it holds words."""
+    """Read a column as numbers, None where there is none; as it is if it holds words."""
     try:
         return [float(cell) if cell else None for cell in column]
     except ValueError:
@@ -92,6 +92,6 @@ def numbers(column: list[str]) -> list[Any]:
 
 
 def verdicts(rows: list[list[Any]]) -> dict[str, str]:
-    """The verdict on each claim that has contrasts, as "verdict/C1"."""
+    """Give the verdict on each claim that has contrasts, as "verdict/C1"."""
     found = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
     return {f"verdict/{row['claim']}": row["claim's verdict"] for row in found}

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ship_trl.evaluate import main
 from tests.test_cli import ROOT
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRAWS = {"huber_threshold": "huber_threshold.png"}
-ARGUMENTS = {"huber_threshold": [DRAWS["huber_threshold"]], "stock_torchrl": ["--steps", "400"]}
+ARGUMENTS = {
+    "huber_threshold": [DRAWS["huber_threshold"]],
+    "stock_torchrl": ["--steps", "400"],
+    "gymnasium_sb3": ["--steps", "300"],
+    "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
+}
 MOST_LINES = 80
 
 
@@ -39,3 +45,9 @@ def test_a_collision_is_forgotten_with_a_small_threshold() -> None:
         assert settled(1.0, share) == pytest.approx(-share / (1 - share), abs=0.05)
         assert settled(10.0, share) == pytest.approx(-10 * share / (1 - share), abs=0.05)
         assert settled(20.0, share) == pytest.approx(COLLISION * share, abs=0.05)
+
+
+def test_a_policy_of_ones_own_gives_way(capsys: pytest.CaptureFixture[str]) -> None:
+    main([f"{ROOT / 'examples/own_policy.py'}:policy", "keep_course", "target=4", "--markdown"])
+    own, kept = capsys.readouterr().out.splitlines()[2:4]
+    assert "| goal |" in own and "| collision |" in kept

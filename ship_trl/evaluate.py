@@ -8,6 +8,7 @@ target with it.
 from __future__ import annotations
 
 import math
+import re
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,9 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError, World, explain
+from ship_trl.plan import DAMAGED
 from ship_trl.result import RESULT, ResultError, read_result
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
@@ -57,6 +60,12 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         if options.episodes < 1:
             raise ConfigError(f"--episodes: must be at least 1, got {options.episodes}")
+        if not 0 <= options.seed < 2**63:
+            raise ConfigError(f"--seed: must be from 0 to 2^63 - 1, got {options.seed}")
+        if options.gif is not None and options.gif.suffix != ".gif":
+            raise ConfigError(f"--gif: must be a name that ends with .gif, got {options.gif}")
+        if options.gif is not None and not options.gif.absolute().parent.is_dir():
+            raise ConfigError(f"--gif: no folder {options.gif.absolute().parent}")
         entries = find_entries(options.words, options.colour)
         wrong = table(entries, options.episodes, options.seed, options.gif, options.markdown)
     except (ConfigError, OSError) as error:
@@ -73,8 +82,12 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     Raises:
         ConfigError: a word that is neither, a folder without a result, a policy without a case.
     """
-    names = [word for word in words if "=" not in word or Path(word).exists()]
-    settings = dict(word.split("=", 1) for word in words if word not in names)
+    # A path may hold an equals sign, as seed=0 does.
+    names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
+    given = [word.split("=", 1) for word in words if word not in names]
+    settings = {word[0]: word[1] for word in given}
+    if len(settings) < len(given):
+        raise ConfigError("target: given twice; allowed: once, with several behind commas")
     unknown = sorted(settings.keys() - {"target"})
     if unknown:
         raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
@@ -104,6 +117,8 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
     found: list[Entry] = []
     for path in sorted(folder.rglob(RESULT)):
         place = path.parent
+        if place.name.startswith(DAMAGED):
+            continue
         try:
             result = read_result(place)
         except ResultError as error:
@@ -112,9 +127,11 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
         label = f"{result.pair} {result.arm} seed {result.seed}"
         for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
             entry = Entry(str(place / file), f"{label}, {key}", Case([], 0, [], "", []), world, colour)
-            if targets:
+            if not (place / file).is_file():
+                complain(f"{place / file} is not there; left out")
+            elif targets:
                 found += [replace(entry, case=case) for case in targets]
-            elif (place / file).is_file():
+            else:
                 case = load_case(result.target, world, f"{path}: target")
                 found.append(replace(entry, case=case, claimed=claim.episode_return))
     if not found:
@@ -135,7 +152,7 @@ def settings_of(folder: Path) -> tuple[World, bool]:
         return world, bool(values.colour)
     except OmegaConfBaseException as error:
         raise ConfigError(f"policy: {path}: {explain(error)}") from None
-    except (OSError, AttributeError, ValueError) as error:
+    except (OSError, AttributeError, ValueError, YAMLError) as error:
         raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None
 
 
@@ -165,8 +182,6 @@ def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, mark
         from ship_trl.view.film import write_gif
 
         entry, env, episode = film
-        if not gif.absolute().parent.is_dir():
-            raise ConfigError(f"--gif: no folder {gif.absolute().parent}")
         write_gif(
             gif, entry.case, entry.world, episode, env.rasteriser, f"case {entry.case.name}, {entry.label}"
         )

@@ -38,7 +38,7 @@ class Run:
     """An arm on a target case with a seed; `source` is the run that trains the source network.
 
     `config_hash` is a digest of everything that decides what is learned: the same hash gives the same
-    network on the same machine.
+    network on the same machine and backend.
     """
 
     config: Config

@@ -68,7 +68,7 @@ POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
     "keep_course": keep_course,
     "best_known": best_plan,
 }
-ALLOWED = f"{', '.join(POLICIES)}, a safetensors file, a result folder, or file.py:function"
+ALLOWED = f"{', '.join(POLICIES)}, a safetensors file, or file.py:function"
 
 
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
@@ -104,15 +104,17 @@ def own(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy
     """
     try:
         if where.endswith(".py"):
-            spec = importlib.util.spec_from_file_location(Path(where).stem, where)
+            spec = importlib.util.spec_from_file_location(f"ship_trl_policy_{Path(where).stem}", where)
             assert spec is not None and spec.loader is not None
             module = importlib.util.module_from_spec(spec)
+            # A name that no other module has, for dataclasses and pickles that ask for it.
             sys.modules[spec.name] = module
             spec.loader.exec_module(module)
         else:
             module = importlib.import_module(where)
-    except (ImportError, OSError, SyntaxError) as error:
-        raise ConfigError(f"policy: {name} cannot be imported: {' '.join(str(error).split())}") from None
+    except Exception as error:  # whatever somebody's file may raise
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ConfigError(f"policy: {name} cannot be imported: {reason}") from None
     found = getattr(module, function, None)
     if not callable(found):
         raise ConfigError(f"policy: {where} has no function {function}")

@@ -123,6 +123,15 @@ def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         ("math:nothing target=2", "policy: math has no function nothing"),
         ("random target=2 --episodes 0", "--episodes: must be at least 1"),
         ("random target=2 --gif no/where.gif", "--gif: no folder"),
+        ("random target=2 --gif film.mp4", "--gif: must be a name that ends with .gif"),
+        ("random target=2 --seed 99999999999999999999", "--seed: must be from 0"),
+        ("random target=2 target=4", "target: given twice"),
+        ("./mine:policy target=2", "policy: ./mine:policy cannot be imported"),
+        (":policy target=2", "policy: :policy cannot be imported"),
+        (
+            "broken.py:policy target=2",
+            "policy: broken.py:policy cannot be imported: NameError: name",
+        ),
         (". target=2", "policy: no result.json with its networks at or below ."),
     ],
 )
@@ -130,6 +139,7 @@ def test_what_is_wrong_is_said(
     words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.py").write_text("nothing\n")
     assert said in refused(capsys, *words.split())
 
 

@@ -191,14 +191,14 @@ class Copies:
         if self._copies[0].dtype is torch.float32:
             return
         learning = weights[2 * frozen :]
-        now = [tuple(w._version for w in weights[: 2 * frozen]), version(learning)]  # noqa: SLF001
+        now = [version(weights[: 2 * frozen], learning=False), version(learning)]
         if learning and not learning[0].requires_grad and (ahead or not self._prepared):
             # A target network changes by writing to its data, which no version tells.
             self._versions[1] = ()
         for part, before, after in zip(
             (slice(2 * frozen), slice(2 * frozen, None)), self._versions, now, strict=True
         ):
-            if before != after:
+            if before != after and self._own[part]:
                 torch._foreach_copy_(self._copies[part], self._own[part])
         self._versions, self._prepared = now, ahead
 
@@ -224,6 +224,14 @@ class Incremental:
         """Stay one: a copied network shares it."""
         return self
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is remembered."""
+        return self.__dict__ | {"_seen": None, "_copies": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Remember nothing."""
+        self.__dict__ |= state | {"_copies": WeakKeyDictionary()}
+
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, 200]."""
         return self._rest(network, self._through_frozen(network, pixels))
@@ -243,7 +251,7 @@ class Incremental:
         """Cut frames into windows, and take them through the frozen layers."""
         frozen = [getattr(network, name).weight for name in CONV_NAMES[: network.frozen]]
         # Who and which version: weights that are replaced or changed in place are others.
-        state = (pixels._version, *(n for w in frozen for n in (w.data_ptr(), w._version)))  # noqa: SLF001
+        state = (*version([pixels, *frozen], learning=False), *(weight.data_ptr() for weight in frozen))
         if self._seen is None or self._seen[0] is not pixels or self._seen[1] != state:
             with torch.no_grad():
                 rows = self._advance(network, self._cut(pixels), network.frozen)

@@ -1,4 +1,4 @@
-"""Compiled loops of `delta`: which windows differ from the background, and where their rows lie."""
+"""Compiled loops of `incremental`: which windows differ from the background, and where their rows lie."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.learn.changes import version
+from ship_trl.learn.changes import rewrites, version
 from ship_trl.learn.incremental import GEOMETRY, Cutter, Rows, as_matrix, gathered_layer
 from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
 
@@ -31,13 +31,15 @@ class CachedInference:
         self._weights = [(as_matrix(layer.weight.detach()), layer.bias.detach()) for layer in layers]
         self._learning = [p for layer in layers[frozen:] for p in (layer.weight, layer.bias)]
         self._version: tuple[int, ...] = ()
+        self._rewrites = rewrites()
 
     def _forget(self) -> None:
         """Forget what the layers that learn gave, if they have learned since."""
         now = version(self._learning)
         if now != self._version:
-            del self._remembered[self._frozen :]
-            self._version = now
+            # A load or a move changes the frozen layers too.
+            del self._remembered[self._frozen if rewrites() == self._rewrites else 0 :]
+            self._version, self._rewrites = now, rewrites()
 
     @torch.no_grad()
     def actions(self, frames: Tensor) -> Tensor:

@@ -14,6 +14,8 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Loss
+from ship_trl.learn.changes import count_rewrite, rewrites
+from ship_trl.learn.network import DuelingNetwork
 
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
@@ -29,7 +31,8 @@ class DoubleDQNLoss(DQNLoss):
     """TorchRL's `DQNLoss` for double DQN, with Huber's threshold, at a third of the overhead.
 
     Keys, target parameters and updaters are those of `DQNLoss`; the networks are called by themselves,
-    without choosing actions, and read the next observations one after the other.
+    without choosing actions, and read the next observations one after the other. Actions are indices [B];
+    priority weights, masks, reductions and other value estimators than one step's are not for it.
 
     Args:
         value_network: a Q-value actor around a network that maps observations to Q-values [..., A].
@@ -58,16 +61,33 @@ class DoubleDQNLoss(DQNLoss):
         self.write_td_error = write_td_error
         self.make_value_estimator(gamma=gamma)
         network = value_network[0].module
+        # Not registered: they are other views of parameters that the loss holds already.
         target = copy.deepcopy(network).requires_grad_(False)
+        self.__dict__.update(network=network, target_network=target)
+        self._share_target()
+        self.register_load_state_dict_post_hook(count_rewrite)
+
+    def _share_target(self) -> None:
+        """Let the target network compute with the loss's target parameters."""
         # As an attribute they would be complained of until an updater is made.
         params: Any = dict(self.named_children())["target_value_network_params"]
-        params["module", "0", "module"].to_module(target)
-        for name, layer in network.named_children():
+        params["module", "0", "module"].to_module(self.target_network)
+        for name, layer in self.network.named_children():
             if not any(parameter.requires_grad for parameter in layer.parameters()):
                 # What never learns is the same in both, and may so be computed once for both.
-                setattr(target, name, layer)
-        # Not registered: they are other views of parameters that the loss holds already.
-        self.__dict__.update(network=network, target_network=target)
+                setattr(self.target_network, name, layer)
+
+    def _apply(self, fn: Any, recurse: bool = True) -> Any:
+        """Move or cast the loss, and the target network with it."""
+        moved = super()._apply(fn)
+        if "target_network" in self.__dict__:
+            self._share_target()
+            count_rewrite()
+        return moved
+
+    def __deepcopy__(self, memo: Any) -> Any:
+        """Refuse: a copy's networks would not be those of its parameters."""
+        raise TypeError("a DoubleDQNLoss cannot be copied; make another one around a copy of its network")
 
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
@@ -95,17 +115,24 @@ class ForeachSoftUpdate(SoftUpdate):
 
     def __init__(self, loss_module: DoubleDQNLoss, *, tau: float) -> None:
         super().__init__(loss_module, tau=tau)
-        self._tau = tau
+        self._networks = [loss_module.network, loss_module.target_network]
+        self._find()
+
+    def _find(self) -> None:
+        """Look up where the parameters lie, which a move or a cast of the loss changes."""
         names = list(self._sources.keys(True, True))
         self._online = [self._sources[name].data for name in names]
         self._slow = [self._targets[rename(name)].data for name in names]
-        self._networks = [loss_module.network, loss_module.target_network]
+        self._rewrites = rewrites()
 
     def step(self) -> None:
         """Move the target parameters by `tau` of the way to the online ones."""
-        torch._foreach_lerp_(self._slow, self._online, self._tau)
+        if self._rewrites != rewrites():
+            self._find()
+        torch._foreach_lerp_(self._slow, self._online, 1.0 - self.eps)
         for network in self._networks:
-            network.backend.prepare(network)
+            if isinstance(network, DuelingNetwork):
+                network.backend.prepare(network)
 
 
 def rename(name: Any) -> Any:

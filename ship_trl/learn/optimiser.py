@@ -44,10 +44,10 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             steps = [state["step"] for state in states]
             torch._foreach_add_(steps, 1.0)
             torch._fused_adam_(
-                [in_order(parameter) for parameter in learning],
-                [in_order(parameter.grad) for parameter in learning],
-                [in_order(state["exp_avg"]) for state in states],
-                [in_order(state["exp_avg_sq"]) for state in states],
+                [in_order(parameter, parameter) for parameter in learning],
+                [in_order(parameter.grad, parameter) for parameter in learning],
+                [in_order(s["exp_avg"], p) for s, p in zip(states, learning, strict=True)],
+                [in_order(s["exp_avg_sq"], p) for s, p in zip(states, learning, strict=True)],
                 [],
                 steps,
                 lr=group["lr"],
@@ -70,8 +70,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
         return state
 
 
-def in_order(tensor: Tensor) -> Tensor:
-    """View a tensor whose memory is channels last in the order of its memory; others stay."""
-    if tensor.dim() == 4 and not tensor.is_contiguous():
-        return tensor.permute(0, 2, 3, 1)
-    return tensor
+def in_order(tensor: Tensor, parameter: Tensor) -> Tensor:
+    """View a tensor in the order of a parameter's memory: channels last, or as it is."""
+    if parameter.dim() == 4 and not parameter.is_contiguous():
+        return tensor.permute(0, 2, 3, 1).contiguous()
+    return tensor.contiguous()

@@ -34,7 +34,7 @@ class DrawPixels(Transform):
 
 
 class TransitionStorage(Storage):
-    """Rows of one tensor an entry: what TorchRL's `LazyTensorStorage` holds, in a third of its time.
+    """Rows of one tensor an entry: what `LazyTensorStorage` holds of transitions, in a third of its time.
 
     A few transitions a time are written and a small batch is read, so that the time goes into looking
     after tensordicts, not into moving numbers.
@@ -60,7 +60,8 @@ class TransitionStorage(Storage):
         """
         if not self._rows:
             for key, value in data.items(True, True):
-                self._rows[key] = value.new_zeros((self.max_size, *value.shape[1:]), device=self.device)
+                shape = (self.max_size, *value.shape[data.batch_dims :])
+                self._rows[key] = value.new_zeros(shape, device=self.device)
         for key, rows in self._rows.items():
             rows[cursor] = data.get(key)
         if set_cursor:
@@ -82,8 +83,21 @@ class TransitionStorage(Storage):
         self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
         self._len = state_dict["length"]
 
+    def dumps(self, path: Any) -> None:
+        """Refuse: `state_dict` gives what is held."""
+        raise NotImplementedError("transitions are not dumped; keep state_dict()")
+
+    def loads(self, path: Any) -> None:
+        """Refuse: `load_state_dict` takes what `state_dict` gave."""
+        raise NotImplementedError("transitions are not dumped; use load_state_dict()")
+
     def _empty(self) -> None:
         self._len = 0
+
+
+def as_drawn(batch: TensorDict) -> TensorDict:
+    """Give a batch as the storage does."""
+    return batch
 
 
 def nested(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
@@ -113,6 +127,7 @@ class StateReplay(TensorDictReplayBuffer):
         device: where transitions lie.
         observation: which entry of a step is kept: `state`, or `features` where some layers are frozen.
         transform: of batches, as `DrawPixels`.
+        batch_size: of `sample()` without a size, and of iteration.
     """
 
     def __init__(
@@ -123,6 +138,7 @@ class StateReplay(TensorDictReplayBuffer):
         device: torch.device,
         observation: str = "state",
         transform: Transform | None = None,
+        batch_size: int | None = None,
     ) -> None:
         # Storing one step costs as much as storing many, so they wait until a batch is drawn.
         self._waiting: list[dict[str | tuple[str, str], Tensor]] = []
@@ -131,9 +147,10 @@ class StateReplay(TensorDictReplayBuffer):
         super().__init__(
             storage=storage,
             writer=writer,
-            collate_fn=lambda batch: batch,
+            collate_fn=as_drawn,
             generator=generator,
             transform=transform,
+            batch_size=batch_size,
         )
 
     def __len__(self) -> int:
@@ -143,18 +160,42 @@ class StateReplay(TensorDictReplayBuffer):
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
         """Keep steps of N environments, tensordict [N] with the observation, `action` and `next`."""
         following = tensordicts.get("next")
+        # Copies: what was given may be written to before it is stored.
         self._waiting.append(
             {
-                self.observation: tensordicts.get(self.observation),
-                "action": tensordicts.get("action"),
-                ("next", self.observation): following.get(self.observation),
+                self.observation: tensordicts.get(self.observation).clone(),
+                "action": tensordicts.get("action").clone(),
+                ("next", self.observation): following.get(self.observation).clone(),
                 ("next", "reward"): following.get("reward") * self.reward_scale,
-                ("next", "done"): following.get("done"),
-                ("next", "terminated"): following.get("terminated"),
+                ("next", "done"): following.get("done").clone(),
+                ("next", "terminated"): following.get("terminated").clone(),
             }
         )
         if len(self._waiting) == MOST_WAITING:
             self._store()
+
+    def add(self, data: TensorDictBase) -> None:
+        """Keep one step."""
+        self.extend(data.unsqueeze(0))
+
+    def empty(self, *arguments: Any, **how: Any) -> None:
+        """Forget everything."""
+        self._waiting.clear()
+        super().empty(*arguments, **how)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Give everything that is kept."""
+        self._store()
+        return dict(super().state_dict())
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Take over what `state_dict` gave, and nothing else."""
+        self._waiting.clear()
+        super().load_state_dict(state_dict)
+
+    def __getitem__(self, index: Any) -> Any:
+        self._store()
+        return super().__getitem__(index)
 
     def _store(self) -> None:
         if self._waiting:

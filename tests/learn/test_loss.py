@@ -12,6 +12,7 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Loss
 from ship_trl.learn.incremental import Incremental
+from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels, StateReplay
@@ -177,3 +178,49 @@ def test_torchrls_loss_reads_our_replay() -> None:
     other = reference(value_network, Loss.l2)
     SoftUpdate(other, tau=0.1)
     assert torch.equal(made(value_network)(sample)["loss"], other(sample)["loss"])
+
+
+@pytest.mark.parametrize("frozen", [0, 2])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_a_loss_that_is_loaded_computes_with_what_was_loaded(frozen: int, dtype: torch.dtype) -> None:
+    value_network, other = actor(frozen), made(actor(frozen))
+    value_network[0].module.backend = Incremental(draw.background, dtype)
+    loss, pixels = made(value_network), batch()["pixels"]
+    few = CachedInference(loss.network, draw.background, frozen)
+    with torch.no_grad():
+        for parameter in other.parameters():
+            parameter.mul_(1.5)
+        loss.network(pixels), loss.target_network(pixels), few.actions(pixels)
+        loss.load_state_dict(other.state_dict())
+        for mine, theirs in (
+            (loss.network, other.network),
+            (loss.target_network, other.target_network),
+        ):
+            wanted = theirs(pixels)
+            assert (mine(pixels) - wanted).abs().max() < 0.03 * wanted.abs().max()
+        assert torch.equal(few.actions(pixels), other.network(pixels).argmax(-1))
+
+
+def test_a_loss_is_cast_whole_and_its_updater_follows() -> None:
+    loss = made(actor())
+    target = ForeachSoftUpdate(loss, tau=0.5)
+    loss.double()
+    assert {p.dtype for p in loss.target_network.parameters()} == {torch.float64}
+    with torch.no_grad():
+        loss.network.value.bias.add_(1.0)
+    before = loss.target_network.value.bias.clone()
+    target.step()
+    assert torch.equal(loss.target_network.value.bias, before + 0.5)
+    with pytest.raises(TypeError, match="cannot be copied"):
+        copy.deepcopy(loss)
+
+
+def test_any_network_can_be_learned_by_it() -> None:
+    perceptron = torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.ReLU(), torch.nn.Linear(8, 7))
+    loss = DoubleDQNLoss(QValueActor(perceptron, in_keys=["state"], action_space="categorical"), gamma=0.9)
+    target = ForeachSoftUpdate(loss, tau=0.1)
+    data = batch()
+    data["state"], data["next", "state"] = torch.rand(2, 12, 2)
+    loss(data)["loss"].backward()
+    target.step()
+    assert all(p.grad is not None for p in loss.parameters() if p.requires_grad)

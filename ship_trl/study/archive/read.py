@@ -1,4 +1,4 @@
-"""A study's folder from its copy (see `kept`): results and curves, and what is refused."""
+"""A study's folder from its copy (see `write`): results and curves, and what is refused."""
 
 from __future__ import annotations
 

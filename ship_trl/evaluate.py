@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,7 @@ from yaml import YAMLError
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError, World, explain
-from ship_trl.plan import DAMAGED
-from ship_trl.result import RESULT, ResultError, read_result
+from ship_trl.result import RESULT
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
 
@@ -86,11 +85,11 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
     given = [word.split("=", 1) for word in words if word not in names]
     settings = {word[0]: word[1] for word in given}
-    if len(settings) < len(given):
-        raise ConfigError("target: given twice; allowed: once, with several behind commas")
     unknown = sorted(settings.keys() - {"target"})
     if unknown:
         raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
+    if len(given) > 1:
+        raise ConfigError("target: given twice; allowed: once, with several behind commas")
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
     world = load_world()
@@ -114,26 +113,24 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
     Raises:
         ConfigError: there is no result, or its configuration cannot be read.
     """
+    from ship_trl.results import collect
+
     found: list[Entry] = []
-    for path in sorted(folder.rglob(RESULT)):
-        place = path.parent
-        if place.name.startswith(DAMAGED):
-            continue
-        try:
-            result = read_result(place)
-        except ResultError as error:
-            raise ConfigError(f"policy: {path} {error}") from None
+    whole, broken = collect(folder)
+    for path, error in broken:
+        complain(f"{path} {error}; left out")
+    for run in whole:
+        result, place = run.result, run.folder
         world, colour = settings_of(place)
+        cases = targets or [load_case(result.target, world, f"{place / RESULT}: target")]
         label = f"{result.pair} {result.arm} seed {result.seed}"
         for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
-            entry = Entry(str(place / file), f"{label}, {key}", Case([], 0, [], "", []), world, colour)
             if not (place / file).is_file():
                 complain(f"{place / file} is not there; left out")
-            elif targets:
-                found += [replace(entry, case=case) for case in targets]
-            else:
-                case = load_case(result.target, world, f"{path}: target")
-                found.append(replace(entry, case=case, claimed=claim.episode_return))
+                continue
+            claimed = None if targets else claim.episode_return
+            name = f"{label}, {key}"
+            found += [Entry(str(place / file), name, case, world, colour, claimed) for case in cases]
     if not found:
         raise ConfigError(f"policy: no {RESULT} with its networks at or below {folder}")
     return found
@@ -159,7 +156,7 @@ def settings_of(folder: Path) -> tuple[World, bool]:
 def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, markdown: bool) -> list[str]:
     """Sail every entry and print what it reached; returns the labels of those that fall short of a claim."""
     from ship_trl.learn.rollout import rollout
-    from ship_trl.policies import load_policy
+    from ship_trl.policies import POLICIES, load_policy
     from ship_trl.process import settle
     from ship_trl.results import show
     from ship_trl.sim.env import ShipEnv
@@ -169,11 +166,12 @@ def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, mark
     rows, wrong = [], []
     film: tuple[Entry, Any, Episode] | None = None
     for entry in entries:
-        pixels = not entry.policy.endswith(".safetensors")
+        # Networks from a file draw for themselves, and ours without training read the state alone.
+        pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
         env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
         sailed = rollout(env, load_policy(entry.policy, env, seed))
-        rows.append(row(entry, sailed, best_known(entry.case, entry.world).episode_return))
         reached = sum(episode.episode_return for episode in sailed) / len(sailed)
+        rows.append(row(entry, sailed, reached, best_known(entry.case, entry.world).episode_return))
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
         film = entry, env, sailed[0]
@@ -189,9 +187,8 @@ def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, mark
     return wrong
 
 
-def row(entry: Entry, sailed: list[Episode], best: float) -> list[str]:
-    """Make the row of one policy: means over its episodes."""
-    reached = sum(episode.episode_return for episode in sailed) / len(sailed)
+def row(entry: Entry, sailed: list[Episode], reached: float, best: float) -> list[str]:
+    """Make the row of one policy: means over its episodes, that of their returns is `reached`."""
     ends = [episode.outcome for episode in sailed]
     often = {end: ends.count(end) for end in ("goal", "collision", "timeout") if end in ends}
     ended = (

@@ -45,7 +45,7 @@ def keep_course(env: ShipEnv, _: int = 0) -> Policy:
     return follow([chosen] * env.world.max_steps)
 
 
-def best_plan(env: ShipEnv, _: int = 0) -> Policy:
+def sail_best_known(env: ShipEnv, _: int = 0) -> Policy:
     """Make the policy that sails the planner's best plan."""
     return follow(best_known(env.case, env.world).actions)
 
@@ -66,7 +66,7 @@ def follow(actions: Sequence[int]) -> Policy:
 POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
     "random": random_actions,
     "keep_course": keep_course,
-    "best_known": best_plan,
+    "best_known": sail_best_known,
 }
 ALLOWED = f"{', '.join(POLICIES)}, a safetensors file, or file.py:function"
 

@@ -1,9 +1,8 @@
-"""`python -m ship_trl.report FOLDER`: the report of a study or its copy, from its result files. No torch."""
+"""`python -m ship_trl.report FOLDER`: the report of a study, from its runs or their tables. No torch."""
 
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
 from ship_trl.cli import complain, make_parser
@@ -13,23 +12,17 @@ from ship_trl.config import ConfigError
 def main(arguments: list[str] | None = None) -> None:
     """Read the runs, measure the claims, write tables, figures and page."""
     parser = make_parser("ship_trl.report", __doc__)
-    parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study, or of its copy")
+    parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study, or of its tables")
     parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():
         complain(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
         sys.exit(1)
-    from ship_trl.study.archive.read import is_copy, read_copy, unpack
     from ship_trl.study.report.write import report
 
     output = options.output or options.folder / "report"
     try:
-        if is_copy(options.folder):
-            with tempfile.TemporaryDirectory() as folder:
-                unpack(read_copy(options.folder), Path(folder))
-                report(Path(folder), output)
-        else:
-            report(options.folder, output)
+        report(options.folder, output)
     except (ConfigError, OSError) as error:
         complain(str(error))
         sys.exit(1)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
 from rich.table import Column, Table
 
 from ship_trl.cli import complain, make_parser
+from ship_trl.curve import GREEDY, TRAINING, CurveError, read_curve
 from ship_trl.plan import DAMAGED
 from ship_trl.result import RESULT, Result, ResultError, Score, read_result
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 HEADINGS = (
     "run",
@@ -170,20 +174,14 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
         ]
 
 
-def read_curve(folder: Path) -> tuple[list[float], list[int], list[float]] | None:
-    """Read training returns, and episodes and returns of greedy evaluations; None, and said, if not whole."""
+def split_curve(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame] | None:
+    """Read a run's training episodes and greedy evaluations; None, and said, if its curve is not whole."""
     try:
-        with (folder / "curve.csv").open(newline="") as file:
-            lines = list(csv.DictReader(file))
-        greedy = [line for line in lines if line["greedy_return"]]
-        return (
-            [float(line["return"]) for line in lines if line["return"]],
-            [int(line["episode"]) for line in greedy],
-            [float(line["greedy_return"]) for line in greedy],
-        )
-    except (OSError, ValueError, KeyError):
-        complain(f"{folder / 'curve.csv'} is not a whole learning curve and is left out")
+        rows = read_curve(folder)
+    except CurveError as error:
+        complain(f"{folder}: {error}; left out")
         return None
+    return rows[rows["kind"] == TRAINING], rows[rows["kind"] == GREEDY]
 
 
 def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
@@ -192,10 +190,10 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
 
     means: dict[tuple[str, str], dict[Path, list[float]]] = {}
     for run in sorted(found, key=lambda run: run.result.seed):
-        curve = read_curve(run.folder)
+        curve = split_curve(run.folder)
         if curve is not None:
             by_folder = means.setdefault((run.place, run.result.arm), {one: [], other: []})
-            by_folder[run.below].append(float(np.mean(curve[2])))
+            by_folder[run.below].append(float(np.mean(curve[1]["return"].to_numpy())))
     for (pair, arm), both in sorted(means.items()):
         samples = [np.array(both[folder]) for folder in (one, other)]
         enough = min(map(len, samples)) > 1
@@ -210,10 +208,12 @@ def picture(path: Path, found: list[Found]) -> None:
     several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}
     for one in found:
-        read = read_curve(one.folder)
+        read = split_curve(one.folder)
         if read is None:
             continue
-        curve = Curve(*(np.array(values) for values in read))
+        training, greedy = read
+        columns = training["return"], greedy["episode"], greedy["return"]
+        curve = Curve(*(column.to_numpy() for column in columns))
         name = f"{one.below}: {one.result.arm}" if several else one.result.arm
         panels.setdefault(one.place, {}).setdefault(name, []).append(curve)
     if not panels:

@@ -14,16 +14,12 @@ from typing import Any, Literal
 from omegaconf import OmegaConf
 
 from ship_trl.config import ConfigError, Logger, WandbMode, plain
+from ship_trl.curve import COLUMNS, CURVE
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import replacing
 from ship_trl.plan import Run
 from ship_trl.result import Result
 from ship_trl.transfer.casebase import CONFIG
-
-COLUMNS = (
-    "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
-    "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa",
-)  # fmt: skip
 
 
 def row(event: Finished | Evaluated) -> dict[str, Any]:
@@ -67,7 +63,7 @@ class CsvTracker:
     """`curve.csv`, a line an event, written as it goes."""
 
     def __init__(self, folder: Path) -> None:
-        self._file = (folder / "curve.csv").open("w", newline="")
+        self._file = (folder / CURVE).open("w", newline="")
         self._writer = csv.DictWriter(self._file, COLUMNS, restval="", lineterminator="\n")
         self._writer.writeheader()
 

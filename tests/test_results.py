@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
+from ship_trl.curve import GREEDY, TRAINING, write_curve
 from ship_trl.result import write_result
 from ship_trl.results import collect, main
 from tests.a_result import a_result, a_score
@@ -74,7 +76,10 @@ def test_an_empty_folder_is_one_line_and_exit_1(tmp_path: Path, capsys: pytest.C
     assert capsys.readouterr().err.startswith("ship_trl: folder: no finished run below")
 
 
-CURVE = "episode,return,greedy_return\n0,,-300.0\n1,-250.0,\n2,10.0,\n2,,20.0\n"
+def write_rows(folder: Path, seed: int, rows: list[tuple[str, int, float]]) -> None:
+    """A learning curve of rows kind, episode and return."""
+    table = pd.DataFrame(rows, columns=["kind", "episode", "return"])
+    write_curve(folder / f"4/scratch/seed={seed}", table.assign(epsilon=0.1, outcome="goal", dcpa=60.0))
 
 
 def test_curves_of_two_folders_are_drawn_beside_each_other(
@@ -82,13 +87,14 @@ def test_curves_of_two_folders_are_drawn_beside_each_other(
 ) -> None:
     for name in ("one", "two"):
         write(tmp_path / name, 0, 30.0)
-        (tmp_path / name / "4/scratch/seed=0/curve.csv").write_text(CURVE)
+        rows = [(GREEDY, 0, -300.0), (TRAINING, 1, -250.0), (TRAINING, 2, 10.0), (GREEDY, 2, 20.0)]
+        write_rows(tmp_path / name, 0, rows)
     write(tmp_path / "two", 1, 20.0)  # without a learning curve
     one, two, picture = (str(tmp_path / name) for name in ("one", "two", "both.png"))
     main([one, two, "--markdown", "--picture", picture])
     said = capsys.readouterr()
     assert f"| {one}: 4 scratch | 0 |" in said.out and f"| {two}: 4 scratch | 0 1 |" in said.out
-    assert said.err.count("\n") == 1 and "curve.csv is not a whole learning curve" in said.err
+    assert said.err.count("\n") == 1 and "seed=1: curve.csv is missing; left out" in said.err
     assert Path(picture).read_bytes().startswith(b"\x89PNG")
 
 
@@ -104,10 +110,9 @@ def test_without_a_curve_there_is_no_picture(tmp_path: Path, capsys: pytest.Capt
 def curve(folder: Path, seed: int, greedy: list[float]) -> None:
     """A run with so many greedy evaluations."""
     write(folder, seed, 30.0)
-    lines = ["episode,return,greedy_return"]
-    for episode, value in enumerate(greedy):
-        lines += [f"{episode + 1},-10.0,", f"{episode + 1},,{value}"]
-    (folder / f"4/scratch/seed={seed}/curve.csv").write_text("\n".join(lines) + "\n")
+    numbered = list(enumerate(greedy, 1))
+    rows = [row for n, value in numbered for row in ((TRAINING, n, -10.0), (GREEDY, n, value))]
+    write_rows(folder, seed, rows)
 
 
 def test_two_folders_are_tested_against_each_other(

@@ -7,13 +7,15 @@ import sys
 
 from ship_trl.cli import complain
 from ship_trl.config import ConfigError
-from ship_trl.study.analysis.manifest import episodes_of, settle
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
 from ship_trl.study.launch.pace import in_words, seconds_per_run
 from ship_trl.study.launch.progress import Display, say
+from ship_trl.study.margins import margins
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs
+from ship_trl.study.plan.manifest import episodes_of, write_plan
+from ship_trl.study.records.tables import has_tables
 from ship_trl.study.report.wandb_summary import REPORT, check_account, log_summary
 
 HELP = """\
@@ -47,7 +49,13 @@ def main(arguments: list[str] | None = None) -> None:
         config = to_study(given)
         check_account(config)
         jobs = plan_jobs(config)
-        settle(jobs, config)
+        if has_tables(config.folder):
+            raise ConfigError(
+                f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER"
+            )
+        # They are read when the runs are judged, which may be days from now.
+        margins()
+        write_plan(jobs, config)
         left = study(jobs, config)
         conclude(jobs, left, config)
     except ConfigError as error:

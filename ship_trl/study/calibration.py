@@ -17,8 +17,8 @@ from rich.table import Table
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.study.analysis.contrasts import Claimed, Verdict, contrast
-from ship_trl.study.analysis.measured import BLOCK, Study
 from ship_trl.study.analysis.statistics import LEVEL, Sample, look_level, spread_test
+from ship_trl.study.analysis.study import BLOCK, Study
 from ship_trl.study.claims.kinds import Hypothesis, Test
 from ship_trl.study.claims.verdicts import judge
 

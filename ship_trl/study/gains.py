@@ -17,7 +17,7 @@ import yaml
 from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError
 from ship_trl.study.analysis.metrics import TIMES, measure
-from ship_trl.study.analysis.records import BrokenRunError, Record, find_runs, read_run
+from ship_trl.study.records.record import BrokenRunError, Record, find_runs, read_run
 
 # Of these it is how much better the knowing network is; of dips the whole of what scratch shows.
 GAINED, WHOLE = ("area", "time", "asymptote", "early area", "start"), ("dip", "collision rise")

@@ -31,9 +31,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 def kept(folder: Path, copy: Path) -> None:
     """Copy, and say how much."""
-    from ship_trl.study.archive.write import CURVES, RUNS, write_copy
+    from ship_trl.study.records.tables import CURVES, RUNS, write_tables
 
-    whole, broken = write_copy(folder, copy)
+    whole, broken = write_tables(folder, copy)
     size = sum((copy / name).stat().st_size for name in (RUNS, CURVES))
     left = f", {broken} left out" if broken else ""
     sys.stdout.write(f"{whole} runs{left}; {size / whole / 1000:.1f} kB a run in {copy}\n")
@@ -41,9 +41,10 @@ def kept(folder: Path, copy: Path) -> None:
 
 def restored(copy: Path, folder: Path) -> None:
     """Restore, and say what is left to train."""
-    from ship_trl.study.archive.read import read_copy, restore
+    from ship_trl.study.records.restore import restore
+    from ship_trl.study.records.tables import read_tables
 
-    runs, others = restore(read_copy(copy), folder)
+    runs, others = restore(read_tables(copy), folder)
     left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
     sys.stdout.write(f"{runs} runs{left}; {folder}\n")
 

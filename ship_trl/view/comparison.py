@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ship_trl.curve import moving_mean
 from ship_trl.paths import replacing
-from ship_trl.view.curve import moving_mean
+from ship_trl.view.curve import MEAN_OVER
 
 # Okabe and Ito; the dashes tell lines apart without colour.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -52,7 +53,7 @@ def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str,
         for k, (name, curves) in enumerate(groups.items()):
             style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
             length = min(len(c.returns) for c in curves)
-            smooth = np.stack([moving_mean(c.returns[:length]) for c in curves])
+            smooth = moving_mean(np.stack([c.returns[:length] for c in curves]), MEAN_OVER)
             _draw_band(upper, np.arange(1, length + 1), smooth, f"{name} ({len(curves)} seeds)", style)
             count = min(len(c.greedy) for c in curves)
             greedy = np.stack([c.greedy[:count] for c in curves])
@@ -64,7 +65,7 @@ def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str,
         lower.set_ylim(LOWEST, best[title] + 15)
         lower.set_xlabel("training episodes")
         upper.legend(loc="lower right", fontsize=9)
-    axes[0, 0].set_ylabel("training return, mean of 25\n(middle seed; band: all seeds)")
+    axes[0, 0].set_ylabel(f"training return, mean of {MEAN_OVER}\n(middle seed; band: all seeds)")
     axes[1, 0].set_ylabel("greedy return\n(middle seed; band: all seeds)")
     with replacing(path) as draft:
         figure.savefig(draft, format="png")

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
 
+from ship_trl.curve import moving_mean
 from ship_trl.paths import replacing
 
 MEAN_OVER = 25
@@ -67,14 +66,6 @@ def draw_curve(
         figure.savefig(draft)
 
 
-def moving_mean(values: ArrayLike, window: int = MEAN_OVER) -> NDArray[np.float64]:
-    """Mean of each value and those before it, at most `window` in all: [N] to [N]."""
-    sums = np.concatenate(([0.0], np.cumsum(np.asarray(values, dtype=np.float64))))
-    last = np.arange(1, len(sums))
-    first = np.maximum(last - window, 0)
-    return np.asarray((sums[last] - sums[first]) / (last - first))
-
-
 def _draw_returns(
     axes: Axes,
     finished: Sequence[Trained],
@@ -94,7 +85,7 @@ def _draw_returns(
             alpha=0.4,
             label=f"training: {outcome} ({len(rows)})",
         )
-    mean = moving_mean([row.episode_return for row in finished])
+    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
     axes.plot(
         [row.episode for row in finished],
         mean,
@@ -133,7 +124,7 @@ def _draw_returns(
 def _draw_shares(axes: Axes, finished: Sequence[Trained]) -> None:
     episodes = [row.episode for row in finished]
     for outcome, style in (("goal", "-"), ("collision", "-.")):
-        share = moving_mean([row.outcome == outcome for row in finished])
+        share = moving_mean([row.outcome == outcome for row in finished], MEAN_OVER)
         axes.plot(
             episodes,
             share,

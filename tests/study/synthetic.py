@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.result import write_result
-from ship_trl.study.analysis.measured import Study
-from ship_trl.study.analysis.records import Greedy, Record, Training
+from ship_trl.study.analysis.study import Study
+from ship_trl.study.records.record import Greedy, Record, Training
 from tests.a_result import a_result, a_score
 
 BEST, RANDOM = 80.0, -320.0

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study import rules
-from ship_trl.study.analysis.manifest import settle
-from ship_trl.study.analysis.measured import read_study
+from ship_trl.study.analysis.study import read_study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study.plan.manifest import write_plan
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_without_a_repository_or_a_plan_nothing_is_claimed(
 def test_a_study_keeps_the_rules_and_the_seeds_that_it_was_begun_with(tmp_path: Path) -> None:
     def begin(seeds: int) -> None:
         config = to_study(["profile=smoke", f"seeds={seeds}", f"output={tmp_path}"])
-        settle(plan_jobs(config), config)
+        write_plan(plan_jobs(config), config)
 
     begin(3)
     first = read_study(tmp_path)

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from ship_trl.view.curve import draw_curve, moving_mean
+from ship_trl.view.curve import draw_curve
 
 
 @dataclass(frozen=True)
@@ -21,12 +21,6 @@ class Row:
 
 ROWS = [Row(k, 3.0 * k - 300, ("collision", "timeout", "goal")[k % 3], 1 - k / 100) for k in range(1, 101)]
 GREEDY = [(0, -320.0, "collision"), (50, -500.0, "timeout"), (100, 60.0, "goal")]
-
-
-def test_moving_mean() -> None:
-    assert moving_mean([4.0, 2.0, 0.0, 8.0], 2).tolist() == [4.0, 3.0, 1.0, 4.0]
-    assert moving_mean([4.0, 2.0]).tolist() == [4.0, 3.0]
-    assert moving_mean([]).size == 0
 
 
 def test_the_picture(tmp_path: Path) -> None:

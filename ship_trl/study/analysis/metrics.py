@@ -8,9 +8,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.study.analysis.records import Record
+from ship_trl.curve import moving_mean
 from ship_trl.study.plan.config import REUSED_CASE
 from ship_trl.study.plan.jobs import LOW, ONE
+from ship_trl.study.records.record import Record
 
 # The first mean of so large a share of the training episodes at the threshold or above counts as having
 # got there; the first threshold is the primary one.
@@ -86,10 +87,8 @@ def smallest_dcpa(record: Record) -> float:
 
 def moving_scores(record: Record) -> NDArray[np.float64]:
     """Mean scores of `WINDOW` of the training episodes in a row: [E - window + 1]."""
-    scores = record.score(record.training.returns)
     window = share(record, WINDOW)
-    sums = np.concatenate([[0.0], np.cumsum(scores)])
-    return (sums[window:] - sums[:-window]) / window
+    return moving_mean(record.score(record.training.returns), window)[window - 1 :]
 
 
 def curve(record: Record) -> NDArray[np.float64]:
@@ -141,8 +140,7 @@ def dip(record: Record) -> float:
     tenth, width = share(record, LAST), share(record, LAST / 4)
     end = around_annealed(record)[0].stop
     near = scores[max(0, end - 2 * tenth) : end + 2 * tenth]
-    sums = np.concatenate([[0.0], np.cumsum(near)])
-    means = (sums[width:] - sums[:-width]) / width
+    means = moving_mean(near, width)[width - 1 :]
     return float(np.max(np.maximum.accumulate(means) - means))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ship_trl.cli import complain
 from ship_trl.study.analysis.metrics import METRICS, THRESHOLDS, measure
-from ship_trl.study.analysis.records import BrokenRunError, Record, read_run
+from ship_trl.study.records.record import BrokenRunError, Record, read_run
 
 HEADINGS = (
     "run",

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding
-from ship_trl.study.analysis.measured import Places, Study, levels, steadier
+from ship_trl.study.analysis.measured import levels, steadier
 from ship_trl.study.analysis.metrics import TIMES
+from ship_trl.study.analysis.study import Places, Study
 from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, SELF_PAIR
 from ship_trl.study.plan.jobs import ALONE, CONTROLS, FURTHER_SOURCES, LOW, ONE, OTHER_SOURCES, PAIRS
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ship_trl.study.analysis.contrasts import Claimed, Verdict
-from ship_trl.study.analysis.measured import SEED, Study
+from ship_trl.study.analysis.measured import SEED
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import answer
 
 SHUFFLES = 20

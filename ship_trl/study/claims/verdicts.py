@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Claimed, Finding, Verdict
-from ship_trl.study.analysis.measured import Study
 from ship_trl.study.analysis.statistics import LEVEL, holm, look_level
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import CONCLUSIONS, OURS
 from ship_trl.study.claims.hypotheses import HYPOTHESES
 from ship_trl.study.claims.kinds import Hypothesis

@@ -16,9 +16,9 @@ from ship_trl.config import Logger, plain
 from ship_trl.launchers import die_with_parent
 from ship_trl.paths import replacing
 from ship_trl.result import Result, ResultError, read_result
-from ship_trl.study.analysis.manifest import run_config
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job
+from ship_trl.study.plan.manifest import run_config
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
 # What all runs of a study have in common, beside the learner.

@@ -8,10 +8,10 @@ from pathlib import Path
 from ship_trl.config import ConfigError
 from ship_trl.plan import DAMAGED
 from ship_trl.result import RESULT
-from ship_trl.study.analysis.records import BrokenRunError, read_placed
 from ship_trl.study.launch.launch import finished
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job, source_of
+from ship_trl.study.records.record import BrokenRunError, read_placed
 from ship_trl.transfer.casebase import POLICY
 
 

@@ -11,11 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ship_trl.curve import moving_mean
 from ship_trl.paths import replacing
-from ship_trl.study.analysis.measured import Study
-from ship_trl.study.analysis.records import Record
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.config import NEW_CASE, REUSED_ARM, REUSED_CASE
 from ship_trl.study.plan.jobs import ALONE, FURTHER_SOURCES, LOW, LOW_EPSILON, ONE, OTHER_SOURCES, PAIRS
+from ship_trl.study.records.record import Record
 
 # Okabe and Ito's colours, which are told apart without colour vision; dashes do it in print.
 STYLES = {
@@ -35,14 +36,9 @@ NUMBERS = {"high": "5", "low": "6", "lowest": "7"}
 SMOOTH = 0.05
 
 
-def smoothed(values: NDArray[np.float64], share: float = SMOOTH) -> NDArray[np.float64]:
-    """Mean of the last few values at each place, of fewer at the beginning: [..., E]."""
-    window = max(1, round(share * values.shape[-1]))
-    sums = np.cumsum(np.pad(values, [(0, 0)] * (values.ndim - 1) + [(1, 0)]), axis=-1)
-    ends = np.arange(1, values.shape[-1] + 1)
-    starts = np.maximum(0, ends - window)
-    mean: NDArray[np.float64] = (sums[..., ends] - sums[..., starts]) / (ends - starts)
-    return mean
+def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Take the moving mean over `SMOOTH` of the values: [..., N] to [..., N]."""
+    return moving_mean(values, max(1, round(SMOOTH * values.shape[-1])))
 
 
 def pairs(study: Study) -> list[str]:

@@ -6,9 +6,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.measured import Study
 from ship_trl.study.analysis.metrics import measure
 from ship_trl.study.analysis.statistics import interquartile_mean
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.kinds import FE, FT
 from ship_trl.study.plan.config import CONTROL_ARMS, NEW_CASE, REUSED_ARM, REUSED_CASE, read
 from ship_trl.study.plan.jobs import (

@@ -13,8 +13,8 @@ from typing import Any
 import jinja2
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
-from ship_trl.study.analysis.measured import Study
 from ship_trl.study.analysis.statistics import Estimate, look_level
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import FIGURE as CONCLUSIONS
 from ship_trl.study.claims.placebo import Placebo
 from ship_trl.study.claims.verdicts import Answer

@@ -11,9 +11,10 @@ import numpy as np
 
 from ship_trl.paths import replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS
-from ship_trl.study.analysis.measured import SEED, Study
+from ship_trl.study.analysis.measured import SEED
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
 from ship_trl.study.analysis.statistics import Estimate, bootstrap, interquartile_mean, share_interval
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.plan.jobs import from_scratch
 

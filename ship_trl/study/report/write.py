@@ -10,11 +10,11 @@ from ship_trl.cli import complain
 from ship_trl.config import ConfigError
 from ship_trl.paths import replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS
-from ship_trl.study.analysis.manifest import PLAN
-from ship_trl.study.analysis.measured import Study, read_study
+from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.placebo import placebo
 from ship_trl.study.claims.verdicts import answer, explore
 from ship_trl.study.plan.jobs import PAIRS
+from ship_trl.study.plan.manifest import PLAN
 from ship_trl.study.report import figures, tables
 from ship_trl.study.report.heat_map import draw_gains
 from ship_trl.study.report.page import Drawn, as_markdown, render

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ship_trl.study.analysis import metrics
-from ship_trl.study.analysis.records import Record, read_run
+from ship_trl.study.records.record import Record, read_run
 from tests.study.synthetic import make_record, returns_of, write_run
 
 

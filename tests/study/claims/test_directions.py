@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.measured import Study
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.kinds import FE, FT, TRANSFERS
 from ship_trl.study.claims.verdicts import answer, explore
 from tests.study.synthetic import make_record, returns_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.measured import read_study
+from ship_trl.study.analysis.study import read_study
 from ship_trl.study.claims.hypotheses import HYPOTHESES
 from ship_trl.study.claims.verdicts import ALL, answer
 from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES

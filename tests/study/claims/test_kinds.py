@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.analysis.contrasts import Finding
-from ship_trl.study.analysis.measured import Study
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import OURS
 from ship_trl.study.claims.kinds import FE, Test, beats, each_above_the_last, means, rises, sooner, steady
 from ship_trl.study.claims.verdicts import ALL

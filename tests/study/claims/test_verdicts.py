@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.measured import Study
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
 from ship_trl.study.claims.verdicts import answer, explore, judge

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_dir
@@ -15,12 +16,13 @@ from ship_trl.cli import explain_hydra
 from ship_trl.config import Config, ConfigError, World, plain
 from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import load_case
-from ship_trl.study.margins import margins
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import Job
+from ship_trl.study.plan.jobs import PAIRS, Job
 from ship_trl.study.rules import stamp
 
 PLAN = "study.json"
+# What names a job.
+JOB = ("name", "stage", "part", "label", "arm", "seed")
 
 
 def run_config(config: StudyConfig) -> Config:
@@ -52,14 +54,12 @@ def fingerprints(jobs: list[Job], world: World) -> dict[str, str]:
     return {name: load_case(name, world).fingerprint for name in names}
 
 
-def settle(jobs: list[Job], config: StudyConfig) -> None:
+def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     """Make the study's folder and write down what is planned; more seeds or arms may be added later.
 
     Raises:
-        ConfigError: the folder cannot be written, holds a study of other settings, or the margins are wrong.
+        ConfigError: the folder cannot be written, or holds a study of other settings.
     """
-    # It is read when the runs are judged, which may be days from now.
-    margins()
     shared = run_config(config)
     learn = plain(shared.learn)
     # It decides nothing that is learned, as the device does not, and may be another one later.
@@ -102,3 +102,33 @@ def settle(jobs: list[Job], config: StudyConfig) -> None:
             draft.write_text(json.dumps(plan, indent=1))
     except OSError as error:
         raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None
+
+
+def read_plan(path: Path, key: str) -> dict[str, Any]:
+    """Read a `study.json`.
+
+    Raises:
+        ConfigError: there is none, or it is another program's; `key` names what it is of.
+    """
+    try:
+        plan = json.loads(path.read_text())
+        jobs = [[job[name] for name in JOB] for job in plan["jobs"]]
+        if not isinstance(plan["settings"], dict) or not isinstance(plan["cases"], dict):
+            raise TypeError
+        if not all(list(map(type, job)) == [str, int, str, str, str, int] for job in jobs):
+            raise TypeError
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        raise ConfigError(f"{key}: {path} is not a study's plan") from None
+    return dict(plan)
+
+
+def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
+    """Return the seeds and the rules that a study was begun with; nothing where there is no plan to read."""
+    try:
+        plan = json.loads((folder / PLAN).read_text())
+        seeds = plan.get("judged") or {job["seed"] for job in plan["jobs"] if job["part"] == PAIRS}
+        rules = plan.get("rules", {})
+        known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}
+        return tuple(sorted(map(int, seeds))), known
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return (), {}

@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError
-from ship_trl.study.analysis.manifest import PLAN, settle
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study.plan.manifest import PLAN, write_plan
 
 
 def begin(folder: Path, *overrides: str) -> None:
     config = to_study(["profile=smoke", "reuse=false", "controls=false", f"output={folder}", *overrides])
-    settle(plan_jobs(config), config)
+    write_plan(plan_jobs(config), config)
 
 
 def test_pairs_and_seeds_may_be_added(tmp_path: Path) -> None:

@@ -1,19 +1,23 @@
-"""Finished runs as the study reads them: result and learning curve, whole or named as broken."""
+"""A finished run as the study reads it: result and learning curve, whole or named as broken."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.result import RESULT, ResultError, read_result
+from ship_trl.curve import CURVE, GREEDY, TRAINING, CurveError, read_curve
+from ship_trl.result import RESULT, Result, ResultError, read_result
 
-CURVE = "curve.csv"
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Of what a study reads of a curve: returns, and distances in metres.
+DECIMALS = {"return": 3, "dcpa": 1}
 # What decides the digits, beside the settings.
 COMPUTED = ("ship_trl", "torch", "device", "precision", "processor")
 
@@ -78,21 +82,18 @@ class Record:
         return (values - self.random) / (self.best_known - self.random)
 
 
-def read_run(folder: Path, part: str = "") -> Record:
-    """Read a run's folder.
+def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
+    """Make a record of a run's result and its curve (`rows` as `read_curve` gives them).
 
     Raises:
-        BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
+        BrokenRunError: something is missing, or the one does not fit the other.
     """
-    try:
-        result = read_result(folder)
-    except ResultError as error:
-        raise BrokenRunError(f"{RESULT} {error}") from None
     if result.random_return is None:
         raise BrokenRunError(f"{RESULT} has no random_return")
     if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
-    training, greedy = read_curve(folder / CURVE, result.episodes)
+    training, greedy = (rows[rows["kind"] == kind] for kind in (TRAINING, GREEDY))
+    check_curve(training, greedy, result.episodes)
     return Record(
         folder=folder,
         part=part,
@@ -107,11 +108,62 @@ def read_run(folder: Path, part: str = "") -> Record:
         random=result.random_return,
         scratch=result.scratch.episode_return,
         before=result.before.episode_return,
-        training=training,
-        greedy=greedy,
+        training=Training(**episodes(training), epsilon=training["epsilon"].to_numpy()),
+        greedy=Greedy(**episodes(greedy), episode=greedy["episode"].to_numpy()),
         computed={key: str(value) for key in COMPUTED if (value := getattr(result, key)) is not None},
         draws=np.array(result.draws, np.float64),
     )
+
+
+def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> None:
+    """Check that a curve has training episodes 1 to `count`, and evaluations from 0 to the last.
+
+    Raises:
+        BrokenRunError: it has not.
+    """
+    if training["episode"].tolist() != list(range(1, count + 1)):
+        raise BrokenRunError(f"{CURVE} has not the {count} episodes of {RESULT}")
+    if len(greedy) < 2 or greedy["episode"].iloc[0] != 0 or greedy["episode"].iloc[-1] != count:
+        raise BrokenRunError(f"{CURVE} lacks greedy evaluations")
+    numbers = training["return"], training["epsilon"], greedy["return"]
+    if not all(np.isfinite(column).all() for column in numbers):
+        raise BrokenRunError(f"{CURVE} holds what is no number")
+
+
+def episodes(rows: pd.DataFrame) -> dict[str, NDArray[Any]]:
+    """Give what training episodes and greedy evaluations have in common."""
+    return {
+        "returns": rows["return"].to_numpy(),
+        "goal": (rows["outcome"] == "goal").to_numpy(),
+        "collision": (rows["outcome"] == "collision").to_numpy(),
+        "dcpa": rows["dcpa"].to_numpy(),
+    }
+
+
+def rounded(rows: pd.DataFrame) -> pd.DataFrame:
+    """Round returns and distances of a curve to `DECIMALS`."""
+    # Python's rounding is of the decimal that is written; NumPy's is not always.
+    columns = {name: rows[name].map(lambda value, n=n: round(value, n)) for name, n in DECIMALS.items()}
+    return rows.assign(**columns)
+
+
+def rounded_draws(result: Result) -> Result:
+    """Round the returns before training."""
+    return replace(result, draws=[round(value, DECIMALS["return"]) for value in result.draws])
+
+
+def read_run(folder: Path, part: str = "") -> Record:
+    """Read a run's folder, in the precision in which tables keep it: both give the same report.
+
+    Raises:
+        BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
+    """
+    try:
+        return make_record(rounded_draws(read_result(folder)), rounded(read_curve(folder)), folder, part)
+    except ResultError as error:
+        raise BrokenRunError(f"{RESULT} {error}") from None
+    except CurveError as error:
+        raise BrokenRunError(str(error)) from None
 
 
 def read_placed(folder: Path, part: str = "") -> Record:
@@ -124,53 +176,6 @@ def read_placed(folder: Path, part: str = "") -> Record:
     if folder.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
         raise BrokenRunError(f"{RESULT} is of another run")
     return record
-
-
-def read_curve(path: Path, episodes: int) -> tuple[Training, Greedy]:
-    """`curve.csv`: episodes 1 to `episodes`, and greedy evaluations from 0 to the last."""
-    try:
-        text = path.read_text()
-        lines = list(csv.DictReader(text.splitlines()))
-        trained = [line for line in lines if line["return"]]
-        judged = [line for line in lines if line["greedy_return"]]
-        numbers = [int(line["episode"]) for line in trained]
-        training = Training(
-            column(trained, "return"),
-            words(trained, "outcome", "goal"),
-            words(trained, "outcome", "collision"),
-            column(trained, "dcpa"),
-            column(trained, "epsilon"),
-        )
-        greedy = Greedy(
-            np.array([int(line["episode"]) for line in judged]),
-            column(judged, "greedy_return"),
-            words(judged, "greedy_outcome", "goal"),
-            words(judged, "greedy_outcome", "collision"),
-            column(judged, "greedy_dcpa"),
-        )
-    except FileNotFoundError:
-        raise BrokenRunError(f"{path.name} is missing") from None
-    except (OSError, ValueError, KeyError, TypeError, csv.Error):
-        raise BrokenRunError(f"{path.name} cannot be read") from None
-    if text and not text.endswith("\n"):
-        raise BrokenRunError(f"{path.name} ends within a line")
-    if numbers != list(range(1, episodes + 1)):
-        raise BrokenRunError(f"{path.name} has not the {episodes} episodes of {RESULT}")
-    if len(judged) < 2 or greedy.episode[0] != 0 or greedy.episode[-1] != episodes:
-        raise BrokenRunError(f"{path.name} lacks greedy evaluations")
-    if not all(np.isfinite(values).all() for values in (training.returns, training.epsilon, greedy.returns)):
-        raise BrokenRunError(f"{path.name} holds what is no number")
-    return training, greedy
-
-
-def column(lines: list[dict[str, str]], key: str) -> NDArray[np.float64]:
-    """Numbers of a column; an empty field is not a number."""
-    return np.array([float(line[key] or "nan") for line in lines])
-
-
-def words(lines: list[dict[str, str]], key: str, word: str) -> NDArray[np.bool_]:
-    """Where a column has this word."""
-    return np.array([line[key] == word for line in lines], np.bool_)
 
 
 def find_runs(folder: Path) -> Iterator[tuple[Path, str]]:

@@ -1,0 +1,125 @@
+"""A study's runs by arm and seed, and after which seeds they are looked at."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
+from ship_trl.study.plan.jobs import PAIRS, PARTS
+from ship_trl.study.plan.manifest import begun_with
+from ship_trl.study.records.record import BrokenRunError, Record, find_runs, read_placed
+from ship_trl.study.records.tables import has_tables, read_tables
+
+# So many seeds are run before the study is looked at again (docs/analysis-plan.md).
+BLOCK, MOST_LOOKS = 5, len(OBRIEN_FLEMING)
+
+Records = dict[tuple[str, str, str, int], Record]
+Places = Mapping[str, tuple[str, str, str]]
+
+
+@dataclass(frozen=True)
+class Study:
+    """The runs of a folder.
+
+    `broken` are those that could not be read, with the reason. `planned` are the seeds that the study was
+    begun with: they alone are judged, however many are run later; all that are there where no plan is
+    known. `rules` name the plan (see `rules.py`). `level` is one-sided, of intervals and tests; `resamples`
+    how often arms change places to test spreads.
+    """
+
+    records: Records
+    broken: list[tuple[Path, str]] = field(default_factory=list)
+    planned: tuple[int, ...] = ()
+    rules: dict[str, Any] = field(default_factory=dict)
+    level: float = LEVEL / 2
+    resamples: int = SWAPS
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds that are looked at, in order."""
+        return self.planned or tuple(sorted({key[3] for key in self.records}))
+
+    @property
+    def looks(self) -> tuple[int, ...]:
+        """After how many seeds the study is looked at: each five (or fifth of many), and at the end."""
+        count = len(self.seeds)
+        step = max(BLOCK, -(-count // MOST_LOOKS))
+        return (*range(step, count, step), count)
+
+    def first(self, count: int, level: float) -> Study:
+        """Return the runs of the first `count` seeds, to be judged at a level."""
+        seeds = set(self.seeds[:count])
+        kept = {key: record for key, record in self.records.items() if key[3] in seeds}
+        return replace(self, records=kept, level=level)
+
+    def arm(self, part: str, pair: str, arm: str) -> dict[int, Record]:
+        """Return the runs of an arm by seed."""
+        return self._by_place.get((part, pair, arm), {})
+
+    @cached_property
+    def _by_place(self) -> dict[tuple[str, str, str], dict[int, Record]]:
+        places: dict[tuple[str, str, str], dict[int, Record]] = defaultdict(dict)
+        for (*place, seed), record in sorted(self.records.items()):
+            places[tuple(place)][seed] = record  # type: ignore[index]
+        return places
+
+    def mixed(self) -> dict[str, dict[str, int]]:
+        """Count by what runs were computed where they differ: by version, device, precision."""
+        found: dict[str, Counter[str]] = defaultdict(Counter)
+        for record in self.records.values():
+            for key, value in record.computed.items():
+                found[key][value] += 1
+        return {key: dict(sorted(counts.items())) for key, counts in found.items() if len(counts) > 1}
+
+    def cases(self, pair: str) -> tuple[str | None, str]:
+        """Return source and target of a pair, by its runs; only those from scratch have no source."""
+        runs = [r for (part, name, _, _), r in sorted(self.records.items()) if (part, name) == (PAIRS, pair)]
+        source = next((r.source for r in runs if r.source), None)
+        return source, runs[0].target
+
+    def together(self, places: Places) -> dict[str, list[Record]]:
+        """Return runs by name, of the seeds that all of these (part, pair, arm) have, in order."""
+        runs = {name: self.arm(*place) for name, place in places.items()}
+        seeds = sorted(set.intersection(*(set(by_seed) for by_seed in runs.values())) if runs else set())
+        return {name: [by_seed[seed] for seed in seeds] for name, by_seed in runs.items()}
+
+
+def read_study(folder: Path) -> Study:
+    """Read a study from its tables, where the folder has them, or else from the runs below it.
+
+    Runs that cannot be read, or are no study's, are named in `broken`.
+
+    Raises:
+        ConfigError: tables that are not whole.
+    """
+    broken: list[tuple[Path, str]] = []
+    found = read_tables(folder).records() if has_tables(folder) else read_runs(folder, broken)
+    records = {(one.part, one.pair, one.arm, one.seed): one for one in found}
+    planned, rules = begun_with(folder)
+    return Study(same_zero(records), broken, planned, rules)
+
+
+def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[Record]:
+    """Yield the runs below a folder; adds to `broken` those that are none, and why."""
+    for path, part in find_runs(folder):
+        try:
+            if part not in PARTS:
+                raise BrokenRunError(f"{part or folder} is no part of a study")
+            yield read_placed(path, part)
+        except BrokenRunError as error:
+            broken.append((path, str(error)))
+
+
+def same_zero(records: Records) -> Records:
+    """Give all runs of a case one zero of the score; those of older programs have each drawn their own."""
+    drawn: dict[str, list[float]] = {}
+    for record in records.values():
+        drawn.setdefault(record.target, []).append(record.random)
+    return {key: replace(r, random=float(np.median(drawn[r.target]))) for key, r in records.items()}

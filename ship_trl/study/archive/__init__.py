@@ -1,1 +1,0 @@
-"""A study in three small files, and its folder from them. No torch."""

@@ -1,0 +1,66 @@
+"""A study's folder from its tables, so that it can go on where its networks are no more. No torch."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+from ship_trl.config import ConfigError
+from ship_trl.curve import write_curve
+from ship_trl.paths import replacing
+from ship_trl.result import write_result
+from ship_trl.study.plan.manifest import PLAN
+from ship_trl.study.records.tables import KEPT, Tables, place_of
+
+
+def restore(tables: Tables, folder: Path) -> tuple[int, list[int]]:
+    """Make a study's folder of the seeds that are complete; returns how many runs, and the other seeds.
+
+    Of a seed that is not, runs that are still to do would begin with networks that are no more: it is
+    trained anew as a whole.
+
+    Raises:
+        ConfigError: something is there already, no seed is complete, or the tables do not fit each other.
+    """
+    planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in tables.plan["jobs"]}
+    have = {(part, run.pair, run.arm, run.seed) for part, run in tables.runs}
+    seeds = {seed for *_, seed in planned}
+    complete = seeds - {seed for *_, seed in planned - have}
+    if not complete:
+        raise ConfigError(f"copy: {tables.folder} has no seed with all its runs; a study anew does as much")
+    folder = folder.resolve()
+    draft = folder.with_name(f".{folder.name}.{os.getpid()}")
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
+        draft.mkdir(parents=True)
+        found = unpack(tables, draft, complete)
+        draft.rename(folder)
+    except OSError as error:
+        raise ConfigError(f"folder: {error.filename or folder} cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return found, sorted(({seed for *_, seed in have} | seeds) - complete)
+
+
+def unpack(tables: Tables, folder: Path, seeds: set[int]) -> int:
+    """Write `study.json`, and result and curve of each run of these seeds; returns how many runs.
+
+    Raises:
+        ConfigError: tables that do not fit each other.
+    """
+    found = 0
+    # Records check what runs do not: that a curve is whole.
+    for record, (part, result, rows) in zip(tables.records(), tables.by_run(), strict=True):
+        if record.seed in seeds:
+            place = folder / place_of(part, result)
+            place.mkdir(parents=True)
+            write_curve(place, rows)
+            write_result(place, result)
+            found += 1
+    with replacing(folder / PLAN) as draft:
+        plan = {key: value for key, value in tables.plan.items() if key != KEPT}
+        draft.write_text(json.dumps(plan, indent=1))
+    return found

@@ -1,0 +1,237 @@
+"""A study as tables: what its report needs of every whole run, and no network.
+
+`study.json` is what was planned. `runs.csv` has a row for each run: its part of the study and its result.
+`curves.csv.xz` has one for each training episode, greedy evaluation and draw before training, in the order
+of the runs: `run` (the number of its row in `runs.csv`, from 0), `kind` (training, greedy or draw),
+`episode`, `epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). `pandas.read_csv` reads
+both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import lzma
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ship_trl.config import ConfigError
+from ship_trl.curve import SHARED, TYPES, read_curve
+from ship_trl.paths import replacing
+from ship_trl.result import Result, ResultError, from_json, read_result
+from ship_trl.study.plan.jobs import PARTS
+from ship_trl.study.plan.manifest import JOB, PLAN, read_plan
+from ship_trl.study.records.record import BrokenRunError, Record, find_runs, make_record, read_placed, rounded
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RUNS, CURVES, KEPT = "runs.csv", "curves.csv.xz", "kept"
+COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
+DRAW = "draw"
+# The strongest that takes less than 100 MB of memory.
+PRESET = 6 | lzma.PRESET_EXTREME
+# Where a source network lies in its study's folder, case base or not; what is above is a machine's.
+INSIDE = 5
+
+
+@dataclass(frozen=True)
+class Tables:
+    """A study's plan, part and result of each run, and the curves of all."""
+
+    folder: Path
+    plan: dict[str, Any]
+    runs: list[tuple[str, Result]]
+    curves: pd.DataFrame
+
+    def by_run(self) -> Iterator[tuple[str, Result, pd.DataFrame]]:
+        """Yield part, result with its draws, and curve of each run.
+
+        Raises:
+            ConfigError: curves that are not those of these runs.
+        """
+        groups = dict(iter(self.curves.groupby("run", sort=False)))
+        if list(groups) != list(range(len(self.runs))):
+            raise unreadable(self.folder / CURVES, "its runs are not those of " + RUNS)
+        for number, (part, result) in enumerate(self.runs):
+            rows = groups[number]
+            drawn = rows["kind"] == DRAW
+            yield part, replace(result, draws=rows["return"][drawn].tolist()), rows[~drawn]
+
+    def records(self) -> Iterator[Record]:
+        """Yield each run as a record, as it would be read from its folder.
+
+        Raises:
+            ConfigError: curves that are not whole, or do not fit the results.
+        """
+        for part, result, rows in self.by_run():
+            try:
+                yield make_record(result, rows, self.folder / place_of(part, result), part)
+            except BrokenRunError as error:
+                raise unreadable(self.folder / CURVES, error) from None
+
+
+def has_tables(folder: Path) -> bool:
+    """Whether a folder holds tables, whole or not, and not the runs themselves."""
+    return any((folder / name).is_file() for name in (RUNS, CURVES))
+
+
+def read_tables(folder: Path) -> Tables:
+    """Read a study's tables.
+
+    Raises:
+        ConfigError: they are none, are cut short, or name runs that a study has not.
+    """
+    import pandas as pd
+
+    plan = read_plan(folder / PLAN, "copy")
+    for name in (RUNS, CURVES):
+        try:
+            same = digest(folder / name) == plan[KEPT][name]
+        except (OSError, KeyError, TypeError):
+            same = False
+        if not same:
+            raise ConfigError(f"copy: {folder / name} is not the file that {PLAN} was kept with")
+    runs, places = [], set()
+    try:
+        rows = pd.read_csv(folder / RUNS, dtype=str, keep_default_na=False)
+        for row in rows.to_dict("records"):
+            part, result = run_of({str(key): cell for key, cell in row.items()})
+            places.add(place_of(part, result))
+            runs.append((part, result))
+    except (OSError, ValueError, KeyError, ResultError) as error:
+        raise unreadable(folder / RUNS, error) from None
+    if not runs or len(places) < len(runs):
+        raise ConfigError(f"copy: {folder / RUNS} has no run, or one twice")
+    try:
+        types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
+        curves = pd.read_csv(folder / CURVES, usecols=list(COLUMNS), dtype=types)
+    except (lzma.LZMAError, EOFError, OSError, ValueError) as error:
+        raise unreadable(folder / CURVES, error) from None
+    return Tables(folder, plan, runs, curves)
+
+
+def unreadable(path: Path, error: object) -> ConfigError:
+    """Say in one line why a table cannot be read."""
+    return ConfigError(f"copy: {path} cannot be read: {' '.join(str(error).split())}")
+
+
+def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
+    """Write a study's whole runs as tables; the same runs give the same bytes.
+
+    Returns:
+        How many runs, and how many are not whole.
+
+    Raises:
+        ConfigError: the folder holds no study or no whole run, or the tables cannot be written there.
+    """
+    import pandas as pd
+
+    plan = read_plan(folder / PLAN, "folder")
+    if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
+        raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
+    whole, broken = [], 0
+    for path, part in find_runs(folder):
+        try:
+            if part not in PARTS:
+                raise BrokenRunError("no part of a study")
+            record = read_placed(path, part)
+        except BrokenRunError:
+            broken += 1
+            continue
+        whole.append((part, record.pair, record.arm, record.seed, path))
+    if not whole:
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+    paths = [(path, part) for part, *_, path in sorted(whole)]
+    plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
+    plan["jobs"] = [{key: job[key] for key in JOB} for job in plan["jobs"]]
+    try:
+        copy.mkdir(parents=True, exist_ok=True)
+        runs = pd.DataFrame([{"part": part} | cells(read_result(path)) for path, part in paths])
+        with replacing(copy / RUNS) as draft:
+            runs.to_csv(draft, index=False, lineterminator="\n")
+        curves = pd.concat([curve_of(number, path) for number, (path, _) in enumerate(paths)])
+        with replacing(copy / CURVES) as draft, lzma.open(draft, "wt", preset=PRESET, newline="") as file:
+            curves.to_csv(file, columns=COLUMNS, index=False, lineterminator="\n")
+        # The last: without it, or with that of another time, the others are no copy.
+        plan[KEPT] = {name: digest(copy / name) for name in (RUNS, CURVES)}
+        with replacing(copy / PLAN) as draft:
+            draft.write_text(json.dumps(plan) + "\n")
+    except OSError as error:
+        raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
+    return len(paths), broken
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def cells(result: Result) -> dict[str, str]:
+    """Write a result as cells, without the draws; "best.return" is the return of "best"."""
+    values = result.to_json()
+    del values["draws"]
+    if result.source_network is not None:
+        values["source_network"] = "/".join(Path(result.source_network).parts[-INSIDE:])
+    row: dict[str, str] = {}
+    for key, value in values.items():
+        inner = {f"{key}.{name}": v for name, v in value.items()} if isinstance(value, dict) else {key: value}
+        row |= {name: as_cell(v) for name, v in inner.items()}
+    return row
+
+
+def run_of(row: dict[str, str]) -> tuple[str, Result]:
+    """Make part and result of a run of its cells.
+
+    Raises:
+        ResultError, ValueError, KeyError: they are of no run.
+    """
+    values: dict[str, Any] = {}
+    for key, cell in row.items():
+        outer, _, inner = key.partition(".")
+        if cell and inner:
+            values.setdefault(outer, {})[inner] = from_cell(cell)
+        elif cell:
+            values[outer] = from_cell(cell)
+    return str(values.pop("part")), from_json(values)
+
+
+def as_cell(value: Any) -> str:
+    """JSON, but for words that cannot be taken for it; an empty cell is no value at all."""
+    return value if isinstance(value, str) and from_cell(value) == value and value else json.dumps(value)
+
+
+def from_cell(cell: str) -> Any:
+    """Read what a cell stands for."""
+    try:
+        return json.loads(cell)
+    except (ValueError, RecursionError):
+        return cell
+
+
+def curve_of(number: int, path: Path) -> pd.DataFrame:
+    """Make the rows of a run: its draws, then its curve, rounded."""
+    import pandas as pd
+
+    curve, draws = read_curve(path), read_result(path).draws
+    drawn = pd.DataFrame({"kind": DRAW, "episode": 0, "return": draws})
+    return rounded(pd.concat([drawn, curve]) if draws else curve).assign(run=number)
+
+
+def place_of(part: str, result: Result) -> Path:
+    """Name a run's folder in its study.
+
+    Raises:
+        ValueError: a name that would lead out of it, or is none.
+    """
+    if part not in PARTS or not (is_name(result.pair) and is_name(result.arm)) or result.seed < 0:
+        found = f"{part:.40} {result.pair:.40} {result.arm:.40} {result.seed}"
+        raise ValueError(f"no run of a study is named {found}")
+    return Path(part, result.pair, result.arm, f"seed={result.seed}")
+
+
+def is_name(word: str) -> bool:
+    """Whether a word may name a folder below another."""
+    return word not in (".", "..") and 0 < len(word) < 100 and word.isprintable() and "/" not in word

@@ -21,8 +21,8 @@ from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Evaluated, Finished, train
 from ship_trl.plan import ALGORITHM_VERSION, Run
-from ship_trl.process import settle
-from ship_trl.result import SCHEMA_VERSION, Result, Score, write_result
+from ship_trl.process import configure_process
+from ship_trl.result import SCHEMA_VERSION, Evaluation, Result, write_result
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.random_policy import random_return
 from ship_trl.sim.reference import best_known
@@ -45,7 +45,7 @@ def run_experiment(run: Run, one_of_many: bool = False) -> Result:
     A finished run of the same settings is shown again, not trained again. A run that is one of many
     shows less of itself.
     """
-    settle()
+    configure_process()
     device = torch.device(run.config.device)
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
@@ -84,7 +84,7 @@ def find_source(run: Run, one_of_many: bool) -> Entry | None:
             with source.lock():
                 result = source.result() or train_run(source, device, None, one_of_many)
             return retain(source, result)
-    console.say(f"source: {entry.policy} (greedy return {entry.score:.1f})")
+    console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry
 
 
@@ -163,10 +163,10 @@ def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many:
             source_network=None if transfer is None else origin(run, source),
             best_known_return=known,
             random_return=random_return(run.target, config.world),
-            scratch=score(scratch, 0),
-            before=score(evaluated[0].sailed, 0),
-            best=score(best.sailed, best.episode),
-            final=score(last.sailed, last.episode),
+            scratch=evaluation(scratch, 0),
+            before=evaluation(evaluated[0].sailed, 0),
+            best=evaluation(best.sailed, best.episode),
+            final=evaluation(last.sailed, last.episode),
             draws=draws,
             episodes=learn.episodes,
             steps=last.steps,
@@ -225,7 +225,7 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
     return jumpstart(env, agent.draw, agent.network, layers, count, generator)
 
 
-def score(episode: Episode, at: int) -> Score:
+def evaluation(episode: Episode, at: int) -> Evaluation:
     """Give a greedy episode as numbers; without target ships there is no DCPA."""
     dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
-    return Score(episode.episode_return, episode.outcome, episode.length, dcpa, at)
+    return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)

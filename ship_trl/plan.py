@@ -1,4 +1,4 @@
-"""One run, settled before torch is imported: its cases, its source, its folder, the hash of its settings."""
+"""One run, decided before torch is imported: its cases, its source, its folder, the hash of its settings."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import torch
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
 
 
-def settle() -> None:
+def configure_process() -> None:
     """Set one torch thread, let denormal numbers be zero, and give no pages back between updates.
 
     Two torch threads on two busy cores are many times slower than one; grids run one process a

@@ -25,7 +25,7 @@ class ResultError(Exception):
 
 
 @dataclass(frozen=True)
-class Score:
+class Evaluation:
     """One greedy episode.
 
     `episode_return` is the undiscounted sum of raw rewards (`return` in the file), `outcome` goal,
@@ -61,10 +61,10 @@ class Result:
     config_hash: str
     source_network: str | None
     best_known_return: float
-    scratch: Score
-    before: Score
-    best: Score
-    final: Score
+    scratch: Evaluation
+    before: Evaluation
+    best: Evaluation
+    final: Evaluation
     episodes: int
     steps: int
     training_goal_rate: float
@@ -91,7 +91,7 @@ class Result:
         """Give it as it stands in the file."""
         values = dataclasses.asdict(self)
         for key, value in values.items():
-            if isinstance(getattr(self, key), Score):
+            if isinstance(getattr(self, key), Evaluation):
                 values[key] = {"return": value.pop("episode_return")} | value
         return values
 
@@ -125,10 +125,10 @@ def _typed(schema: Any, given: dict[str, Any], where: str) -> Any:
                 raise ResultError(f"has no {where}{key}")
             continue
         value, kind = given[key], hints[entry.name]
-        if kind is Score:
+        if kind is Evaluation:
             if not isinstance(value, dict):
                 raise ResultError(f"has no {where}{key}")
-            values[entry.name] = _typed(Score, value, f"{key}.")
+            values[entry.name] = _typed(Evaluation, value, f"{key}.")
         elif _fits(value, kind):
             values[entry.name] = float(value) if kind is float else value
         else:

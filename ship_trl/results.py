@@ -15,7 +15,7 @@ from rich.table import Column, Table
 from ship_trl.cli import complain, make_parser
 from ship_trl.curve import GREEDY, TRAINING, CurveError, read_curve
 from ship_trl.plan import DAMAGED
-from ship_trl.result import RESULT, Result, ResultError, Score, read_result
+from ship_trl.result import RESULT, Evaluation, Result, ResultError, read_result
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -222,7 +222,7 @@ def picture(path: Path, found: list[Found]) -> None:
     draw_comparison(path, panels, {one.place: one.result.best_known_return for one in found})
 
 
-def goals(scores: list[Score]) -> str:
+def goals(scores: list[Evaluation]) -> str:
     """Count the greedy episodes that end at the goal."""
     return f"{sum(score.outcome == 'goal' for score in scores)} of {len(scores)}"
 

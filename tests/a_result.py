@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from ship_trl.result import SCHEMA_VERSION, Result, Score
+from ship_trl.result import SCHEMA_VERSION, Evaluation, Result
 
 
-def a_score(episode_return: float = 10.0, outcome: str = "goal", episode: int = 0) -> Score:
-    return Score(episode_return, outcome, 40, 50.0, episode)
+def an_evaluation(episode_return: float = 10.0, outcome: str = "goal", episode: int = 0) -> Evaluation:
+    return Evaluation(episode_return, outcome, 40, 50.0, episode)
 
 
 def a_result(**changes: Any) -> Result:
@@ -23,7 +23,7 @@ def a_result(**changes: Any) -> Result:
         "source_network": None,
         "best_known_return": 80.0,
         "random_return": -320.0,
-        **{key: a_score() for key in ("scratch", "before", "best", "final")},
+        **{key: an_evaluation() for key in ("scratch", "before", "best", "final")},
         "episodes": 50,
         "steps": 2000,
         "training_goal_rate": 0.5,

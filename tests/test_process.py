@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import pytest
 import torch
 
-from ship_trl.process import settle
+from ship_trl.process import configure_process
 
 
 @pytest.fixture
 def able() -> Iterator[bool]:
     """Whether the processor can let denormal numbers be zero, once settled."""
     found = torch.set_flush_denormal(False)
-    settle()
+    configure_process()
     yield found
     torch.set_flush_denormal(False)
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ship_trl.result import SCHEMA_VERSION, ResultError, from_json, read_result, write_result
-from tests.a_result import a_result, a_score
+from tests.a_result import a_result, an_evaluation
 
 
 @given(
@@ -19,7 +19,7 @@ from tests.a_result import a_result, a_score
     draws=st.lists(st.floats(-1e6, 1e6), max_size=3),
 )
 def test_it_is_read_as_it_was_written(number: float, layers: Any, dcpa: Any, draws: list[float]) -> None:
-    score = a_score(number)
+    score = an_evaluation(number)
     made = a_result(layers=layers, best=score, draws=draws, best_known_return=number)
     object.__setattr__(score, "dcpa", dcpa)
     assert from_json(json.loads(json.dumps(made.to_json()))) == made

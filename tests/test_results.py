@@ -8,13 +8,13 @@ import pytest
 from ship_trl.curve import GREEDY, TRAINING, write_curve
 from ship_trl.result import write_result
 from ship_trl.results import collect, main
-from tests.a_result import a_result, a_score
+from tests.a_result import a_result, an_evaluation
 
 
 def write(folder: Path, seed: int, best: float, outcome: str = "goal") -> None:
     place = folder / f"4/scratch/seed={seed}"
     place.mkdir(parents=True)
-    score = a_score(best, outcome)
+    score = an_evaluation(best, outcome)
     made = a_result(
         pair="4", arm="scratch", target="4", seed=seed, best=score, final=score, best_known_return=40.0
     )

@@ -57,9 +57,9 @@ def run(options: argparse.Namespace) -> list[Any]:
     # After the checks: torch takes seconds to import.
     from ship_trl.bench import parts, report
     from ship_trl.bench.machine import survey
-    from ship_trl.process import settle
+    from ship_trl.process import configure_process
 
-    settle()
+    configure_process()
     machine = survey()
     report.header(machine)
     plan = parts.Plan(options.rounds, options.seconds, options.markdown, machine)

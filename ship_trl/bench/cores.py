@@ -74,9 +74,9 @@ def gains(rates: dict[int, list[float]]) -> dict[int, float]:
 def train_a_while(seconds: float) -> None:
     """Be one of the processes."""
     from ship_trl.bench.ours import Ours
-    from ship_trl.process import settle
+    from ship_trl.process import configure_process
 
-    settle()
+    configure_process()
     run = Ours().whole_loop()
     sys.stdout.write(f"{READY}\n")
     sys.stdout.flush()

@@ -29,7 +29,7 @@ SD, MARGIN = 0.1, 0.05
 COLLAPSE, COST = 0.2, 0.5
 # Claims of a figure, and contrasts of each: about those of figure 5.
 CLAIMS, CONTRASTS = 11, 4
-Draw = Callable[[np.random.Generator, int], Sample]
+Sampler = Callable[[np.random.Generator, int], Sample]
 Wrong = Callable[[np.random.Generator, int], bool]
 NOTHING = Study({})
 
@@ -46,24 +46,24 @@ class Row:
     shares: dict[int, float]
 
 
-def normal(sd: float = SD, mean: float = 0.0) -> Draw:
-    """Draw an arm whose seeds are normal."""
+def normal(sd: float = SD, mean: float = 0.0) -> Sampler:
+    """Sampler an arm whose seeds are normal."""
     return lambda rng, count: rng.normal(mean, sd, count)
 
 
-def skewed(sd: float = SD) -> Draw:
-    """Draw an arm with a long tail on one side, and a mean of zero."""
+def skewed(sd: float = SD) -> Sampler:
+    """Sampler an arm with a long tail on one side, and a mean of zero."""
     return lambda rng, count: sd * (1.0 - rng.exponential(1.0, count))
 
 
 def bounded(rng: np.random.Generator, count: int) -> Sample:
-    """Draw an arm with no tails, as times that are cut off at a run's end have none."""
+    """Sampler an arm with no tails, as times that are cut off at a run's end have none."""
     return rng.uniform(-SD, SD, count)
 
 
-def collapsing(draw: Draw) -> Draw:
-    """Draw an arm that collapses in some seeds."""
-    return lambda rng, count: draw(rng, count) - COST * (rng.random(count) < COLLAPSE)
+def collapsing(sampler: Sampler) -> Sampler:
+    """Sampler an arm that collapses in some seeds."""
+    return lambda rng, count: sampler(rng, count) - COST * (rng.random(count) < COLLAPSE)
 
 
 def claim(name: str, *contrasts: Sample, claimed: Claimed = Claimed.above) -> Hypothesis:
@@ -83,7 +83,7 @@ def verdicts(claims: Sequence[Hypothesis], count: int, level: float = LEVEL / 2)
 DIFFERENT = {Verdict.supported, Verdict.contradicted}
 
 
-def pair(one: Draw, other: Draw) -> Wrong:
+def pair(one: Sampler, other: Sampler) -> Wrong:
     """Say whether two arms are said to differ."""
     return lambda rng, count: bool(
         verdicts([claim("A", one(rng, count) - other(rng, count))], count) & DIFFERENT
@@ -107,12 +107,12 @@ def conjunction(rng: np.random.Generator, count: int) -> bool:
     return Verdict.supported in verdicts([claim("A", *true, normal()(rng, count))], count)
 
 
-def figure(draw: Draw, looks: bool, contrasts: int = 1) -> Wrong:
+def figure(sampler: Sampler, looks: bool, contrasts: int = 1) -> Wrong:
     """Say whether any claim of a figure is decided whose arms are all like scratch, at any look."""
 
     def wrong(rng: np.random.Generator, count: int) -> bool:
-        scratch = draw(rng, count)
-        arms = [[draw(rng, count) - scratch for _ in range(contrasts)] for _ in range(CLAIMS)]
+        scratch = sampler(rng, count)
+        arms = [[sampler(rng, count) - scratch for _ in range(contrasts)] for _ in range(CLAIMS)]
         ends = list(range(BLOCK, count + 1, BLOCK)) if looks else [count]
         for number, end in enumerate(ends, 1):
             claims = [claim(str(k), *(values[:end] for values in arm)) for k, arm in enumerate(arms)]
@@ -124,7 +124,7 @@ def figure(draw: Draw, looks: bool, contrasts: int = 1) -> Wrong:
 
 
 def curves(rng: np.random.Generator, count: int, local: bool, mean: float, collapse: bool) -> Sample:
-    """Draw curves by seed [count, T] whose spread along the curve is the same however they vary.
+    """Sampler curves by seed [count, T] whose spread along the curve is the same however they vary.
 
     Seeds differ along the whole curve, or each place by itself (`local`); some may collapse half-way.
     """

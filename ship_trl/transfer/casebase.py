@@ -46,7 +46,7 @@ class Entry:
         return self.path / POLICY
 
     @property
-    def score(self) -> float:
+    def best_return(self) -> float:
         """The best greedy return; minus infinity where none is written down."""
         try:
             return float(self.scores["best"]["return"])
@@ -84,7 +84,9 @@ class CaseBase:
     def representative(self, case: Case) -> Entry | None:
         """Find the stored network with the best greedy return, which stands for its case (section 4.3)."""
         kept = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
-        return max((e for e in kept if e.score > -math.inf), key=lambda entry: entry.score, default=None)
+        return max(
+            (e for e in kept if e.best_return > -math.inf), key=lambda entry: entry.best_return, default=None
+        )
 
     def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
         """Folder of an entry, there or not."""

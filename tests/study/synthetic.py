@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ship_trl.result import write_result
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.records.record import Greedy, Record, Training
-from tests.a_result import a_result, a_score
+from tests.a_result import a_result, an_evaluation
 
 BEST, RANDOM = 80.0, -320.0
 
@@ -69,8 +69,8 @@ def write_run(
         "episodes": len(totals),
         "best_known_return": BEST,
         "random_return": RANDOM,
-        "scratch": a_score(RANDOM),
-        "before": a_score(first),
+        "scratch": an_evaluation(RANDOM),
+        "before": an_evaluation(first),
     }
     write_result(place, a_result(**values | changes))
     return place

@@ -46,7 +46,7 @@ def test_the_best_network_of_a_case_stands_for_it(tmp_path: Path, finished: Path
     assert base.representative(case) == best
     best.policy.unlink()
     found = base.representative(case)
-    assert found is not None and (found.arm, found.seed, found.score) == ("scratch", 2, 70.0)
+    assert found is not None and (found.arm, found.seed, found.best_return) == ("scratch", 2, 70.0)
     case.target_ships[0].x += 1.0
     assert base.representative(case) is None
 

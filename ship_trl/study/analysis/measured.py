@@ -38,7 +38,7 @@ def levels(
 
     Nothing where there are less than two seeds that all arms have.
     """
-    runs = study.together(places)
+    runs = study.matched(places)
     if min(map(len, runs.values()), default=0) < 2:
         return []
 
@@ -57,7 +57,7 @@ def levels(
 
 def steadier(study: Study, claim: str, where: str, places: Places, steady: str, other: str) -> list[Finding]:
     """Measure how much less one arm's curves vary over seeds than another's (see `spread_test`)."""
-    runs = study.together(places)
+    runs = study.matched(places)
     if min(map(len, runs.values())) < 2:
         return []
     curves = {name: np.stack([curve(record) for record in runs[name]]) for name in (steady, other)}

@@ -84,7 +84,7 @@ class Study:
         source = next((r.source for r in runs if r.source), None)
         return source, runs[0].target
 
-    def together(self, places: Places) -> dict[str, list[Record]]:
+    def matched(self, places: Places) -> dict[str, list[Record]]:
         """Return runs by name, of the seeds that all of these (part, pair, arm) have, in order."""
         runs = {name: self.arm(*place) for name, place in places.items()}
         seeds = sorted(set.intersection(*(set(by_seed) for by_seed in runs.values())) if runs else set())

@@ -36,7 +36,7 @@ def of(pair: str, *arms: str) -> Places:
     return {arm: (PAIRS, pair, arm) for arm in arms}
 
 
-def together(arms: Sequence[str]) -> str:
+def joined(arms: Sequence[str]) -> str:
     """Name some arms as one side of a contrast."""
     return arms[0] if len(arms) == 1 else f"mean of {', '.join(arms)}"
 
@@ -68,23 +68,23 @@ def beats(pair: str, better: str, worse: str, metric: str = "area") -> Test:
     return at(pair, of(pair, better, worse), better, worse, metric)
 
 
-def sooner(pair: str, early: str, late: str) -> Test:
+def sooner(pair: str, first: str, second: str) -> Test:
     """Test that one arm of a pair reaches the threshold sooner than another."""
-    return beats(pair, early, late, "time")
+    return beats(pair, first, second, "time")
 
 
 def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
     """Test that the mean of some arms is better than that of others."""
     weights = {arm: 1 / len(better) for arm in better} | {arm: -1 / len(worse) for arm in worse}
     word = "sooner than" if metric in TIMES else "above"
-    what = f"{together(better)} {word} {together(worse)}"
+    what = f"{joined(better)} {word} {joined(worse)}"
     return weighted(pair, what, of(pair, *weights), weights, metric)
 
 
 def no_more(pair: str, arms: Sequence[str], others: Sequence[str], metric: str = "area") -> Test:
     """Test that the mean of some arms is not above that of others, but for the margin."""
     weights = {arm: 1 / len(arms) for arm in arms} | {arm: -1 / len(others) for arm in others}
-    what = f"{together(arms)} no more than {together(others)}"
+    what = f"{joined(arms)} no more than {joined(others)}"
     return weighted(pair, what, of(pair, *weights), weights, metric, Claimed.no_more)
 
 

@@ -61,7 +61,7 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
 
 def gain(study: Study, place: Place, scratch: Place) -> float:
     """Interquartile mean of the difference of areas; not a number without seeds that both have."""
-    runs = study.together({"arm": place, "scratch": scratch})
+    runs = study.matched({"arm": place, "scratch": scratch})
     areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
     differences = np.array(areas[0]) - np.array(areas[1])
     return float(interquartile_mean(differences)) if len(differences) else np.nan

@@ -68,7 +68,7 @@ def estimate(values: Sequence[float]) -> Estimate | None:
 
 def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | None:
     """How much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
-    runs = study.together({"arm": (part, pair, arm), "scratch": from_scratch(part, pair)})
+    runs = study.matched({"arm": (part, pair, arm), "scratch": from_scratch(part, pair)})
     if arm == "scratch" or len(runs["arm"]) < LEAST_SEEDS:
         return None
     areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]

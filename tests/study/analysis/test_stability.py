@@ -8,13 +8,13 @@ import pytest
 
 from ship_trl.results import main
 from ship_trl.study.analysis.stability import HEADINGS, rows
-from tests.a_result import a_score
+from tests.a_result import an_evaluation
 from tests.study.synthetic import BEST, write_run
 
 
 def result(folder: Path, scores: list[float], seed: int) -> Path:
     # A score of 1 is the best known return, 0.9 a return of half of it.
-    best = a_score(BEST)
+    best = an_evaluation(BEST)
     return write_run(folder, np.array(scores), seed=seed, every=5, best=best, final=best)
 
 

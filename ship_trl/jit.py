@@ -9,6 +9,9 @@ from numba import njit
 
 Loop = Callable[..., Any]
 
+# Rounding may differ in the last bit (fused multiply-add), and zeros have no sign.
+RELAXED = {"contract", "nsz"}
+
 
 def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:
     """Compile a function at its first call, and keep that for later processes where a folder can be written.

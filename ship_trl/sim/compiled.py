@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.sim import draw_kernels, scene, step_kernel
-from ship_trl.sim.reward import ROUNDING
+from ship_trl.sim.reward import ROUNDING, pay, reward_constants
 from ship_trl.sim.step_kernel import Array
 from ship_trl.sim.transition import Outcome, Transition
 
@@ -23,26 +23,24 @@ class CompiledStep:
     """`Transition` on a CPU: states float32 [N, 4] and actions int64 [N] to an `Outcome`."""
 
     def __init__(self, reference: Transition) -> None:
-        world, reward = reference.world, reference.world.reward
+        world = reference.world
         self._constants = (
             reference.actions.numpy(),
             reference.goal.numpy(),
             reference.ship_start.numpy(),
             reference.ship_velocity.numpy(),
-            numbers(
-                reward.w1 * reward.goal,
-                reward.w2 * reward.collision,
-                reward.w3 * reward.k1,
-                reward.w4 * reward.k2,
-            ),
             numbers(world.dt, world.safe_distance, world.goal_distance + ROUNDING, world.max_steps),
         )
+        self._actions = self._constants[0]
+        self._prices = tuple(numbers(*reward_constants(world.reward)))
 
     def into(
         self, state: Array, action: Array, after: Array, reward: Array, flags: Array, apart: Array
     ) -> None:
-        """One action of each ship; see `step_kernel.step`, which writes the last four arrays."""
-        step_kernel.step(state, action, *self._constants, after, reward, flags, apart)
+        """One action of each ship, by `step_kernel.step` and `reward.pay`, to the last four arrays."""
+        sight = np.empty((2, len(action)))
+        step_kernel.step(state, action, *self._constants, after, sight, flags, apart)
+        pay(action, self._actions, self._prices, sight, flags, apart, reward)
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """One action of each ship."""

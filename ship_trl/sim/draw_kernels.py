@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 from numba import float32
 
-from ship_trl.jit import compiled
+from ship_trl.jit import RELAXED, compiled
 
 Array = np.ndarray[Any, Any]
 # float32 where it is compiled; Python and NumPy disagree on what that is.
 Number = Any
 
-# Rounding may differ in the last bit (fused multiply-add), and zeros have no sign.
-RELAXED = {"contract", "nsz"}
 # `draw` lets nothing else in; minimum and maximum are single instructions then.
 NUMBERS_ONLY = RELAXED | {"nnan"}
 # Metres and seconds. Beyond them squares leave float32, and places the picture's memory.

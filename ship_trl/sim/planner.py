@@ -39,8 +39,6 @@ PASSES = (Pass(8.0, 0.05, 1.0, math.inf), Pass(4.0, 0.03, 1.0, 40.0), Pass(2.0, 
 # A plan that would pass too near is ranked as if each missing metre cost so many metres of
 # distance for one second; without that, plans bound to collide crowd out those that give way.
 DETOUR = 50.0
-# The value_bound is interpolated: a plan is given up when it is behind by more than this.
-DOUBT = 1.5
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,7 @@ def search(step: Transition, value_bound: ValueBound, beam: int, fineness: Pass,
             actions = [*history[parent[index]].tolist(), int(action[index])]
             best = Plan(float(totals[index]), actions, bool(after.goal[index]))
         hope = totals + value_bound(after.state)
-        going = ~ended & (hope > best.episode_return - DOUBT)
+        going = ~ended & (hope > best.episode_return - value_bound.doubt)
         time = history.shape[1]
         if time < len(guide):
             going &= torch.linalg.vector_norm(after.state[:, :2] - guide[time], dim=-1) <= fineness.width

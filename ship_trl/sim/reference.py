@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 from pathlib import Path
 
@@ -10,12 +11,13 @@ import torch
 
 from ship_trl.config import World, plain
 from ship_trl.paths import replacing
+from ship_trl.sim import reward
 from ship_trl.sim.cases import Case
 from ship_trl.sim.planner import Plan, best_plan
 from ship_trl.sim.transition import Transition
 
 # Goes up with every change of the planner that may find another plan.
-PLANNER_VERSION = 1
+PLANNER_VERSION = 2
 _known: dict[str, Plan] = {}
 
 
@@ -29,7 +31,8 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
         world: physics and reward.
         folder: where plans are kept, one file each; made where there is none.
     """
-    words = (PLANNER_VERSION, case.fingerprint, plain(world))
+    # A formula that was edited may have another best plan, even where it pays the kept one the same.
+    words = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
     digest = hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()[:12]
     if digest in _known:
         return _known[digest]

@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 from numba import float32
 
-from ship_trl.jit import compiled
+from ship_trl.jit import RELAXED, compiled
 
 Array = np.ndarray[Any, Any]
 # float32 where it is compiled; Python and NumPy disagree on what that is.
 Number = Any
 
-# Rounding may differ in the last bit (fused multiply-add); not-a-numbers stay what they are.
-RELAXED = {"contract", "nsz"}
 # Plain numbers would make every sum a float64.
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
@@ -43,18 +41,20 @@ def step(
     goal: Array,
     ships: Array,
     velocity: Array,
-    weights: Array,
     limits: Array,
     after: Array,
-    reward: Array,
+    sight: Array,
     flags: Array,
     apart: Array,
 ) -> None:
     """One action of each of N ships (`transition.Transition`), written to the last four arguments.
 
+    What it is paid is another loop's matter, `reward.pay`.
+
     Shapes: state, after [N, 4]; action [N]; actions [A, 2]; goal [2]; ships, velocity [K, 2];
-    weights [4], of reached, collided, distance and degrees; limits [4]: dt, safe distance, goal
-    distance, steps; reward, apart [N]; flags [3, N]: goal, collision, truncated.
+    limits [4]: dt, safe distance, goal distance, steps; sight float64 [2, N]: the goal's distance and its
+    angle off the bow (a float64, as `floor` gives an integer); flags [3, N]: goal, collision, truncated;
+    apart [N].
     """
     dt, safe, near, most = limits
     for n in range(state.shape[0]):
@@ -79,12 +79,7 @@ def step(
         off_bow -= float32(2 * math.pi) * math.floor((off_bow + float32(math.pi)) / float32(2 * math.pi))
         collided = least < safe
         reached = distance <= near and not collided
-        pay = weights[2] * distance + weights[3] * abs(off_bow) * float32(180.0 / math.pi)
-        if reached:
-            pay += weights[0]
-        if collided:
-            pay += weights[1]
         after[n, 0], after[n, 1], after[n, 2], after[n, 3] = new_x, new_y, heading, count + ONE
-        reward[n], apart[n] = pay, least
+        sight[0, n], sight[1, n], apart[n] = distance, off_bow, least
         flags[0, n], flags[1, n] = reached, collided
         flags[2, n] = after[n, 3] >= most and not reached and not collided

@@ -12,7 +12,7 @@ from ship_trl.config import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import STEP, advance, target_positions
 from ship_trl.sim.geometry import angle_off_bow, closest_approach
-from ship_trl.sim.reward import ROUNDING, step_reward
+from ship_trl.sim.reward import FAR, ROUNDING, reward_constants, step_reward
 
 
 class Outcome(NamedTuple):
@@ -30,7 +30,7 @@ class Transition:
     """The world of one case: states [N, 4] and actions [N] to an `Outcome`."""
 
     def __init__(self, case: Case, world: World, device: torch.device) -> None:
-        self.world = world
+        self.world, self.constants = world, reward_constants(world.reward)
         tensor = lambda values: torch.tensor(values, dtype=torch.float32, device=device)  # noqa: E731
         self.actions = tensor(world.actions)
         self.goal = tensor(case.goal)
@@ -62,6 +62,8 @@ class Transition:
         # The collision wins over the goal in the same step.
         goal = (distance <= world.goal_distance + ROUNDING) & ~collision
         off_bow = angle_off_bow(after[:, :2], after[:, 2], self.goal)
-        reward = step_reward(world.reward, distance, off_bow, goal, collision)
+        ends = goal.to(distance.dtype), collision.to(distance.dtype)
+        speed, turn = self.actions[action].unbind(-1)
+        reward = step_reward(self.constants, distance, off_bow, *ends, nearest.clamp(max=FAR), speed, turn)
         truncated = (after[:, STEP] >= world.max_steps) & ~goal & ~collision
         return Outcome(after, reward, goal, collision, truncated, nearest)

@@ -1,7 +1,7 @@
 """What a plan can still gain where no target ship is in the way: dynamic programming on a grid.
 
 Without target ships the rest of an episode depends on three numbers only: the goal's distance,
-its angle off the bow, and the steps left.
+its angle off the bow, and the steps left. Where there are ships, they are taken to be where that pays best.
 """
 
 from __future__ import annotations
@@ -13,18 +13,26 @@ from torch import Tensor
 
 from ship_trl.sim.dynamics import HEADING, STEP, advance
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.reward import ROUNDING, step_reward
+from ship_trl.sim.reward import FAR, ROUNDING, step_reward
 from ship_trl.sim.transition import Transition
 
 # Fine enough that the returns of the paper's world are right to about one point.
 GRID_STEPS_PER_ACTION = 2
 ANGLES = 96
+# Metres to the nearest ship that are tried, a fifth apart from one to the next.
+NEAREST = torch.logspace(0, math.log10(FAR), 76).tolist()
+
+# How far the interpolation may fall short, as a share of what a step's reward ranges over.
+DOUBT = 1 / 150
 
 
 class ValueBound:
-    """The best return to come on open water, for the states of one case.
+    """The best return to come, for the states of one case, whatever its target ships do.
 
-    `value_bound(state)` takes float [N, 4], all at one step, and returns float [N].
+    `value_bound(state)` takes float [N, 4], all at one step, and returns float [N]. No plan gains more than
+    that and `doubt`, the error of the grid, for any reward that is as smooth in distance and angle as the
+    paper's. Within two goal distances of the goal the grid is too coarse to tell who just reaches it: there
+    the bound may be short by more.
     """
 
     def __init__(self, step: Transition) -> None:
@@ -45,13 +53,34 @@ class ValueBound:
         distance = torch.linalg.vector_norm(after[..., :2], dim=-1)
         off_bow = angle_off_bow(after[..., :2], after[..., HEADING], torch.zeros(2))
         goal = distance <= world.goal_distance + ROUNDING
-        reward = step_reward(world.reward, distance, off_bow, goal, torch.zeros_like(goal))
+        reward, crash = self._best_rewards(distance, off_bow, goal)
+        self.doubt = DOUBT * float(reward.max() - reward.min())
         corners, shares = self._corners(distance, off_bow)
         table = [torch.zeros(self.rows * ANGLES)]
         for _ in range(world.max_steps):
             following = (table[-1][corners] * shares).sum(-1).masked_fill(goal, 0.0)
-            table.append((reward + following).amax(-1))
+            table.append(torch.maximum(reward + following, crash).amax(-1))
         self.table = torch.stack(table)
+
+    def _best_rewards(self, distance: Tensor, off_bow: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
+        """Find what a step pays at best and what a collision pays at best, all [..., A].
+
+        Terms of one's own may pay for being near a ship, or make an early end better than to sail on.
+        """
+        speed, turn = self.step.actions.unbind(-1)
+        reached, zero = goal.to(distance.dtype), torch.zeros_like(distance)
+
+        def paid(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
+            ends, ships = (reached, collided), zero + nearest
+            return step_reward(self.step.constants, distance, off_bow, *ends, ships, speed, turn)
+
+        reward, crash = paid(FAR, reached, zero), zero - math.inf
+        for nearest in NEAREST if len(self.step.ship_start) else ():
+            if nearest < self.step.world.safe_distance:
+                crash = torch.maximum(crash, paid(nearest, zero, zero + 1.0))
+            else:
+                reward = torch.maximum(reward, paid(nearest, reached, zero))
+        return reward, crash
 
     def _corners(self, distance: Tensor, off_bow: Tensor) -> tuple[Tensor, Tensor]:
         """Find the four grid points around each place and their shares in it, both [..., 4]."""

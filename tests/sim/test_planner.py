@@ -5,11 +5,14 @@ from dataclasses import replace
 
 import pytest
 import torch
+from torch import Tensor
 
 from ship_trl.config import World
+from ship_trl.sim import transition, value_bound
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.planner import DOUBT, Plan, best_plan, passing_distance
+from ship_trl.sim.planner import Plan, best_plan, passing_distance
+from ship_trl.sim.reward import step_reward
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.value_bound import ValueBound
 
@@ -88,22 +91,66 @@ def test_it_sees_past_the_first_ship(world: World) -> None:
 
 def test_the_outlook_is_the_return_of_open_water(world: World, make_case: MakeCase) -> None:
     case = make_case()
-    value_bound = ValueBound(Transition(case, world, CPU))
+    bound = ValueBound(Transition(case, world, CPU))
     at = lambda *values: torch.tensor([values], dtype=torch.float32)  # noqa: E731
-    assert float(value_bound(at(0, 0, torch.pi / 2, 0))) == pytest.approx(83.9, abs=0.5)
+    assert float(bound(at(0, 0, torch.pi / 2, 0))) == pytest.approx(83.9, abs=0.5)
     # 5 steps left, 585 to 525 m away at their ends.
-    assert float(value_bound(at(0, 0, torch.pi / 2, 55))) == pytest.approx(-0.01 * 5 * 555, abs=0.2)
-    assert float(value_bound(at(0, 0, torch.pi / 2, 60))) == 0.0
-    port, starboard, away = (float(value_bound(at(0, 0, h, 0))) for h in (2.2, torch.pi - 2.2, -torch.pi / 2))
+    assert float(bound(at(0, 0, torch.pi / 2, 55))) == pytest.approx(-0.01 * 5 * 555, abs=0.2)
+    assert float(bound(at(0, 0, torch.pi / 2, 60))) == 0.0
+    port, starboard, away = (float(bound(at(0, 0, h, 0))) for h in (2.2, torch.pi - 2.2, -torch.pi / 2))
     assert port == pytest.approx(starboard, abs=0.1) and away < port < 83.0
 
 
 def test_the_outlook_is_reached_by_turning_towards_the_goal(world: World, make_case: MakeCase) -> None:
     case = replace(make_case(), heading=10.0)
     plan = best_plan(case, world)
-    value_bound = ValueBound(Transition(case, world, CPU))
+    bound = ValueBound(Transition(case, world, CPU))
     assert plan.goal and plan.actions[0] == 0
-    assert plan.episode_return == pytest.approx(float(value_bound(value_bound.step.start[None])), abs=DOUBT)
+    assert plan.episode_return == pytest.approx(float(bound(bound.step.start[None])), abs=bound.doubt)
+
+
+# What is added to the paper's reward, from collided, nearest, speed and turn.
+TERMS: dict[str, Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]] = {
+    "none": lambda collided, nearest, speed, turn: 0.0 * nearest,
+    "time": lambda collided, nearest, speed, turn: 0.0 * nearest - 20.0,
+    "keeping clear": lambda collided, nearest, speed, turn: -5.0 * (nearest < 150.0),
+    "keeping near": lambda collided, nearest, speed, turn: 5.0 * (nearest < 150.0),
+    "colliding": lambda collided, nearest, speed, turn: 300.0 * collided,
+    "rudder": lambda collided, nearest, speed, turn: -20.0 * abs(turn),
+    "speed": lambda collided, nearest, speed, turn: 0.5 * speed,
+}
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_no_episode_pays_more_than_its_bound(
+    term: str, world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def own(constants: tuple[float, ...], *seen: Tensor) -> Tensor:
+        _, _, _, collided, nearest, speed, turn = seen
+        return step_reward(constants, *seen) + TERMS[term](collided, nearest, speed, turn)
+
+    for module in (transition, value_bound):
+        monkeypatch.setattr(module, "step_reward", own)
+    case = load_case("4", world)
+    step, generator = Transition(case, world, CPU), torch.Generator().manual_seed(0)
+    bound, count = ValueBound(step), 3000
+    # The best known way to sail, and others that stray from it more and more.
+    best = torch.tensor(best_plan(case, world, beam=500).actions)
+    stray = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
+    wild = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
+    plan = torch.where(stray, wild, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))
+    state, sailing = step.start.expand(count, -1), torch.ones(count, dtype=torch.bool)
+    paid, hoped = [], []
+    for time in range(60):
+        after = step(state, plan[:, time])
+        far = step.goal_distance(state) > 2 * world.goal_distance
+        hoped.append(torch.where(sailing & far, bound(state), torch.inf))
+        paid.append(after.reward * sailing)
+        sailing = sailing & ~(after.goal | after.collision | after.truncated)
+        state = after.state
+    to_come = torch.stack(paid).flip(0).cumsum(0).flip(0)
+    assert (to_come - torch.stack(hoped)).max() <= bound.doubt
+    assert not sailing.any()
 
 
 def test_the_passing_distance_of_steady_courses(world: World, make_case: MakeCase) -> None:

@@ -57,3 +57,13 @@ def test_a_plan_sails_as_the_planner_says() -> None:
     assert reference.sail(case, WORLD, plan.actions) == plan
     assert reference.sail(case, WORLD, plan.actions[:3]) != plan
     assert isinstance(plan, Plan)
+
+
+def test_another_formula_of_the_reward_is_searched_anew(
+    searches: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = load_case("2", WORLD)
+    reference.best_known(case, WORLD, tmp_path)
+    monkeypatch.setattr("inspect.getsource", lambda _: "another formula")
+    reference.best_known(case, WORLD, tmp_path)
+    assert searches == ["2", "2"] and len(list(tmp_path.iterdir())) == 2

@@ -11,16 +11,18 @@ from ship_trl.config import Reward
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.reward import step_reward
+from ship_trl.sim.reward import FAR, reward_constants, step_reward
 
 WEIGHTS = load_world().reward
+# No ship, full speed ahead.
+ALONE = FAR, 15.0, 0.0
 distances = st.floats(0.0, 2000.0)
 thetas = st.floats(-math.pi, math.pi)
 
 
 def reward(distance: float, theta: float, reached: bool, collided: bool) -> float:
-    values = torch.tensor(distance, dtype=torch.float64), torch.tensor(theta, dtype=torch.float64)
-    return float(step_reward(WEIGHTS, *values, torch.tensor(reached), torch.tensor(collided)))
+    values = torch.tensor([distance, theta, reached, collided, *ALONE], dtype=torch.float64)
+    return float(step_reward(reward_constants(WEIGHTS), *values))
 
 
 @given(distances, thetas, st.booleans(), st.booleans())
@@ -35,10 +37,18 @@ def test_every_term_that_applies_is_paid(
 def test_every_weight_is_used_where_it_belongs() -> None:
     weights = Reward(goal=2, collision=-3, w1=5, w2=7, w3=11, w4=13, k1=-17, k2=-19)
     distance, theta = torch.tensor([23.0] * 3), torch.deg2rad(torch.tensor([29.0] * 3))
-    reached, collided = torch.tensor([False, True, False]), torch.tensor([False, False, True])
+    reached, collided = torch.tensor([0.0, 1.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
     shaping = 11 * -17 * 23 + 13 * -19 * 29
-    paid = step_reward(weights, distance, theta, reached, collided).tolist()
+    paid = step_reward(reward_constants(weights), distance, theta, reached, collided, *ALONE).tolist()
     assert paid == pytest.approx([shaping, shaping + 5 * 2, shaping + 7 * -3])
+
+
+@given(distances, thetas, st.booleans(), st.booleans())
+def test_numbers_and_tensors_are_paid_alike(
+    distance: float, theta: float, reached: bool, collided: bool
+) -> None:
+    paid = step_reward(reward_constants(WEIGHTS), distance, theta, float(reached), float(collided), *ALONE)
+    assert paid == reward(distance, theta, reached, collided)
 
 
 @given(distances, thetas)

@@ -7,15 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
+from tensordict import TensorDict
+from torchrl.modules import QValueActor
 
 from ship_trl.evaluate import main
+from ship_trl.learn.loss import ForeachSoftUpdate
 from tests.test_cli import ROOT
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRAWS = {"huber_threshold": "huber_threshold.png"}
 ARGUMENTS = {
     "huber_threshold": [DRAWS["huber_threshold"]],
+    "own_loss": ["200"],
     "stock_torchrl": ["--steps", "400"],
     "gymnasium_sb3": ["--steps", "300"],
     "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
@@ -35,6 +40,21 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
 
 def test_torchrl_alone_takes_few_lines() -> None:
     assert len((ROOT / "examples" / "stock_torchrl.py").read_text().splitlines()) <= MOST_LINES
+
+
+def test_a_loss_of_ones_own_is_pessimistic() -> None:
+    sys.path.insert(0, str(ROOT / "examples"))
+    from own_loss import CautiousLoss
+
+    network = torch.nn.Linear(2, 7)
+    loss = CautiousLoss(QValueActor(network, in_keys=["pixels"], action_space="categorical"), gamma=0.0)
+    ForeachSoftUpdate(loss, tau=0.1)
+    state, action = torch.rand(2, 2), torch.tensor([1, 2])
+    q = network(state).gather(-1, action[:, None]).detach()
+    after = {"pixels": state, "reward": q + torch.tensor([[1.0], [-1.0]]), "terminated": torch.ones(2, 1) > 0}
+    batch = TensorDict({"pixels": state, "action": action, "next": after}, batch_size=[2])
+    # A mean of 1 for the first, which is too low by 1, and of 2 for the second.
+    assert float(loss(batch)["loss"].detach()) == pytest.approx(1.5)
 
 
 def test_a_collision_is_forgotten_with_a_small_threshold() -> None:

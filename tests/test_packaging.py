@@ -47,8 +47,10 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_wheel_holds_the_package_and_its_conf(installed: Path) -> None:
-    package = files(ROOT / "ship_trl")
+def test_wheel_holds_the_package_without_its_benchmark_and_its_conf(installed: Path) -> None:
+    everything = files(ROOT / "ship_trl")
+    package = {name: content for name, content in everything.items() if not name.startswith("bench/")}
+    assert len(package) < len(everything)
     conf = {f"conf/{name}": content for name, content in files(ROOT / "conf").items()}
     assert files(installed / "ship_trl") == package | conf
     assert {path.name for path in installed.iterdir()} == {
@@ -62,6 +64,16 @@ def test_console_script_is_the_module(installed: Path) -> None:
     points = configparser.ConfigParser()
     points.read(installed / f"ship_trl-{ship_trl.__version__}.dist-info" / "entry_points.txt")
     assert dict(points["console_scripts"]) == {"ship-trl": "ship_trl.__main__:main"}
+
+
+def test_every_module_of_the_wheel_can_be_imported(installed: Path, tmp_path: Path) -> None:
+    found = [
+        path.relative_to(installed).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")
+        for path in (installed / "ship_trl").rglob("*.py")
+    ]
+    code = "import importlib, sys; [importlib.import_module(name) for name in sys.argv[1:]]"
+    assert "ship_trl.sim.env" in found
+    python("-c", code, *found, cwd=tmp_path, path=installed)
 
 
 def test_wheel_uses_its_own_conf(installed: Path, tmp_path: Path) -> None:

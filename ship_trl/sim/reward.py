@@ -42,9 +42,9 @@ def step_reward(
     off_bow: Number,
     reached: Number,
     collided: Number,
-    nearest: Number,  # noqa: ARG001 (this and the next two: the paper's terms need them not, others may)
-    speed: Number,  # noqa: ARG001
-    turn: Number,  # noqa: ARG001
+    nearest: Number,
+    speed: Number,
+    turn: Number,
 ) -> Number:
     """Raw reward of a step (equation 4), in arithmetic that tensors and numbers share: + - * / **, abs, <, >.
 

@@ -10,9 +10,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from tests.study.synthetic import learning, write_run
 from tests.test_cli import ROOT
 
 RECIPES = {line.strip() for line in (ROOT / "CONTRIBUTING.md").read_text().splitlines()}
@@ -176,6 +178,23 @@ def test_a_metric(before: Path, tmp_path: Path) -> None:
     known, random = result["best_known_return"], result["random_return"]
     lowest = min(float(line["greedy_return"]) for line in curve(before) if line["greedy_return"])
     assert float(row["worst"]) == pytest.approx((lowest - random) / (known - random), rel=1e-3)
+
+
+def test_a_claim(tmp_path: Path) -> None:
+    rng, folder = np.random.default_rng(0), tmp_path / "study"
+    for arm, end in (("scratch", 0.5), ("FE3", 1.0)):
+        for seed in range(5):
+            write_run(folder / "pairs", learning(rng, 60, end, half=5), arm=arm, seed=seed)
+    claim = (
+        '    Hypothesis("H5x", "5", "FE3 collides less than scratch.", '
+        '[beats("high", "scratch", "FE3", "collisions")]),\n'
+    )
+    edit = "ship_trl/study/claims/hypotheses.py", "HYPOTHESES = [\n", f"HYPOTHESES = [\n{claim}"
+    python(follow(tmp_path, edit), tmp_path, "-m", "ship_trl.report", "study")
+    with (folder / "report/claims.csv").open() as lines:
+        (row,) = (row for row in csv.DictReader(lines) if row["claim"] == "H5x")
+    assert row["metric"] == "collisions" and float(row["estimate"]) > 0.2
+    assert "FE3 collides less than scratch." in (folder / "report/index.html").read_text()
 
 
 def test_a_measure_of_similarity(tmp_path: Path) -> None:

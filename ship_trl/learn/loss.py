@@ -28,7 +28,7 @@ def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) 
 
 
 class DoubleDQNLoss(DQNLoss):
-    """TorchRL's `DQNLoss` for double DQN, with Huber's threshold, at a third of the overhead.
+    """TorchRL's `DQNLoss` for double DQN, with Huber's threshold and several times less overhead.
 
     Keys, target parameters and updaters are those of `DQNLoss`; the networks are called by themselves,
     without choosing actions, and read the next observations one after the other. Actions are indices [B];

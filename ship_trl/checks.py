@@ -12,8 +12,8 @@ from typing import Any
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.architecture import cut_by_words, geometry
 from ship_trl.config import (
-    CONV_LAYERS,
     BackendName,
     Config,
     ConfigError,
@@ -114,6 +114,13 @@ def check(config: Config) -> None:
         f"auto or dense with device={config.device}",
         learn.backend.value,
     )
+    layers = geometry(config.network)
+    require(
+        learn.backend is not BackendName.incremental or cut_by_words(layers),
+        "learn.backend",
+        f"auto or dense with network.conv={config.network.conv}",
+        learn.backend.value,
+    )
     check_arm(config)
 
 
@@ -135,7 +142,8 @@ def check_arm(config: Config) -> None:
     both = drawn and config.source_file is not None
     require(not both, "source_weights", "learned or permuted with a source_file", weights.value)
     require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
-    numbers = "1, 2, 3, 4" if config.method is Method.feature_extraction else "1, 2, 3, 4 or all"
-    known = type(layers) is int and 1 <= layers <= CONV_LAYERS
+    counts = range(1, len(config.network.conv) + 1)
+    numbers = ", ".join(map(str, counts)) + (" or all" if config.method is Method.finetune else "")
+    known = type(layers) is int and layers in counts
     whole = layers == "all" and config.method is Method.finetune
     require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)

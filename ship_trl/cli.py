@@ -29,7 +29,7 @@ What to run
   source=CASE           {cases}, or a YAML file
   target=CASE           the same
   method=METHOD         scratch, feature_extraction, finetune (default)
-  layers=N              1 to 4 conv layers, or all (finetune only)
+  layers=N              1 to 4 conv layers (as many as the network has), or all (finetune only)
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file
   source_weights=NAME   learned; controls: random (has learned nothing), permuted (learned, then shuffled)
@@ -38,6 +38,7 @@ What to run
 How
   profile=NAME          {profiles} (default quick)
   learn.KEY=VALUE       any value of conf/learn/paper.yaml, as learn.episodes=1000
+  network=NAME          {networks} (default paper)
   device=cpu|cuda       colour=true|false
   logger=csv|wandb      wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
@@ -59,7 +60,7 @@ def names(group: str) -> str:
 
 def print_help() -> None:
     """Print the help; imports nothing but the standard library."""
-    values = {key: names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles")}
+    values = {key: names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles", "networks")}
     print(HELP.format(**values), end="")
 
 

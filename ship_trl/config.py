@@ -12,7 +12,8 @@ from typing import Any
 from omegaconf import OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException, ValidationError
 
-CONV_LAYERS = 4
+# Pixels a side of what the network sees.
+PICTURE = 84
 # An environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
@@ -98,6 +99,18 @@ class World:
 
 
 @dataclass
+class Network:
+    """The layers of the network (section 3.5).
+
+    `conv` are its conv layers from the picture on, each [filters, kernel, stride], square and without
+    padding; `hidden` is the width of the fully connected layer that value and advantage share.
+    """
+
+    conv: list[list[int]]
+    hidden: int
+
+
+@dataclass
 class Learn:
     """The double dueling DQN and its schedule (section 3.2)."""
 
@@ -157,12 +170,13 @@ class Config:
     overwrite: bool
     profile: str
     world: World
+    network: Network
     learn: Learn
     wandb: Wandb
 
     @property
     def arm(self) -> str:
-        """The curve's name in the figures: scratch, FE1-4, FT1-4 or FTW, a control's with its weights."""
+        """The curve's name in the figures: scratch, FE1, FT1 ... or FTW; a control's with its weights."""
         if self.method is Method.scratch:
             return "scratch"
         arm = ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))

@@ -12,6 +12,7 @@ import torch
 from torch import Generator
 
 from ship_trl import __version__, console
+from ship_trl.architecture import others
 from ship_trl.config import ConfigError, Method, SourceWeights
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.backend import computing
@@ -51,7 +52,10 @@ def run_experiment(run: Run, one_of_many: bool = False) -> Result:
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
     if run.config.source_file is not None:
         # Refused before anything is written.
-        network = DuelingNetwork(3 if run.config.colour else 1, len(run.config.world.actions), Generator())
+        config = run.config
+        network = DuelingNetwork(
+            3 if config.colour else 1, len(config.world.actions), Generator(), config.network
+        )
         load_weights(Path(run.config.source_file), network)
     # Of two processes that are asked for the same run, as after a study was killed and started again,
     # the second waits and finds it done.
@@ -96,7 +100,8 @@ def retain(run: Run, result: Result) -> Entry:
     if run.config.method is not Method.scratch:
         arm += f"-from-{Path(str(run.config.source)).stem}"
     base = CaseBase(Path(run.config.case_base))
-    return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder)
+    network = others(run.config.network)
+    return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder, network)
 
 
 def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many: bool = False) -> Result:
@@ -109,7 +114,7 @@ def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many:
     draw = Rasteriser(run.target, config.world, colour=config.colour, device=device)
     eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
     actions = len(config.world.actions)
-    network = DuelingNetwork(draw.channels, actions, streams["weights"])
+    network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
     transfer = find_transfer(run, network, source)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))[0]

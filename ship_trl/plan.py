@@ -8,9 +8,11 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock
 
+from ship_trl.architecture import others
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.sim.cases import Case, load_case
@@ -141,7 +143,7 @@ def hash_of(config: Config, target: Case, source: Run | None) -> str:
     learn = plain(config.learn)
     # The one decides nothing of what is learned, the other rounds differently, as devices do.
     del learn["jumpstart_draws"], learn["backend"]
-    values = {
+    values: dict[str, Any] = {
         "algorithm_version": ALGORITHM_VERSION,
         "target": target.fingerprint,
         "source": origin,
@@ -152,6 +154,8 @@ def hash_of(config: Config, target: Case, source: Run | None) -> str:
         "world": plain(config.world),
         "learn": learn,
     }
+    if (network := others(config.network)) is not None:
+        values["network"] = network
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -23,7 +23,7 @@ from ship_trl.learn.rollout import Policy
 from ship_trl.sim.dynamics import STEP
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reference import best_known
-from ship_trl.transfer.layers import load_weights
+from ship_trl.transfer.layers import load_weights, saved_network
 
 
 def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
@@ -87,7 +87,9 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
         return POLICIES[name](env, seed)
     if Path(name).suffix == ".safetensors":
         channels = env.rasteriser.channels
-        network = DuelingNetwork(channels, len(env.world.actions), Generator())
+        network = DuelingNetwork(
+            channels, len(env.world.actions), Generator(), saved_network(Path(name), "policy")
+        )
         network.load_state_dict(dict(load_weights(Path(name), network, "policy")))
         return greedy_policy(network.to(env.device), env.rasteriser)
     where, colon, function = name.rpartition(":")

@@ -55,6 +55,17 @@ def test_every_profile_composes(profile: str) -> None:
     assert composed(*HIGH, f"profile={profile}").profile == profile
 
 
+@pytest.mark.parametrize("network", options("network"))
+def test_every_network_composes_with_each_number_of_layers(network: str) -> None:
+    count = len(composed(*HIGH, f"network={network}").network.conv)
+    for method, arm in (("finetune", "FT"), ("feature_extraction", "FE")):
+        for n in range(1, count + 1):
+            line = ("+pair=high", f"network={network}", f"method={method}", f"layers={n}")
+            assert composed(*line).arm == f"{arm}{n}"
+        with pytest.raises(ConfigError, match=rf"^layers: must be 1, .*{count}.* got {count + 1}$"):
+            composed(*line[:3], f"layers={count + 1}")
+
+
 @pytest.mark.parametrize("group", ["world", "learn"])
 def test_every_other_group_composes(group: str) -> None:
     for name in options(group):
@@ -72,7 +83,7 @@ def test_every_launcher_composes(launcher: str) -> None:
 
 def test_every_group_is_covered() -> None:
     groups = {str(path.parent.relative_to(conf_dir())) for path in conf_dir().glob("*/**/*.yaml")}
-    assert groups == {"pair", "arm", "case", "profile", "world", "learn", "hydra/launcher"}
+    assert groups == {"pair", "arm", "case", "profile", "world", "learn", "network", "hydra/launcher"}
 
 
 def test_any_two_cases_are_a_pair() -> None:
@@ -144,6 +155,19 @@ WRONG = {
     "+pair=high layers=3 +typo=3": "typo: unknown key; allowed here: pair, source, target",
     "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes,",
     "+pair=high layers=3 +world.reward.typo=3": "world.reward.typo: unknown key; allowed here: goal,",
+    "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5 or all with method=finetune, got 6",
+    "+pair=high layers=3 network.conv=[]": "network.conv: must be at least one [filters, kernel, stride]",
+    "+pair=high layers=3 network.conv=[[8,84]]": "network.conv[0]: must be [filters, kernel, stride], each",
+    "+pair=high layers=3 network.conv=[[8,8,0],[8,20,1]]": "network.conv[0]: must be [filters, kernel,",
+    "+pair=high layers=3 network.conv=[[-8,8,4],[8,20,1]]": "network.conv[0]: must be [filters, kernel,",
+    "+pair=high layers=3 network.conv=[[8,8.5,4]]": "network.conv[0]: Value 8.5 (float)",
+    "+pair=high layers=3 network.conv=8": "network.conv: ",
+    "+pair=high layers=3 network.conv=[[8,8,4],[8,21,1]]": "network.conv[1]: the kernel must be 20, to cover",
+    "+pair=high layers=3 network.conv=[[8,85,4],[8,1,1]]": "network.conv[0]: the kernel must be at most 84",
+    "+pair=high layers=3 network.conv=[[8,8,4],[8,19,1]]": "network.conv[1]: the kernel must be 20, to cover",
+    "+pair=high layers=3 network.hidden=0": "network.hidden: must be at least 1, got 0",
+    "+pair=high layers=3 +network.typo=3": "network.typo: unknown key; allowed here: conv, hidden",
+    "+pair=high layers=2 learn.backend=incremental network.conv=[[8,6,3],[8,27,1]]": "learn.backend: must be",
     "+pair=high layers=3 ~learn.lr": "learn.lr: missing",
 }
 

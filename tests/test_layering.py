@@ -12,14 +12,15 @@ SIM = BELOW | {"sim"}
 ALLOWED = {
     "paths": set(),
     "config": set(),
-    "checks": {"config"},
+    "architecture": BELOW,
+    "checks": {"architecture", "config"},
     "jit": set(),
     "sim": BELOW | {"jit"},
-    "learn": BELOW | {"jit"},
-    "transfer": SIM | {"learn", "result"},
+    "learn": BELOW | {"architecture", "jit"},
+    "transfer": SIM | {"architecture", "learn", "result"},
     "result": {"paths"},
     "curve": set(),
-    "plan": SIM | {"result"},
+    "plan": SIM | {"architecture", "result"},
     "view": SIM | {"curve", "learn"},
     "process": set(),
     "console": BELOW | {"learn", "result"},
@@ -36,8 +37,19 @@ ALLOWED = {
     "evaluate": SIM
     | {"cli", "learn", "plan", "policies", "process", "result", "results", "transfer", "view"},
     "experiment": SIM
-    | {"__version__", "console", "learn", "plan", "process", "result", "tracking", "transfer", "view"},
-    "bench": SIM | {"cli", "gym_env", "learn", "process", "transfer", "vector_env"},
+    | {
+        "__version__",
+        "architecture",
+        "console",
+        "learn",
+        "plan",
+        "process",
+        "result",
+        "tracking",
+        "transfer",
+        "view",
+    },
+    "bench": SIM | {"architecture", "cli", "gym_env", "learn", "process", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "experiment", "launchers", "plan"},
     "__init__": set(),
 }
@@ -55,6 +67,7 @@ ROOMS = {
 }
 WITHOUT_TORCH = (
     "config",
+    "architecture",
     "checks",
     "paths",
     "plan",

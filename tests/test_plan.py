@@ -9,7 +9,7 @@ from ship_trl.config import ConfigError
 from ship_trl.plan import Run, make_run
 from ship_trl.result import write_result
 from tests.a_result import a_result
-from tests.test_config import composed
+from tests.test_config import HIGH, composed
 
 
 def run(*overrides: str) -> Run:
@@ -58,6 +58,8 @@ def test_a_source_by_file_may_be_permuted(tmp_path: Path) -> None:
         "layers=2",
         "method=feature_extraction",
         "colour=true",
+        "network=five",
+        "network.hidden=100",
         "learn.lr=0.5",
         "learn.episodes=7",
         "source=3",
@@ -151,3 +153,13 @@ def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) 
     before = run("target=1", "method=scratch").config_hash
     monkeypatch.setattr("ship_trl.plan.ALGORITHM_VERSION", 1_000_000)
     assert run("target=1", "method=scratch").config_hash != before
+
+
+def test_another_network_is_another_source_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    paper, five = run(*HIGH), run(*HIGH, "network=five")
+    assert paper.source is not None and five.source is not None
+    assert five.source.config.network == five.config.network
+    assert five.source.config_hash != paper.source.config_hash
+    # Runs that were made before there were other networks keep their hash: nothing is said of the paper's.
+    monkeypatch.setattr("ship_trl.plan.others", lambda _: None)
+    assert run(*HIGH).config_hash == run(*HIGH, "network=five").config_hash == paper.config_hash

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from torch import nn
 
-from ship_trl.config import CONV_LAYERS
+from ship_trl.bench.work import CONV_LAYERS
 from ship_trl.sim.scene import SIZE
 
 

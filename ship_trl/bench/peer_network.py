@@ -8,8 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ship_trl.bench.work import FRAME
-from ship_trl.config import CONV_LAYERS
+from ship_trl.bench.work import CONV_LAYERS, FRAME
 
 
 def conv_layers(channels: int = 1) -> list[nn.Conv2d]:

@@ -6,11 +6,13 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from ship_trl.architecture import load_network
 from ship_trl.config import Learn
 from ship_trl.paths import conf_dir
 
 CASE = "4"
 FRAME = (1, 84, 84)
+CONV_LAYERS = len(load_network().conv)
 # Exploring and learning go on at this rate while the clock runs.
 EPSILON = 0.1
 # Enough to sample from, and short: it is not timed.

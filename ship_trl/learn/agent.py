@@ -14,15 +14,10 @@ from ship_trl.learn.backend import Draw, choose_backend, computing
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
-from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.replay import DrawPixels, StateReplay
-
-# From this many frozen layers on, their output is kept in the replay in place of the state: 3,136
-# numbers after the third (in half precision 6 kB, a little less than a picture), 200 after the fourth.
-# That is far more than a state, but in a fraction of the time that computing it again takes.
-KEPT_FROM = 3
 
 
 def frozen_layers(network: DuelingNetwork) -> int:
@@ -33,8 +28,8 @@ def frozen_layers(network: DuelingNetwork) -> int:
     """
     learning = {name for name, p in network.named_parameters() if p.requires_grad}
     whole = {name for name, _ in network.named_parameters()}
-    for count in range(len(CONV_NAMES) + 1):
-        if learning == {name for name in whole if not name.startswith(CONV_NAMES[:count])}:
+    for count in range(len(network.conv_names) + 1):
+        if learning == {name for name in whole if name.split(".")[0] not in network.conv_names[:count]}:
             return count
     raise ValueError("only whole conv layers can be frozen, the first ones before the others")
 
@@ -71,11 +66,16 @@ class Agent:
     ) -> None:
         self.network, self.draw = network, draw
         self.frozen = network.frozen = frozen_layers(network)
-        device = network.conv1.weight.device
+        device = network.shared.weight.device
         self.dtype = computing(learn.precision, device)
-        network.backend = choose_backend(learn.backend, draw, self.dtype, device)
+        network.backend = choose_backend(learn.backend, draw, self.dtype, device, network.geometry)
         incremental = isinstance(network.backend, Incremental)
-        self.observation = "features" if incremental and self.frozen >= KEPT_FROM else "state"
+        # Once only linear layers are left, what the frozen ones give is kept in the replay in place of the
+        # state: in the paper's network 3,136 numbers after the third (in half precision 6 kB, a little less
+        # than a picture), 200 after the fourth. That is far more than a state, but read in a fraction of the
+        # time that computing it again takes.
+        keeping = incremental and self.frozen >= network.linear_from
+        self.observation = "features" if keeping else "state"
         # Where float32 computes, float16 keeps three bits more of it than bfloat16 would.
         self.kept = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
         learned_from = "pixels" if self.observation == "state" else self.observation
@@ -94,7 +94,7 @@ class Agent:
         self.greedy = greedy_policy(self.target_network, draw)
 
     def encode(self, state: Tensor) -> Tensor:
-        """Compute what the frozen layers make of states, to be kept: [N, S] to [N, F] in half precision."""
+        """Compute what the frozen layers make of states, to be kept: [N, S] to [N, K] in half precision."""
         assert self._few is not None
         features = self._few.encode(self.draw(state))
         # float16 ends at 65,504, and would keep what is beyond as infinite; nothing is negative.

@@ -7,6 +7,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
+from ship_trl.architecture import Geometry, cut_by_words
 from ship_trl.config import BackendName, Precision, bfloat16_allowed
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.network import Backend, Dense
@@ -22,11 +23,16 @@ class Draw(Protocol):
         ...
 
 
-def choose_backend(wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device) -> Backend:
-    """Make what computes the conv layers; `auto` is the quickest on a device."""
-    quickest = BackendName.incremental if device.type == "cpu" else BackendName.dense
+def choose_backend(
+    wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device, geometry: Geometry
+) -> Backend:
+    """Make what computes the conv layers; `auto` is the quickest that serves them on a device."""
+    windows = device.type == "cpu" and cut_by_words(geometry)
+    quickest = BackendName.incremental if windows else BackendName.dense
     chosen = quickest if wanted is BackendName.auto else wanted
-    return Incremental(draw.background, dtype) if chosen is BackendName.incremental else Dense(dtype)
+    if chosen is BackendName.dense:
+        return Dense(dtype)
+    return Incremental(draw.background, dtype, geometry)
 
 
 def computing(precision: Precision, device: torch.device) -> torch.dtype:

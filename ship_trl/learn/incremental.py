@@ -12,94 +12,18 @@ rows of the background would be most of the work, and takes those from memory.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
-import numpy as np
 import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from ship_trl.architecture import Geometry
 from ship_trl.learn import incremental_kernels as kernels
 from ship_trl.learn.changes import version
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
-
-# Kernel, stride and side of the output of conv1 to conv3.
-GEOMETRY = ((8, 4, 20), (4, 2, 9), (3, 1, 7))
-# Matrix products are prepared anew for each shape; rounded, there are few shapes.
-ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
-
-
-class Rows(NamedTuple):
-    """A batch of B frames, as the layers that are still to come need it.
-
-    `values` [R, C] are activations, or windows of pixels; `indices` has an entry for each conv
-    layer to come: int32 [T, K], the rows that each of its T windows holds, or None where `values`
-    are its windows already. Rows are numbered as if those of the background came first, even
-    where they are left out.
-    """
-
-    values: Tensor
-    indices: tuple[Tensor | None, ...]
-
-
-class Cutter:
-    """Cuts frames into windows: uint8 [B, C, 84, 84] to the `Rows` of conv1.
-
-    Args:
-        background: the picture that most frames resemble, uint8 [C, 84, 84].
-        dtype: of the windows, whose values are 0 to 1.
-    """
-
-    def __init__(self, background: Tensor, dtype: torch.dtype) -> None:
-        self.dtype = dtype
-        background = background.contiguous()
-        self.background_words = background.view(torch.int32).numpy()
-        self.worth = as_numpy((torch.arange(256) / 255.0).to(dtype))
-        windows = background.unfold(1, 8, 4).unfold(2, 8, 4).permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
-        self.background_windows = (windows / 255.0).to(dtype)
-
-    def __call__(self, frames: Tensor, background: bool = True) -> Rows:
-        """Find what differs from the background, and where it lies.
-
-        Without `background`, windows of the background itself are left out.
-        """
-        batch = frames.shape[0]
-        frames = frames.contiguous()
-        touched = [np.empty((batch, side, side), np.bool_) for _, _, side in GEOMETRY]
-        tables = [np.empty((batch, side * side), np.int32) for _, _, side in GEOMETRY]
-        # The number of the first row that is kept.
-        base = [0 if background else side * side for _, _, side in GEOMETRY]
-        kernels.mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
-        rows = [kernels.number(touched[0], tables[0])]
-        for n in (1, 2):
-            kernel, stride, _ = GEOMETRY[n]
-            kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
-            rows.append(kernels.number(touched[n], tables[n]))
-        windows = torch.zeros(rounded(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
-        if background:
-            windows[: len(self.background_windows)] = self.background_windows
-        pixels, side = frames.numpy(), GEOMETRY[0][2]
-        kernels.cut_pixels(pixels, tables[0], side, self.worth, as_numpy(windows), base[0])
-        indices: list[Tensor | None] = [None]
-        for n in (1, 2):
-            kernel, stride, side = GEOMETRY[n]
-            index = np.zeros((rounded(rows[n] - base[n]), kernel * kernel), np.int32)
-            below = GEOMETRY[n - 1][2]
-            kernels.index_windows(tables[n - 1], below, tables[n], side, kernel, stride, index, base[n])
-            indices.append(torch.from_numpy(index))
-        return Rows(windows, (*indices, torch.from_numpy(tables[2])))
-
-
-def rounded(rows: int) -> int:
-    """Up to the next multiple of `ROUND_ROWS`; the rows added are zero and nobody refers to them."""
-    step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
-    return -(-rows // step) * step
-
-
-def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
-    """View the same memory as an array; NumPy knows no bfloat16, so its bits as uint16."""
-    return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()
+from ship_trl.learn.cutter import Cutter, Rows, as_numpy
+from ship_trl.learn.network import DuelingNetwork
 
 
 def as_matrix(weight: Tensor) -> Tensor:
@@ -154,10 +78,11 @@ class GatheredLayer(torch.autograd.Function):
         gradient = torch.ops.aten.threshold_backward(gradient, out, 0)
         to_rows = to_weight = to_bias = None
         if ctx.needs_input_grad[0]:
-            total = torch.zeros(ctx.rows, dtype=torch.float32)
-            pieces = (gradient @ matrix).view(*index.shape, -1)
-            kernels.scatter_add(as_numpy(pieces), index.numpy(), total.numpy())
-            to_rows = total.to(gradient.dtype)
+            to_rows = gradient @ matrix
+            if index is not None:
+                total = torch.zeros(ctx.rows, dtype=torch.float32)
+                kernels.scatter_add(as_numpy(to_rows.view(*index.shape, -1)), index.numpy(), total.numpy())
+                to_rows = total.to(gradient.dtype)
         if ctx.needs_input_grad[2]:
             filters, channels, height, width = ctx.filters
             flat = (gradient.t() @ windows).float()
@@ -212,11 +137,12 @@ class Incremental:
     Args:
         background: the picture that most frames resemble, uint8 [C, 84, 84].
         dtype: of the conv layers. Weights and their gradients stay float32.
+        geometry: of the conv layers of every network that it will compute, as `cut_by_words` says.
     """
 
-    def __init__(self, background: Tensor, dtype: torch.dtype) -> None:
-        self.dtype = dtype
-        self._cut = Cutter(background, dtype)
+    def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
+        self.dtype, self.geometry = dtype, geometry
+        self._cut = Cutter(background, dtype, geometry)
         self._seen: tuple[Tensor, tuple[int, ...], Rows] | None = None
         self._copies: WeakKeyDictionary[DuelingNetwork, Copies] = WeakKeyDictionary()
 
@@ -233,23 +159,30 @@ class Incremental:
         self.__dict__ |= state | {"_copies": WeakKeyDictionary()}
 
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
-        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, 200]."""
+        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F].
+
+        Raises:
+            ValueError: the network is of another geometry.
+        """
+        if network.geometry != self.geometry:
+            raise ValueError("network: its conv layers are others than those that this was made for")
         return self._rest(network, self._through_frozen(network, pixels))
 
     def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
-        """Compute those after the frozen ones: [B, F] to float32 [B, 200]."""
-        if network.frozen == len(CONV_NAMES):
+        """Compute those after the frozen ones: [B, K] to float32 [B, F]."""
+        left = len(self.geometry) - network.frozen
+        if left == 0:
             return kept.float()
-        return self._rest(network, Rows(kept.to(self.dtype), (None,) * (len(CONV_NAMES) - network.frozen)))
+        return self._rest(network, Rows(kept.to(self.dtype), (None,) * left))
 
     def prepare(self, network: DuelingNetwork) -> None:
         """Copy the weights now, while they are in the processor's cache: half a millisecond an update."""
-        if self.dtype is not torch.float32 and network.frozen < len(CONV_NAMES):
+        if self.dtype is not torch.float32 and network.frozen < len(self.geometry):
             self._copied(network, network.conv_weights(), ahead=True)
 
     def _through_frozen(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
         """Cut frames into windows, and take them through the frozen layers."""
-        frozen = [getattr(network, name).weight for name in CONV_NAMES[: network.frozen]]
+        frozen = [conv.weight for conv in network.convs[: network.frozen]]
         # Who and which version: weights that are replaced or changed in place are others.
         state = (*version([pixels, *frozen], learning=False), *(weight.data_ptr() for weight in frozen))
         if self._seen is None or self._seen[0] is not pixels or self._seen[1] != state:
@@ -270,7 +203,7 @@ class Incremental:
         values, indices = rows
         weights = network.conv_weights()
         copies = self._copied(network, weights)
-        first = len(CONV_NAMES) - len(indices)
+        first = len(self.geometry) - len(indices)
         for n in range(first, first + layers):
             index, (matrix, bias) = indices[n - first], copies.layers[n]
             if torch.is_grad_enabled():

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from ship_trl.jit import compiled
+from ship_trl.jit import Loop, compiled
 
 Array = np.ndarray[Any, Any]
 
@@ -31,26 +32,48 @@ def number(touched: Array, table: Array) -> int:
 
 
 @compiled()
-def mark_pixels(words: Array, background: Array, touched: Array) -> None:
-    """Which windows of the first layer hold a pixel that differs from the background.
+def differing(words: Array, background: Array, blocks: Array) -> None:
+    """Which blocks of a frame, a word wide and four pixels high, differ from the background.
 
-    Windows are two words wide and two words high, and a word (four pixels) apart.
-    Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; background the same without B;
-    touched bool [B, S, S] is written, S = H / 4 - 1.
+    Shapes: words int32 [C, H, H / 4], the pixels four at a time, and background the same;
+    blocks int32 [H / 4, H / 4] is written, 0 where nothing differs.
     """
-    batch, channels, _, width = words.shape
-    blocks = np.empty((width, width), np.int32)
-    for b in range(batch):
-        blocks[:] = 0
-        for c in range(channels):
-            for y in range(width):
-                for row in range(4 * y, 4 * y + 4):
-                    for x in range(width):
-                        blocks[y, x] |= words[b, c, row, x] ^ background[c, row, x]
-        for y in range(width - 1):
-            for x in range(width - 1):
-                four = blocks[y, x] | blocks[y, x + 1] | blocks[y + 1, x] | blocks[y + 1, x + 1]
-                touched[b, y, x] = four != 0
+    channels, width = words.shape[0], words.shape[2]
+    blocks[:] = 0
+    for c in range(channels):
+        for y in range(width):
+            for row in range(4 * y, 4 * y + 4):
+                for x in range(width):
+                    blocks[y, x] |= words[c, row, x] ^ background[c, row, x]
+
+
+@cache
+def marking(kernel: int, stride: int) -> Loop:
+    """Compile `mark_pixels` for windows of `kernel` words, `stride` words apart.
+
+    Loops of a known length are twice as fast.
+    """
+
+    @compiled()
+    def mark_pixels(words: Array, background: Array, touched: Array) -> None:
+        """Which windows of the first layer hold a pixel that differs from the background.
+
+        Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; background the same without B;
+        touched bool [B, S, S] is written.
+        """
+        batch, side, width = touched.shape[0], touched.shape[1], words.shape[3]
+        blocks = np.empty((width, width), np.int32)
+        for b in range(batch):
+            differing(words[b], background, blocks)
+            for y in range(side):
+                for x in range(side):
+                    found = np.int32(0)
+                    for i in range(kernel):
+                        for j in range(kernel):
+                            found |= blocks[y * stride + i, x * stride + j]
+                    touched[b, y, x] = found != 0
+
+    return mark_pixels
 
 
 @compiled()
@@ -67,26 +90,32 @@ def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None
                 touched[b, y, x] = found
 
 
-@compiled()
-def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
-    """Copy the 8x8 windows, 4 apart, of what is touched into `rows`, whose first has number `base`.
+@cache
+def cutting(kernel: int, stride: int) -> Loop:
+    """Compile `cut_pixels` for windows of `kernel` pixels, `stride` apart, as `marking` does."""
 
-    Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], what a pixel is worth;
-    rows [R, 8 * 8 * C] is written, in the order row, column, channel.
-    """
-    batch, channels = pixels.shape[:2]
-    for b in range(batch):
-        for y in range(side):
-            for x in range(side):
-                row = table[b, y * side + x]
-                if row < side * side:
-                    continue
-                for i in range(8):
-                    window = rows[row - base, 8 * i * channels : 8 * (i + 1) * channels]
-                    for c in range(channels):
-                        line = pixels[b, c, 4 * y + i, 4 * x : 4 * x + 8]
-                        for j in range(8):
-                            window[j * channels + c] = values[line[j]]
+    @compiled()
+    def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
+        """Copy the windows of the first layer that are touched into `rows`, whose first has number `base`.
+
+        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], what a pixel is worth;
+        rows [R, kernel * kernel * C] is written, in the order row, column, channel.
+        """
+        batch, channels = pixels.shape[:2]
+        for b in range(batch):
+            for y in range(side):
+                for x in range(side):
+                    row = table[b, y * side + x]
+                    if row < side * side:
+                        continue
+                    for i in range(kernel):
+                        window = rows[row - base, kernel * i * channels : kernel * (i + 1) * channels]
+                        for c in range(channels):
+                            line = pixels[b, c, stride * y + i, stride * x : stride * x + kernel]
+                            for j in range(kernel):
+                                window[j * channels + c] = values[line[j]]
+
+    return cut_pixels
 
 
 @compiled()

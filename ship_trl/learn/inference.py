@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 
 from ship_trl.learn.changes import rewrites, version
-from ship_trl.learn.incremental import GEOMETRY, Cutter, Rows, as_matrix, gathered_layer
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.cutter import Cutter, Rows
+from ship_trl.learn.incremental import as_matrix, gathered_layer
+from ship_trl.learn.network import DuelingNetwork
 
 
 class CachedInference:
@@ -24,12 +25,15 @@ class CachedInference:
 
     def __init__(self, network: DuelingNetwork, background: Tensor, frozen: int) -> None:
         self._network, self._frozen = network, frozen
-        self._cut = Cutter(background, torch.float32)
+        self._cut = Cutter(background, torch.float32, network.geometry)
         self._background_frame = self._cut(background.unsqueeze(0))
         self._remembered: list[Tensor] = []
-        layers = [getattr(network, name) for name in CONV_NAMES]
-        self._weights = [(as_matrix(layer.weight.detach()), layer.bias.detach()) for layer in layers]
-        self._learning = [p for layer in layers[frozen:] for p in (layer.weight, layer.bias)]
+        weights = network.conv_weights()
+        self._weights = [
+            (as_matrix(weight.detach()), bias.detach())
+            for weight, bias in zip(weights[::2], weights[1::2], strict=True)
+        ]
+        self._learning = weights[2 * frozen :]
         self._version: tuple[int, ...] = ()
         self._rewrites = rewrites()
 
@@ -44,40 +48,40 @@ class CachedInference:
     @torch.no_grad()
     def actions(self, frames: Tensor) -> Tensor:
         """Choose the best actions: uint8 [B, C, 84, 84] to int64 [B]."""
-        return self._network.best(self._advance(self._cut(frames, background=False), len(CONV_NAMES)).values)
+        rows = self._cut(frames, background=False)
+        return self._network.best(self._advance(rows, len(rows.indices)).values)
 
     @torch.no_grad()
     def actions_on(self, features: Tensor) -> Tensor:
-        """Choose the best actions, given what the frozen layers made of frames: [B, F] to int64 [B]."""
-        rows = Rows(features.float(), (None,) * (len(CONV_NAMES) - self._frozen))
+        """Choose the best actions, given what the frozen layers made of frames: [B, K] to int64 [B]."""
+        rows = Rows(features.float(), (None,) * (len(self._weights) - self._frozen))
         return self._network.best(self._advance(rows, len(rows.indices)).values)
 
     @torch.no_grad()
     def encode(self, frames: Tensor) -> Tensor:
-        """Compute the frozen layers (three or four) of frames: uint8 [B, C, 84, 84] to float32 [B, F]."""
+        """Compute the frozen layers, `linear_from` or more: uint8 [B, C, 84, 84] to float32 [B, K]."""
         values, indices = self._advance(self._cut(frames, background=False), self._frozen)
-        for index in indices:
-            assert index is not None
-            values = values[index].flatten(1)
+        if indices and indices[0] is not None:
+            values = values[indices[0]].flatten(1)
         return values
 
     def _advance(self, rows: Rows, layers: int) -> Rows:
         """Through the next `layers` conv layers."""
         self._forget()
         values, indices = rows
-        first = len(CONV_NAMES) - len(indices)
+        first = len(self._weights) - len(indices)
         for n in range(first, first + layers):
             _, values = gathered_layer(values, indices[n - first], *self._weights[n])
-            if n < len(GEOMETRY):
+            if n < len(self._cut.sides):
                 values = torch.cat((self._background_rows(n), values))
         return Rows(values, indices[layers:])
 
     def _background_rows(self, layer: int) -> Tensor:
-        """Compute conv layer `layer` (0 to 2) of the background: [S * S, C]."""
+        """Compute conv layer `layer`, counted from 0, of the background: [S * S, C]."""
         memory = self._remembered
         while len(memory) <= layer:
             n = len(memory)
             below = memory[-1] if memory else self._background_frame.values
             _, rows = gathered_layer(below, self._background_frame.indices[n], *self._weights[n])
-            memory.append(rows[: GEOMETRY[n][2] ** 2])
+            memory.append(rows[: self._cut.sides[n] ** 2])
         return memory[layer]

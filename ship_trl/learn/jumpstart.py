@@ -13,10 +13,10 @@ import torch
 from torch import Generator, Tensor
 from torchrl.envs import EnvBase
 
-from ship_trl.learn.agent import KEPT_FROM
+from ship_trl.architecture import cut_by_words
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.inference import CachedInference
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 
 # One ship's observation [1, ...] to its action [1].
 Decide = Callable[[Tensor], Tensor]
@@ -43,14 +43,14 @@ def jumpstart(
         draws: how many.
         generator: of the draws, on the CPU.
     """
-    shared, drawn = CONV_NAMES[:copied], copy.deepcopy(network).cpu()
+    shared, drawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
     fleet = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
     look: Callable[[Tensor], Tensor] = draw
     decide: list[Decide]
-    if env.device is not None and env.device.type == "cpu":
+    if env.device is not None and env.device.type == "cpu" and cut_by_words(network.geometry):
         inferences = [CachedInference(each, draw.background, copied) for each in fleet]
         decide = [inference.actions for inference in inferences]
-        if copied >= KEPT_FROM:
+        if copied >= network.linear_from:
             # What so many layers make of the pictures is computed for all ships at once.
             look, decide = lambda state: inferences[0].encode(draw(state)), [g.actions_on for g in inferences]
     else:

@@ -1,61 +1,74 @@
-"""The paper's network: four conv layers, three fully connected, dueling (figure 3)."""
+"""The network: conv layers, three fully connected, dueling (figure 3)."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Protocol
+from typing import Any, Protocol
 
 import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
-CONV_NAMES = ("conv1", "conv2", "conv3", "conv4")
+from ship_trl.architecture import geometry, linear_from, load_network
+from ship_trl.config import Network
 
 
 class DuelingNetwork(nn.Module):
     """Q-values of all actions from pixels: uint8 [B, C, 84, 84] to float32 [B, A].
 
-    Section 3.5: conv 32@8x8/4, 64@4x4/2, 64@3x3/1, 200@7x7/1, each with ReLU, giving 200 features.
-    "Fully connected layers with a dueling structure" is all it says of the rest; ours are
-    200 -> 200 shared, then value (1) and advantage (A).
+    Section 3.5: conv layers, each with ReLU, giving F features (the paper's network 200). "Fully connected
+    layers with a dueling structure" is all it says of the rest; ours are one that is shared, then value (1)
+    and advantage (A).
 
     Args:
         channels: 1 (grey) or 3 (colour).
         num_actions: A.
         generator: source of the initial weights.
+        config: which layers; those of conf/network/paper.yaml if None.
 
+    `conv_names` are `conv1` to the last, `geometry` their windows and maps. Those after the first
+    `linear_from` (the paper's network 3) are linear layers.
     `backend` computes the conv layers, and may be replaced at any time: all give the same function.
     `frozen` counts the conv layers, from the image on, that do not learn (see `freeze`).
     """
 
     frozen = 0
 
-    def __init__(self, channels: int, num_actions: int, generator: Generator) -> None:
+    def __init__(
+        self, channels: int, num_actions: int, generator: Generator, config: Network | None = None
+    ) -> None:
         super().__init__()
-        self.conv1 = nn.Conv2d(channels, 32, 8, stride=4)
-        self.conv2 = nn.Conv2d(32, 64, 4, stride=2)
-        self.conv3 = nn.Conv2d(64, 64, 3)
-        self.conv4 = nn.Conv2d(64, 200, 7)
-        self.shared = nn.Linear(200, 200)
-        self.value = nn.Linear(200, 1)
-        self.advantage = nn.Linear(200, num_actions)
-        # Channels last throughout: oneDNN then computes on the activations as they lie.
-        for name in CONV_NAMES:
-            weight = getattr(self, name).weight
-            weight.data = weight.data.contiguous(memory_format=torch.channels_last)
+        self.config = config or load_network()
+        self.geometry = geometry(self.config)
+        self.linear_from = linear_from(self.geometry)
+        self.conv_names = tuple(f"conv{n}" for n in range(1, len(self.geometry) + 1))
+        for name, layer in zip(self.conv_names, self.geometry, strict=True):
+            conv = nn.Conv2d(channels, layer.filters, layer.kernel, layer.stride)
+            # Channels last throughout: oneDNN then computes on the activations as they lie.
+            conv.weight.data = conv.weight.data.contiguous(memory_format=torch.channels_last)
+            self.add_module(name, conv)
+            channels = layer.filters
+        self.shared = nn.Linear(channels, self.config.hidden)
+        self.value = nn.Linear(self.config.hidden, 1)
+        self.advantage = nn.Linear(self.config.hidden, num_actions)
         self.backend: Backend = Dense()
         self.reset(generator)
 
+    @property
+    def convs(self) -> list[nn.Conv2d]:
+        """The conv layers, from the image on."""
+        return [getattr(self, name) for name in self.conv_names]
+
     def freeze(self, layers: int) -> None:
         """Let the first `layers` conv layers learn nothing."""
-        for name in CONV_NAMES[:layers]:
-            getattr(self, name).requires_grad_(False)
+        for conv in self.convs[:layers]:
+            conv.requires_grad_(False)
         self.frozen = layers
 
     def conv_weights(self) -> list[Tensor]:
         """Weight and bias of each conv layer, from the image on."""
-        layers = [getattr(self, name) for name in CONV_NAMES]
-        return [weight for layer in layers for weight in (layer.weight, layer.bias)]
+        weights: list[Any] = [weight for conv in self.convs for weight in (conv.weight, conv.bias)]
+        return weights
 
     @torch.no_grad()
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
@@ -76,7 +89,7 @@ class DuelingNetwork(nn.Module):
 
         Args:
             observation: pixels, uint8 [..., C, 84, 84], or what the frozen layers made of them, in half
-                precision or float32 [..., F].
+                precision or float32 [..., K].
         """
         drawn = observation.dtype is torch.uint8
         compute, dims = (self.backend.features if drawn else self.backend.features_from), 3 if drawn else 1
@@ -87,55 +100,65 @@ class DuelingNetwork(nn.Module):
         return q.reshape(*shape, self.advantage.out_features)
 
     def convolve(self, pixels: Tensor) -> Tensor:
-        """Compute all conv layers: uint8 [B, C, 84, 84] to [B, 200]."""
+        """Compute all conv layers: uint8 [B, C, 84, 84] to [B, F]."""
+        convs = self.convs
         x = F.relu_(self._first(pixels))
-        x = F.relu_(self.conv2(x))
-        x = F.relu_(self.conv3(x))
+        for conv in convs[1 : self.linear_from]:
+            x = F.relu_(conv(x))
         # Both sides lie channels last, so these are views.
-        return self._last(x.permute(0, 2, 3, 1).flatten(1))
+        return self._linear(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 
     def convolve_from(self, kept: Tensor) -> Tensor:
-        """Compute the conv layers after the frozen ones, three or four: [B, F] to [B, 200]."""
-        return kept if self.frozen == len(CONV_NAMES) else self._last(kept)
+        """Compute the conv layers after the frozen ones, `linear_from` or more: [B, K] to [B, F]."""
+        return self._linear(kept, self.convs[self.frozen :])
 
-    def _last(self, x: Tensor) -> Tensor:
-        """conv4: a 7x7 convolution of a 7x7 map is a linear layer, the same function and faster."""
-        weight = self.conv4.weight.permute(0, 2, 3, 1).flatten(1)
-        return F.relu_(F.linear(x, weight, self.conv4.bias))
+    def _linear(self, x: Tensor, convs: list[nn.Conv2d]) -> Tensor:
+        """Compute layers with a window of the whole map as linear ones: the same function and faster."""
+        for conv in convs:
+            x = F.relu_(F.linear(x, conv.weight.permute(0, 2, 3, 1).flatten(1), conv.bias))
+        return x
 
     def dueling(self, features: Tensor) -> Tensor:
-        """Fully connected layers: features [B, 200] to Q-values [B, A]."""
+        """Fully connected layers: features [B, F] to Q-values [B, A]."""
         x = F.relu_(self.shared(features))
         advantage = self.advantage(x)
         return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
     def best(self, features: Tensor) -> Tensor:
-        """Choose the actions of the highest Q-values: features [B, 200] to int64 [B].
+        """Choose the actions of the highest Q-values: features [B, F] to int64 [B].
 
         The value is the same for all actions, so advantages decide.
         """
         return self.advantage(F.relu_(self.shared(features))).argmax(-1)
 
     def _first(self, pixels: Tensor) -> Tensor:
-        """conv1 as space-to-depth and a 2x2 convolution: the same function, faster on a CPU."""
-        batch, channels, height, width = pixels.shape
-        blocks = pixels.reshape(batch, channels, height // 4, 4, width // 4, 4)
-        blocks = blocks.permute(0, 2, 4, 1, 3, 5).reshape(batch, height // 4, width // 4, channels * 16)
-        blocks = (blocks.to(self.conv1.weight.dtype) * (1.0 / 255.0)).permute(0, 3, 1, 2)
-        weight = self.conv1.weight.reshape(-1, channels, 2, 4, 2, 4)
-        weight = weight.permute(0, 2, 4, 1, 3, 5).reshape(-1, 2, 2, channels * 16).permute(0, 3, 1, 2)
-        return F.conv2d(blocks, weight, self.conv1.bias)
+        """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S].
+
+        Where windows are two strides wide, as space-to-depth and a 2x2 convolution: the same function,
+        faster on a CPU.
+        """
+        conv, step = self.convs[0], self.geometry[0].stride
+        batch, channels, side, _ = pixels.shape
+        if self.geometry[0].kernel != 2 * step or side % step:
+            return conv(pixels.to(conv.weight.dtype) * (1.0 / 255.0))
+        places = side // step
+        blocks = pixels.reshape(batch, channels, places, step, places, step)
+        blocks = blocks.permute(0, 2, 4, 1, 3, 5).reshape(batch, places, places, channels * step * step)
+        blocks = (blocks.to(conv.weight.dtype) * (1.0 / 255.0)).permute(0, 3, 1, 2)
+        weight = conv.weight.reshape(-1, channels, 2, step, 2, step)
+        weight = weight.permute(0, 2, 4, 1, 3, 5).reshape(-1, 2, 2, channels * step * step)
+        return F.conv2d(blocks, weight.permute(0, 3, 1, 2), conv.bias)
 
 
 class Backend(Protocol):
     """Computes conv layers. It holds no weights, so that networks may share it."""
 
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
-        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, 200]."""
+        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
         ...
 
     def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
-        """Compute those after the frozen ones: [B, F] to float32 [B, 200]."""
+        """Compute those after the frozen ones: [B, K] to float32 [B, F]."""
         ...
 
     def prepare(self, network: DuelingNetwork) -> None:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 
-SIZE = 84
+from ship_trl.config import PICTURE
+
+SIZE = PICTURE
 WINDOW = 640.0
 PIXELS_PER_METRE = SIZE / (2 * WINDOW)
 

@@ -30,7 +30,10 @@ HIGH_SIMILARITY = 0.64
 
 @dataclass(frozen=True)
 class Entry:
-    """A stored network: where it lies, of which case and arm, by which settings, how good."""
+    """A stored network: where it lies, of which case and arm, by which settings, how good.
+
+    `network` are its layers, None if the paper's.
+    """
 
     path: Path
     case: str
@@ -39,6 +42,7 @@ class Entry:
     seed: int
     config_hash: str
     scores: dict[str, Any]
+    network: dict[str, Any] | None = None
 
     @property
     def policy(self) -> Path:
@@ -82,11 +86,13 @@ class CaseBase:
         return found
 
     def representative(self, case: Case) -> Entry | None:
-        """Find the stored network with the best greedy return, which stands for its case (section 4.3)."""
+        """Find the stored network with the best greedy return, which stands for its case (section 4.3).
+
+        Those of other layers than the paper's are passed over.
+        """
         kept = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
-        return max(
-            (e for e in kept if e.best_return > -math.inf), key=lambda entry: entry.best_return, default=None
-        )
+        fit = [e for e in kept if e.network is None and e.best_return > -math.inf]
+        return max(fit, key=lambda entry: entry.best_return, default=None)
 
     def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
         """Folder of an entry, there or not."""
@@ -108,11 +114,18 @@ class CaseBase:
         return found[0] if found and found[0].policy.is_file() else None
 
     def retain(
-        self, case: Case, arm: str, seed: int, config_hash: str, scores: dict[str, Any], run: Path
+        self,
+        case: Case,
+        arm: str,
+        seed: int,
+        config_hash: str,
+        scores: dict[str, Any],
+        run: Path,
+        network: dict[str, Any] | None = None,
     ) -> Entry:
         """Keep a finished run's network; an entry already there stays (it is the same network)."""
         place = self.place(case, arm, seed, config_hash)
-        entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores)
+        entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(case, arm, seed, config_hash):
             return entry
         draft = place.with_name(f".{place.name}.{os.getpid()}")

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import torch
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from safetensors import SafetensorError, safe_open
-from torch import Generator, Tensor, nn
+from torch import Generator, Tensor
 
-from ship_trl.config import ConfigError
-from ship_trl.learn.network import CONV_NAMES
+from ship_trl.architecture import geometry, load_network
+from ship_trl.config import ConfigError, Network, plain
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.paths import replacing
 
 Weights = Mapping[str, Tensor]
@@ -27,16 +32,12 @@ class Transfer:
     frozen: bool
 
 
-def copied_layers(layers: int | str) -> tuple[str, ...]:
-    """Names of the first n conv layers, counted from the image, or of every layer for `all`."""
-    return () if layers == "all" else CONV_NAMES[: int(layers)]
-
-
-def apply(network: nn.Module, transfer: Transfer) -> None:
+def apply(network: DuelingNetwork, transfer: Transfer) -> None:
     """Copy the transfer's layers into `network`, and freeze them if it says so."""
-    names = copied_layers(transfer.layers)
+    whole = transfer.layers == "all"
+    names = () if whole else network.conv_names[: int(transfer.layers)]
     for key, parameter in network.named_parameters():
-        if transfer.layers == "all" or key.split(".")[0] in names:
+        if whole or key.split(".")[0] in names:
             parameter.data.copy_(transfer.weights[key])
             parameter.requires_grad_(not transfer.frozen)
 
@@ -51,37 +52,79 @@ def permuted(weights: Weights, generator: Generator) -> Weights:
     return found
 
 
-def save_weights(path: Path, network: nn.Module, about: Mapping[str, object]) -> None:
-    """Write all weights as safetensors, with `about` (JSON) in the header."""
+def save_weights(path: Path, network: DuelingNetwork, about: Mapping[str, object]) -> None:
+    """Write all weights as safetensors, with `about` and the network's layers (JSON) in the header."""
     from safetensors.torch import save_file
 
     # Contiguous copies: safetensors knows no channels-last.
     tensors = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
     with replacing(path) as draft:
-        save_file(tensors, draft, metadata={"ship_trl": json.dumps(dict(about), sort_keys=True)})
+        about = {**about, "network": plain(network.config)}
+        save_file(tensors, draft, metadata={"ship_trl": json.dumps(about, sort_keys=True)})
 
 
-def load_weights(path: Path, network: nn.Module, key: str = "source_file") -> Weights:
+@contextmanager
+def opened(path: Path, key: str) -> Iterator[Any]:
+    """Open a safetensors file.
+
+    Raises:
+        ConfigError: no such file, or not safetensors (a pickle, or cut short).
+    """
+    if not path.is_file():
+        raise ConfigError(f"{key}: no file {path}; a safetensors file is allowed")
+    try:
+        with safe_open(path, framework="pt") as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"{key}: {path} is not a whole safetensors file ({reason})") from None
+
+
+def saved_network(path: Path, key: str) -> Network:
+    """Read which network a file's weights are of; the paper's where its header says nothing.
+
+    Raises:
+        ConfigError: it is no safetensors file, or its header says what no network is, or not its own.
+    """
+    with opened(path, key) as file:
+        shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
+        try:
+            about = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
+            if "network" not in about:
+                return load_network()
+            network: Any = OmegaConf.to_object(
+                OmegaConf.merge(OmegaConf.structured(Network), about["network"])
+            )
+            for n, layer in enumerate(geometry(network), 1):
+                shape = shapes.get(f"conv{n}.weight", [])
+                if [*shape[:1], *shape[2:]] != [layer.filters, layer.kernel, layer.kernel]:
+                    raise ConfigError(f"conv{n}.weight is of another shape")
+            if shapes.get("shared.bias") != [network.hidden]:
+                raise ConfigError("shared.bias is of another shape")
+        except (ValueError, TypeError, RecursionError, OmegaConfBaseException, ConfigError) as error:
+            reason = " ".join(str(error).split())
+            raise ConfigError(f"{key}: {path} is of no network that can be made ({reason})") from None
+    found: Network = network
+    return found
+
+
+def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:
     """Read weights for a network of `network`'s architecture; nothing is unpickled.
 
     Raises:
         ConfigError: no such file, not safetensors (a pickle, or cut short), another architecture,
             or weights that are not finite.
     """
-    if not path.is_file():
-        raise ConfigError(f"{key}: no file {path}; a safetensors file is allowed")
     wanted = network.state_dict()
-    try:
-        with safe_open(path, framework="pt") as file:
-            names = set(file.keys())
-            shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
-            problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
-            if problem:
-                raise ConfigError(f"{key}: {path} is of another architecture: {problem}")
-            weights = {name: file.get_tensor(name) for name in sorted(names)}
-    except (SafetensorError, OSError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{key}: {path} is not a whole safetensors file ({reason})") from None
+    with opened(path, key) as file:
+        names = set(file.keys())
+        shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
+        problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
+        if not problem and (saved := saved_network(path, key)) != network.config:
+            problem = f"its conv layers are {saved.conv}, allowed {network.config.conv}"
+        if problem:
+            raise ConfigError(f"{key}: {path} is of another architecture: {problem}")
+        weights = {name: file.get_tensor(name) for name in sorted(names)}
     for name, value in weights.items():
         if value.dtype != wanted[name].dtype or not bool(value.isfinite().all()):
             raise ConfigError(f"{key}: {path}: {name} must hold finite {wanted[name].dtype} numbers")

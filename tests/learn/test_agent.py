@@ -1,18 +1,17 @@
 """The double-DQN update, exploration, freezing, and the soft target."""
 
 import copy
-from typing import Any
 
 import pytest
 import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from ship_trl.config import BackendName, Learn, Loss, Precision
-from ship_trl.learn import agent as agent_module
-from ship_trl.learn.agent import Agent
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.config import BackendName, Learn, Loss, Network, Precision
+from ship_trl.learn.agent import Agent, frozen_layers
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
+from tests.learn import networks
 from tests.learn.worlds import draw, schedule
 
 
@@ -21,6 +20,11 @@ def agent(seed: int = 0, frozen: tuple[str, ...] = (), **changes: object) -> Age
     for name, parameter in network.named_parameters():
         parameter.requires_grad_(name.split(".")[0] not in frozen)
     return Agent(network, draw, 7, schedule(**changes), Generator().manual_seed(seed))
+
+
+def first(layers: int) -> tuple[str, ...]:
+    """Names of the first conv layers."""
+    return tuple(f"conv{n}" for n in range(1, layers + 1))
 
 
 def batch(size: int = 6) -> TensorDict:
@@ -66,11 +70,12 @@ def encoded(learner: Agent, data: TensorDict) -> TensorDict:
     return given
 
 
-def on_states(monkeypatch: pytest.MonkeyPatch, *values: Any) -> Agent:
+def on_states(seed: int, frozen: int) -> Agent:
     """An agent that keeps states however many layers are frozen."""
-    with monkeypatch.context() as patch:
-        patch.setattr(agent_module, "KEPT_FROM", 5)
-        return agent(*values)
+    network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
+    network.freeze(frozen)
+    network.linear_from = 5
+    return Agent(network, draw, 7, schedule(), Generator().manual_seed(seed))
 
 
 def by_hand(online: DuelingNetwork, target: DuelingNetwork, data: TensorDict, learn: Learn) -> Tensor:
@@ -141,7 +146,7 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     with torch.no_grad():
         for name, parameter in network.named_parameters():
-            parameter.requires_grad_(not name.startswith(CONV_NAMES[:frozen]))
+            parameter.requires_grad_(not name.startswith(first(frozen)))
             if name.endswith("bias"):
                 parameter.uniform_(-0.3, 0.3, generator=Generator().manual_seed(1))
     grey = lambda state: draw(state) // 2 + 100  # noqa: E731
@@ -207,14 +212,13 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
 @pytest.mark.parametrize("frozen", [3, 4])
 @pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
 def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, precision: Precision) -> None:
-    learner = agent(frozen=CONV_NAMES[:frozen], precision=precision)
+    learner = agent(frozen=first(frozen), precision=precision)
     assert learner.observation == "features" and learner.frozen == frozen
     state = torch.rand(9, 2) * 8 - 4
     kept = learner.encode(state)
     assert kept.shape == (9, {3: 3136, 4: 200}[frozen]) and kept.itemsize == 2
     x = draw(state) / 255.0
-    for name in CONV_NAMES[:frozen]:
-        layer = getattr(learner.network, name)
+    for layer in learner.network.convs[:frozen]:
         x = torch.relu(torch.nn.functional.conv2d(x, layer.weight, layer.bias, layer.stride))
     wanted = x.permute(0, 2, 3, 1).flatten(1)
     # Half a step of float16 and of bfloat16, and what sums in another order differ by.
@@ -223,9 +227,9 @@ def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, pre
 
 
 def test_features_beyond_half_precision_are_kept_as_its_largest_number() -> None:
-    learner = agent(frozen=CONV_NAMES[:3])
+    learner = agent(frozen=first(3))
     with torch.no_grad():
-        learner.network.conv3.weight.mul_(1e6)
+        learner.network.convs[2].weight.mul_(1e6)
     data = encoded(learner, batch())
     assert data["features"].max() == torch.finfo(torch.float16).max
     assert learner.update(data).isfinite() and all(p.isfinite().all() for p in learner.network.parameters())
@@ -233,10 +237,8 @@ def test_features_beyond_half_precision_are_kept_as_its_largest_number() -> None
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("frozen", [3, 4])
-def test_q_values_and_gradients_on_kept_features_are_those_on_states(
-    frozen: int, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    kept, dense = agent(seed, CONV_NAMES[:frozen]), on_states(monkeypatch, seed, CONV_NAMES[:frozen])
+def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int, seed: int) -> None:
+    kept, dense = agent(seed, first(frozen)), on_states(seed, frozen)
     assert (kept.observation, dense.observation) == ("features", "state")
     found = []
     for learner in (kept, dense):
@@ -254,8 +256,8 @@ def test_q_values_and_gradients_on_kept_features_are_those_on_states(
         assert (mine - other).norm() < 0.02 * other.norm()
 
 
-def test_learning_from_kept_features_is_learning_from_states(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept, dense = agent(frozen=CONV_NAMES[:3]), on_states(monkeypatch, 0, CONV_NAMES[:3])
+def test_learning_from_kept_features_is_learning_from_states() -> None:
+    kept, dense = agent(frozen=first(3)), on_states(0, 3)
     for _ in range(3):
         mine, other = (learner.update(encoded(learner, batch())) for learner in (kept, dense))
         torch.testing.assert_close(mine, other, rtol=2e-3, atol=1e-6)
@@ -273,3 +275,28 @@ def test_both_backends_learn_the_same() -> None:
         found.append([float(learner.update(drawn(batch()))) for _ in range(3)])
     assert found[0] == found[1]  # on a CPU `auto` is the incremental one
     assert found[1] == pytest.approx(found[2], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "frozen"), [("five", 0), ("five", 3), ("five", 4), ("five", 5), ("wide", 3)]
+)
+def test_a_network_of_other_layers_learns_the_same_by_both_backends(name: str, frozen: int) -> None:
+    found = []
+    for backend in (BackendName.incremental, BackendName.dense):
+        network, learn = networks.network(name, frozen=frozen), schedule(backend=backend)
+        learner = Agent(network, draw, 7, learn, Generator().manual_seed(0))
+        keeps = backend is BackendName.incremental and frozen >= {"five": 4, "wide": 2}[name]
+        assert learner.observation == ("features" if keeps else "state")
+        before = {name: p.clone() for name, p in network.named_parameters()}
+        found.append([float(learner.update(encoded(learner, batch()))) for _ in range(3)])
+        for key, parameter in network.named_parameters():
+            assert torch.equal(parameter, before[key]) == key.startswith(first(frozen)), key
+    # What is kept is rounded to half precision.
+    assert found[0] == pytest.approx(found[1], rel=2e-3)
+
+
+def test_ten_layers_are_not_the_first_one() -> None:
+    layers = Network([[4, 8, 4], *([2, 1, 1] for _ in range(9)), [8, 20, 1]], 8)
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0), layers)
+    network.freeze(1)
+    assert frozen_layers(network) == 1

@@ -4,16 +4,18 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.config import BFLOAT16, Precision
-from ship_trl.learn.backend import computing
+from ship_trl.architecture import geometry
+from ship_trl.config import BFLOAT16, BackendName, Precision
+from ship_trl.learn.backend import choose_backend, computing
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.network import Dense, DuelingNetwork
+from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import draw
 
 
 def both(network: DuelingNetwork, dtype: torch.dtype, frames: Tensor) -> list[Tensor]:
     found = []
-    for backend in (Incremental(draw.background, dtype), Dense(dtype)):
+    for backend in (Incremental(draw.background, dtype, network.geometry), Dense(dtype)):
         network.backend = backend
         found.append(network(frames))
     return found
@@ -92,3 +94,11 @@ def test_switched_off_bfloat16_is_only_where_it_is_asked_for(
     monkeypatch.setattr(torch.cuda, "is_bf16_supported", lambda **_: True)
     monkeypatch.setenv(BFLOAT16, "off")
     assert computing(Precision[precision], torch.device(device)) is wanted
+
+
+@pytest.mark.parametrize("name", [*NETWORKS, *ODD])
+def test_auto_computes_what_differs_where_it_can(name: str) -> None:
+    layers = geometry((NETWORKS | ODD)[name])
+    for device, able in (("cpu", name in NETWORKS), ("cuda", False)):
+        chosen = choose_backend(BackendName.auto, draw, torch.float32, torch.device(device), layers)
+        assert isinstance(chosen, Incremental if able else Dense)

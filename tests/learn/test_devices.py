@@ -13,7 +13,7 @@ from torch import Generator
 from ship_trl.config import Precision
 from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
-from ship_trl.learn.network import CONV_NAMES, Dense, DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -69,8 +69,7 @@ def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch:
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved
         network = DuelingNetwork(1, 7, generators[0])
-    for name in CONV_NAMES[:frozen]:
-        getattr(network, name).requires_grad_(False)
+    network.freeze(frozen)
     agent = Agent(network, draw, 7, learn, generators[1])
     replay = agent.replay(learn, generators[2], CPU)
     before = network.shared.weight.clone()

@@ -10,20 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Generator, Tensor
 
-from ship_trl.learn.incremental import Cutter, Incremental, rounded
+from ship_trl.architecture import geometry
+from ship_trl.learn.cutter import Cutter, rounded
+from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.network import DuelingNetwork
+from tests.learn.networks import NETWORKS, ODD, network, plain_forward
 
-
-def network(channels: int = 1, frozen: int = 0, seed: int = 0) -> DuelingNetwork:
-    generator = Generator().manual_seed(seed)
-    made = DuelingNetwork(channels, 7, generator)
-    with torch.no_grad():
-        for parameter in made.parameters():
-            if parameter.dim() == 1:  # biases are zero at first, and would hide a mistake
-                parameter.uniform_(-0.3, 0.3, generator=generator)
-    made.freeze(frozen)
-    return made
+PAPER = geometry(NETWORKS["paper"])
 
 
 def scene(batch: int, channels: int, patches: int, seed: int) -> tuple[Tensor, Tensor]:
@@ -47,40 +41,40 @@ def gradients(net: DuelingNetwork, q: Tensor) -> dict[str, Tensor]:
 
 def incremental(net: DuelingNetwork, frames: Tensor, background: Tensor, dtype: torch.dtype) -> Any:
     """Q-values and gradients by windows."""
-    net.backend = Incremental(background, dtype)
+    net.backend = Incremental(background, dtype, net.geometry)
     q = net(frames)
     return q.detach(), gradients(net, q)
 
 
+@pytest.mark.parametrize("name", NETWORKS)
 @settings(max_examples=12)
 @given(
     batch=st.integers(1, 4),
     channels=st.sampled_from([1, 3]),
     patches=st.integers(0, 4),
-    frozen=st.integers(0, 4),
+    frozen=st.integers(0, 5),
     seed=st.integers(0, 1000),
 )
 def test_it_is_the_network_and_its_gradient(
-    batch: int, channels: int, patches: int, frozen: int, seed: int
+    name: str, batch: int, channels: int, patches: int, frozen: int, seed: int
 ) -> None:
     background, frames = scene(batch, channels, patches, seed)
-    dense = network(channels, frozen)
-    q = dense(frames)
+    frozen = min(frozen, len(NETWORKS[name].conv))
+    dense = network(name, channels, frozen)
+    q = plain_forward(dense, frames)
     wanted = gradients(dense, q)
-    got_q, got = incremental(network(channels, frozen), frames, background, torch.float32)
+    got_q, got = incremental(network(name, channels, frozen), frames, background, torch.float32)
     torch.testing.assert_close(got_q, q.detach(), rtol=1e-4, atol=1e-5)
     assert got.keys() == wanted.keys()
-    for name, gradient in wanted.items():
+    for key, gradient in wanted.items():
         # Thousands of rounded numbers are added in another order; small sums of large ones are left.
-        torch.testing.assert_close(
-            got[name], gradient, rtol=1e-3, atol=1e-4 * float(gradient.abs().max() + 1)
-        )
+        torch.testing.assert_close(got[key], gradient, rtol=1e-3, atol=1e-4 * float(gradient.abs().max() + 1))
 
 
 def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
     background, frames = scene(3, 1, 2, 0)
     net, wrong = network(), torch.zeros_like(background)
-    right, dense = Cutter(background, torch.float32)(frames), Cutter(wrong, torch.float32)(frames)
+    right, dense = (Cutter(still, torch.float32, PAPER)(frames) for still in (background, wrong))
     assert len(right.values) < len(dense.values)
     found = [incremental(net, frames, picture, torch.float32)[0] for picture in (background, wrong)]
     torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
@@ -88,7 +82,7 @@ def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
 
 def test_frames_that_are_the_still_picture_cost_no_rows() -> None:
     background, frames = scene(5, 1, 0, 0)
-    rows = Cutter(background, torch.float32)(frames)
+    rows = Cutter(background, torch.float32, PAPER)(frames)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = (len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None))
     assert counts == tuple(rounded(p) for p in places)
@@ -115,11 +109,11 @@ def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
 def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: int) -> None:
     background, frames = scene(2, 1, 2, 1)
     net = network(frozen=frozen)
-    net.backend = Incremental(background, dtype)
+    net.backend = Incremental(background, dtype, net.geometry)
 
     def alone() -> Tensor:
         other = copy.deepcopy(net)
-        other.backend = Incremental(background, dtype)
+        other.backend = Incremental(background, dtype, net.geometry)
         return other(frames)
 
     found = [net(frames)]
@@ -136,7 +130,8 @@ def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: i
 
 def test_networks_of_other_frozen_layers_may_share_it() -> None:
     background, frames = scene(2, 1, 2, 1)
-    nets, backend = [network(frozen=2, seed=seed) for seed in (0, 1)], Incremental(background, torch.float32)
+    nets = [network(frozen=2, seed=seed) for seed in (0, 1)]
+    backend = Incremental(background, torch.float32, nets[0].geometry)
     for net in nets:
         wanted = net(frames)
         net.backend = backend
@@ -146,25 +141,27 @@ def test_networks_of_other_frozen_layers_may_share_it() -> None:
 def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
     background, frames = scene(1, 1, 1, 0)
     net = network()
-    net.conv2.weight.data = net.conv2.weight.data.contiguous()
-    net.backend = Incremental(background, torch.float32)
+    net.convs[1].weight.data = net.convs[1].weight.data.contiguous()
+    net.backend = Incremental(background, torch.float32, net.geometry)
     with pytest.raises(RuntimeError, match="view"):
         net(frames)
 
 
+@pytest.mark.parametrize("name", NETWORKS)
 @settings(max_examples=12)
 @given(
     batch=st.integers(1, 3),
     channels=st.sampled_from([1, 3]),
     patches=st.integers(0, 4),
-    frozen=st.integers(0, 4),
+    frozen=st.integers(0, 5),
     seed=st.integers(0, 1000),
 )
 def test_at_a_glance_the_network_decides_alike(
-    batch: int, channels: int, patches: int, frozen: int, seed: int
+    name: str, batch: int, channels: int, patches: int, frozen: int, seed: int
 ) -> None:
     background, frames = scene(batch, channels, patches, seed)
-    net = network(channels, frozen)
+    frozen = min(frozen, len(NETWORKS[name].conv))
+    net = network(name, channels, frozen)
     inference = CachedInference(net, background, frozen)
     for change in (1.0, -1.3):  # what was remembered must be forgotten when weights change
         with torch.no_grad():
@@ -175,15 +172,16 @@ def test_at_a_glance_the_network_decides_alike(
         # No more rows than places that differ, and no frame depends on its neighbours.
         one_by_one = torch.cat([inference.actions(frame.unsqueeze(0)) for frame in frames])
         assert torch.equal(one_by_one, net(frames).argmax(-1))
-    if frozen > 2:
-        features = inference.encode(frames)
-        assert features.shape == (batch, 3136 if frozen == 3 else 200)
+    if frozen >= net.linear_from:
+        features, layer = inference.encode(frames), net.geometry[frozen - 1]
+        assert features.shape == (batch, layer.filters * layer.side**2)
+        torch.testing.assert_close(net(features), net(frames), rtol=1e-4, atol=1e-5)
         assert torch.equal(inference.actions_on(features), net(frames).argmax(-1))
 
 
 def test_a_glance_computes_only_what_differs() -> None:
     background, frames = scene(1, 1, 2, 5)
-    cut = Cutter(background, torch.float32)
+    cut = Cutter(background, torch.float32, PAPER)
     whole, few = cut(frames), cut(frames, background=False)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = [len(few.values), *(len(index) for index in few.indices[1:3] if index is not None)]
@@ -196,3 +194,17 @@ def test_a_glance_computes_only_what_differs() -> None:
     assert torch.equal(
         CachedInference(net, background, 0).actions(background[None]), net(background[None]).argmax(-1)
     )
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_layers_that_cannot_be_cut_by_words_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="cut by words"):
+        Incremental(torch.zeros(1, 84, 84, dtype=torch.uint8), torch.float32, geometry(ODD[name]))
+
+
+def test_a_network_of_other_layers_is_refused() -> None:
+    background, frames = scene(1, 1, 1, 0)
+    net = network("five")
+    net.backend = Incremental(background, torch.float32, PAPER)
+    with pytest.raises(ValueError, match="others than those that this was made for"):
+        net(frames)

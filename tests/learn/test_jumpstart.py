@@ -7,26 +7,30 @@ import torch
 from torch import Generator
 
 from ship_trl.learn.jumpstart import jumpstart
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
+from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import Corridor, draw
 
 DRAWS = 7
 
 
-@pytest.mark.parametrize("copied", range(5))
+# Of the paper's network and of five layers by windows, of the other by whole pictures.
+@pytest.mark.parametrize(
+    ("name", "copied"), [*(("paper", n) for n in range(5)), ("five", 3), ("five", 5), ("odd", 1), ("odd", 3)]
+)
 @pytest.mark.parametrize("at_once", [1, 3, 10])
-def test_they_are_what_each_drawn_network_scores_alone(copied: int, at_once: int) -> None:
-    network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1)) for _ in range(2))
+def test_they_are_what_each_drawn_network_scores_alone(name: str, copied: int, at_once: int) -> None:
+    layers = (NETWORKS | ODD)[name]
+    network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1), layers) for _ in range(2))
+    names = alone.conv_names[:copied]
     before = copy.deepcopy(network.state_dict())
     found = jumpstart(Corridor(at_once), draw, network, copied, DRAWS, Generator().manual_seed(2))
     generator, wanted = Generator().manual_seed(2), []
     for _ in range(DRAWS):
-        alone.reset(generator, CONV_NAMES[:copied])
-        shared = {
-            key: value for key, value in alone.state_dict().items() if key.startswith(CONV_NAMES[:copied])
-        }
+        alone.reset(generator, names)
+        shared = {key: value for key, value in alone.state_dict().items() if key.startswith(names)}
         assert all(torch.equal(value, before[key]) for key, value in shared.items())
         wanted.append(rollout(Corridor(1), greedy_policy(alone, draw))[0].episode_return)
     assert found == wanted

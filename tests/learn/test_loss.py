@@ -10,6 +10,7 @@ from torch import Generator
 from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
+from ship_trl.architecture import geometry, load_network
 from ship_trl.config import Loss
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.inference import CachedInference
@@ -17,6 +18,8 @@ from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels, StateReplay
 from tests.learn.worlds import draw
+
+PAPER = geometry(load_network())
 
 
 def actor(frozen: int = 0) -> QValueActor:
@@ -81,7 +84,7 @@ def test_loss_gradients_td_error_and_targets_are_those_of_torchrl(kind: Loss, fr
 @pytest.mark.parametrize("frozen", [0, 2])
 def test_torchrls_loss_learns_by_the_incremental_backend_too(frozen: int) -> None:
     found = []
-    for backend in (None, Incremental(draw.background, torch.float32)):
+    for backend in (None, Incremental(draw.background, torch.float32, PAPER)):
         value_network = actor(frozen)
         if backend is not None:
             value_network[0].module.backend = backend
@@ -147,7 +150,7 @@ def test_all_at_once_the_soft_update_is_that_of_torchrl(frozen: int) -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 def test_no_weights_are_read_that_have_changed_since(update: Any, frozen: int, dtype: torch.dtype) -> None:
     value_network = actor(frozen)
-    value_network[0].module.backend = Incremental(draw.background, dtype)
+    value_network[0].module.backend = Incremental(draw.background, dtype, PAPER)
     loss, data = DoubleDQNLoss(value_network, gamma=0.9), batch()
     target = update(loss, tau=0.5)
     learning = [p for p in loss.parameters() if p.requires_grad]
@@ -160,7 +163,7 @@ def test_no_weights_are_read_that_have_changed_since(update: Any, frozen: int, d
         target.step()
         for network in (loss.network, loss.target_network):
             anew = copy.copy(network)
-            anew.backend = Incremental(draw.background, dtype)
+            anew.backend = Incremental(draw.background, dtype, PAPER)
             with torch.no_grad():
                 seen.append(network(data["pixels"]))
                 assert torch.equal(seen[-1], anew(data["pixels"]))
@@ -184,7 +187,7 @@ def test_torchrls_loss_reads_our_replay() -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
 def test_a_loss_that_is_loaded_computes_with_what_was_loaded(frozen: int, dtype: torch.dtype) -> None:
     value_network, other = actor(frozen), made(actor(frozen))
-    value_network[0].module.backend = Incremental(draw.background, dtype)
+    value_network[0].module.backend = Incremental(draw.background, dtype, PAPER)
     loss, pixels = made(value_network), batch()["pixels"]
     few = CachedInference(loss.network, draw.background, frozen)
     with torch.no_grad():

@@ -1,24 +1,16 @@
-"""The paper's network, and the fast forms that must be the same function."""
+"""The network, and the fast forms that must be the same function."""
 
+import pytest
 import torch
-import torch.nn.functional as F
 from torch import Generator, Tensor
 
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
+from tests.learn import networks
+from tests.learn.networks import NETWORKS, ODD, plain_forward
 
 
 def network(seed: int = 0, channels: int = 1) -> DuelingNetwork:
     return DuelingNetwork(channels, 7, Generator().manual_seed(seed))
-
-
-def plain_forward(net: DuelingNetwork, pixels: Tensor) -> Tensor:
-    """Figure 3 layer by layer, with stock convolutions."""
-    x = pixels.float() / 255
-    for name in CONV_NAMES:
-        x = F.relu(getattr(net, name)(x))
-    x = F.relu(net.shared(x.flatten(1)))
-    advantage = net.advantage(x)
-    return net.value(x) + advantage - advantage.mean(1, keepdim=True)
 
 
 def pixels(batch: int, channels: int = 1) -> Tensor:
@@ -29,14 +21,14 @@ def pixels(batch: int, channels: int = 1) -> Tensor:
 
 def test_layers_are_those_of_section_3_5() -> None:
     net = network()
-    shapes = {name: tuple(getattr(net, name).weight.shape) for name in CONV_NAMES}
+    shapes = {name: tuple(getattr(net, name).weight.shape) for name in net.conv_names}
     assert shapes == {
         "conv1": (32, 1, 8, 8),
         "conv2": (64, 32, 4, 4),
         "conv3": (64, 64, 3, 3),
         "conv4": (200, 64, 7, 7),
     }
-    assert [getattr(net, name).stride[0] for name in CONV_NAMES] == [4, 2, 1, 1]
+    assert [conv.stride[0] for conv in net.convs] == [4, 2, 1, 1]
     assert [tuple(layer.weight.shape) for layer in (net.shared, net.value, net.advantage)] == [
         (200, 200),
         (1, 200),
@@ -44,15 +36,17 @@ def test_layers_are_those_of_section_3_5() -> None:
     ]
 
 
-def test_fast_forward_is_the_plain_one() -> None:
+@pytest.mark.parametrize("name", [*NETWORKS, *ODD])
+def test_fast_forward_is_the_plain_one(name: str) -> None:
     for channels in (1, 3):
-        net = network(channels=channels)
+        net = networks.network(name, channels)
         images = pixels(5, channels)
-        torch.testing.assert_close(net(images), plain_forward(net, images), rtol=1e-5, atol=1e-6)
+        torch.testing.assert_close(net(images), plain_forward(net, images), rtol=1e-5, atol=5e-6)
 
 
-def test_gradients_are_the_plain_ones() -> None:
-    net = network()
+@pytest.mark.parametrize("name", [*NETWORKS, *ODD])
+def test_gradients_are_the_plain_ones(name: str) -> None:
+    net = networks.network(name)
     images = pixels(3)
     weights = list(net.parameters())
     fast = torch.autograd.grad(net(images).square().sum(), weights)
@@ -84,3 +78,16 @@ def test_initial_weights_come_from_the_generator() -> None:
             assert 0.9 * bound < weight.abs().max() <= bound
         else:
             assert not weight.any()
+
+
+@pytest.mark.parametrize("name", [*NETWORKS, *ODD])
+def test_it_goes_on_from_what_its_frozen_layers_gave(name: str) -> None:
+    net, images = networks.network(name), pixels(3)
+    with torch.no_grad():
+        x = images / 255
+        for layers, conv in enumerate(net.convs, 1):
+            x = conv(x).relu()
+            if layers >= net.linear_from:
+                net.freeze(layers)
+                kept = x.permute(0, 2, 3, 1).flatten(1)
+                torch.testing.assert_close(net(kept), plain_forward(net, images), rtol=1e-4, atol=1e-5)

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 from filelock import Timeout
 
-from ship_trl.config import Method, World
+from ship_trl.architecture import load_network
+from ship_trl.config import Method, World, plain
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
 from ship_trl.transfer.similarity import MEASURES, Measure
@@ -49,6 +50,16 @@ def test_the_best_network_of_a_case_stands_for_it(tmp_path: Path, finished: Path
     assert found is not None and (found.arm, found.seed, found.best_return) == ("scratch", 2, 70.0)
     case.target_ships[0].x += 1.0
     assert base.representative(case) is None
+
+
+def test_a_network_of_other_layers_stands_for_no_case(tmp_path: Path, finished: Path, case: Case) -> None:
+    base, scores = CaseBase(tmp_path / "base"), {"best": {"return": 90.0}}
+    layers = plain(load_network("five"))
+    stored = base.retain(case, "scratch", 0, "abc", scores, finished, layers)
+    assert base.find(case, "scratch", 0, "abc") == stored and stored.network == layers
+    assert base.representative(case) is None
+    paper = base.retain(case, "scratch", 1, "abc", {"best": {"return": 80.0}}, finished)
+    assert base.representative(case) == paper
 
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])

@@ -9,7 +9,7 @@ from safetensors.torch import save_file
 from torch import Generator
 
 from ship_trl.config import ConfigError
-from ship_trl.learn.network import CONV_NAMES, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 
 
@@ -29,9 +29,8 @@ def saved(tmp_path: Path) -> Path:
 def test_just_the_first_layers_are_copied(saved: Path, layers: int | str, frozen: bool) -> None:
     source, fresh, target = network(1), network(2), network(2)
     apply(target, Transfer(load_weights(saved, target), layers, frozen))
-    copied = (
-        [*CONV_NAMES, "shared", "value", "advantage"] if layers == "all" else list(CONV_NAMES[: int(layers)])
-    )
+    names = ["conv1", "conv2", "conv3", "conv4", "shared", "value", "advantage"]
+    copied = names if layers == "all" else names[: int(layers)]
     for name, parameter in target.named_parameters():
         mine = name.split(".")[0] in copied
         wanted = dict((source if mine else fresh).named_parameters())[name]

@@ -1,0 +1,91 @@
+"""The network's layers: read from conf/network, checked, and what follows from them. No torch."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from omegaconf import OmegaConf
+
+from ship_trl.config import PICTURE, ConfigError, Network, plain
+from ship_trl.paths import conf_dir
+
+# Pixels that are compared at once where only what differs from a background is computed.
+WORD = 4
+
+
+class ConvLayer(NamedTuple):
+    """A conv layer without padding: windows of side `kernel`, `stride` apart, on a map of side `below`."""
+
+    filters: int
+    kernel: int
+    stride: int
+    below: int
+
+    @property
+    def side(self) -> int:
+        """Side of the map that it gives."""
+        return (self.below - self.kernel) // self.stride + 1
+
+    @property
+    def whole(self) -> bool:
+        """Whether its one window is the whole map, so that it is a linear layer."""
+        return self.kernel == self.below
+
+
+Geometry = tuple[ConvLayer, ...]
+
+
+def load_network(name: str = "paper") -> Network:
+    """Read a network of conf/network, for use without Hydra."""
+    values = OmegaConf.merge(
+        OmegaConf.structured(Network), OmegaConf.load(conf_dir() / "network" / f"{name}.yaml")
+    )
+    network: Any = OmegaConf.to_object(values)
+    return network
+
+
+def geometry(network: Network) -> Geometry:
+    """Find the maps that the conv layers read and give, from the picture on.
+
+    Raises:
+        ConfigError: there are no layers, one is not three positive numbers or larger than its map, the last
+            one does not cover its map, or there are no hidden units.
+    """
+    if not network.conv:
+        raise ConfigError("network.conv: must be at least one [filters, kernel, stride], got []")
+    if network.hidden < 1:
+        raise ConfigError(f"network.hidden: must be at least 1, got {network.hidden}")
+    layers: list[ConvLayer] = []
+    side = PICTURE
+    for n, numbers in enumerate(network.conv):
+        key = f"network.conv[{n}]"
+        if len(numbers) != 3 or min(numbers) < 1:
+            raise ConfigError(f"{key}: must be [filters, kernel, stride], each at least 1, got {numbers}")
+        filters, kernel, stride = numbers
+        layer = ConvLayer(filters, kernel, stride, side)
+        last = n == len(network.conv) - 1
+        if kernel > side or (last and not layer.whole):
+            allowed = f"{side}, to cover the last map" if last else f"at most {side}, the side of its map"
+            raise ConfigError(f"{key}: the kernel must be {allowed}, got {kernel}")
+        layers.append(layer)
+        side = layer.side
+    return tuple(layers)
+
+
+def linear_from(layers: Geometry) -> int:
+    """Count the layers before the first one, besides that of the picture, that is a linear layer: paper 3."""
+    return next((n for n, layer in enumerate(layers) if n > 0 and layer.whole), len(layers))
+
+
+def others(network: Network) -> dict[str, Any] | None:
+    """Give a network that is not the paper's as plain values, and None for the paper's.
+
+    The paper's was the only one before there were others: what was written down then says nothing of it.
+    """
+    return None if network == load_network() else plain(network)
+
+
+def cut_by_words(layers: Geometry) -> bool:
+    """Whether `learn.backend=incremental` serves these layers: it compares pixels a word at a time."""
+    first = layers[0]
+    return len(layers) > 1 and first.kernel % WORD == 0 and first.stride % WORD == 0

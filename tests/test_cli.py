@@ -200,6 +200,39 @@ def test_wandb_runs_offline_and_are_grouped(tmp_path: Path) -> None:
     assert all(list(run.glob("run-*.wandb")) for run in runs)
 
 
+def test_a_network_of_ones_own_is_one_file(tmp_path: Path) -> None:
+    (tmp_path / "conf/network").mkdir(parents=True)
+    (tmp_path / "conf/network/mine.yaml").write_text("conv: [[6, 7, 3], [8, 5, 2], [10, 11, 1]]\nhidden: 9\n")
+    line = ("--config-dir", "conf", "network=mine", "profile=smoke", "+pair=high")
+    ship_trl(*line, "method=feature_extraction", "layers=3", folder=tmp_path)
+    result = tmp_path / "outputs/smoke/high/FE3/seed=0/result.json"
+    assert json.loads(result.read_text())["arm"] == "FE3"
+
+
+def test_a_network_of_five_layers_learns_is_transferred_and_sails(tmp_path: Path) -> None:
+    from safetensors.torch import load_file
+
+    small = ("network=five", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30")
+    ship_trl(*small, "target=1", "method=scratch", folder=tmp_path)
+    source = tmp_path / "outputs/smoke/1/scratch/seed=0/policy.safetensors"
+    shown = ship_trl(str(source), "target=1", folder=tmp_path, module="ship_trl.evaluate").stdout
+    assert "policy.safetensors" in shown
+    # The same source is found in the case base; all five layers are copied, and stay.
+    done = ship_trl(*small, "+pair=high", "method=feature_extraction", "layers=5", folder=tmp_path)
+    assert "source: outputs/smoke/case_base/1/scratch/seed=0-" in done.stdout
+    folder = tmp_path / "outputs/smoke/high/FE5/seed=0"
+    learned, last = load_file(source), load_file(folder / "policy_last.safetensors")
+    for key, value in last.items():
+        assert torch.equal(value, learned[key]) == key.startswith("conv"), key
+    # A folder's networks reach what their result claims, or the command fails.
+    ship_trl(str(folder), folder=tmp_path, module="ship_trl.evaluate")
+    (tmp_path / "five.safetensors").write_bytes(source.read_bytes())
+    line = ("profile=smoke", "+pair=high", "layers=3", "source_file=five.safetensors")
+    refused = ship_trl(*line, folder=tmp_path, code=1).stderr
+    assert "is of another architecture: conv4.bias has shape (64,), allowed (200,)" in refused
+    assert refused.count("\n") == 1
+
+
 def test_a_case_of_ones_own_is_one_file(tmp_path: Path) -> None:
     (tmp_path / "conf/case").mkdir(parents=True)
     text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")
@@ -216,6 +249,7 @@ REFUSED = {
     "profile=banana": "profile: no banana; allowed: paper, quick, smoke",
     "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all with method=finetune, got 5",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch, got 2",
+    "network=six target=1 method=scratch": "network: no six; allowed: five, paper",
     "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
     "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
     "+pair=high layers=[": "no viable alternative",

@@ -16,7 +16,7 @@ from safetensors import SafetensorError, safe_open
 from torch import Generator, Tensor
 
 from ship_trl.architecture import geometry, load_network
-from ship_trl.config import ConfigError, Network, plain
+from ship_trl.config import ConfigError, Network, explain, plain
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.paths import replacing
 
@@ -84,26 +84,28 @@ def saved_network(path: Path, key: str) -> Network:
     """Read which network a file's weights are of; the paper's where its header says nothing.
 
     Raises:
-        ConfigError: it is no safetensors file, or its header says what no network is, or not its own.
+        ConfigError: it is no safetensors file, or its header says what is no network, or not its own.
     """
     with opened(path, key) as file:
+        header = (file.metadata() or {}).get("ship_trl", "{}")
         shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
-        try:
-            about = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
-            if "network" not in about:
-                return load_network()
-            network: Any = OmegaConf.to_object(
-                OmegaConf.merge(OmegaConf.structured(Network), about["network"])
-            )
-            for n, layer in enumerate(geometry(network), 1):
-                shape = shapes.get(f"conv{n}.weight", [])
-                if [*shape[:1], *shape[2:]] != [layer.filters, layer.kernel, layer.kernel]:
-                    raise ConfigError(f"conv{n}.weight is of another shape")
-            if shapes.get("shared.bias") != [network.hidden]:
-                raise ConfigError("shared.bias is of another shape")
-        except (ValueError, TypeError, RecursionError, OmegaConfBaseException, ConfigError) as error:
-            reason = " ".join(str(error).split())
-            raise ConfigError(f"{key}: {path} is of no network that can be made ({reason})") from None
+    try:
+        about = json.loads(header)
+        if "network" not in about:
+            return load_network()
+        if not isinstance(about["network"], dict):
+            raise ConfigError("network: must hold conv and hidden")
+        values = OmegaConf.merge(OmegaConf.structured(Network), about["network"])
+        network: Any = OmegaConf.to_object(values)
+        for n, layer in enumerate(geometry(network), 1):
+            shape = shapes.get(f"conv{n}.weight", [])
+            if [*shape[:1], *shape[2:]] != [layer.filters, layer.kernel, layer.kernel]:
+                raise ConfigError(f"conv{n}.weight is of another shape")
+        if shapes.get("shared.bias") != [network.hidden]:
+            raise ConfigError("shared.bias is of another shape")
+    except (ValueError, TypeError, RecursionError, OmegaConfBaseException, ConfigError) as error:
+        reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
+        raise ConfigError(f"{key}: {path} is of no network that can be made ({reason})") from None
     found: Network = network
     return found
 

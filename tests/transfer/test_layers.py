@@ -1,5 +1,6 @@
 """Which layers are copied and frozen, and what is refused as a source."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -8,13 +9,16 @@ import torch
 from safetensors.torch import save_file
 from torch import Generator
 
-from ship_trl.config import ConfigError
+from ship_trl.architecture import load_network
+from ship_trl.config import ConfigError, Network, plain
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
+from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights, saved_network
+
+FIVE = load_network("five")
 
 
-def network(seed: int, channels: int = 1) -> DuelingNetwork:
-    return DuelingNetwork(channels, 7, Generator().manual_seed(seed))
+def network(seed: int, channels: int = 1, config: Network | None = None) -> DuelingNetwork:
+    return DuelingNetwork(channels, 7, Generator().manual_seed(seed), config)
 
 
 @pytest.fixture
@@ -35,6 +39,22 @@ def test_just_the_first_layers_are_copied(saved: Path, layers: int | str, frozen
         mine = name.split(".")[0] in copied
         wanted = dict((source if mine else fresh).named_parameters())[name]
         assert torch.equal(parameter, wanted)
+        assert parameter.requires_grad != (mine and frozen)
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+@pytest.mark.parametrize("layers", [1, 4, 5, "all"])
+def test_a_network_of_five_layers_gives_up_to_five(layers: int | str, frozen: bool, tmp_path: Path) -> None:
+    path = tmp_path / "five.safetensors"
+    save_weights(path, network(1, config=FIVE), {})
+    target, weights = network(2, config=FIVE), load_weights(path, network(3, config=FIVE))
+    apply(target, Transfer(weights, layers, frozen))
+    names = [*(f"conv{n}" for n in range(1, 6)), "shared", "value", "advantage"]
+    copied = names if layers == "all" else names[: int(layers)]
+    for name, parameter in target.named_parameters():
+        mine = name.split(".")[0] in copied
+        # Biases begin with zero everywhere.
+        assert torch.equal(parameter, weights[name]) == (mine or name.endswith("bias")), name
         assert parameter.requires_grad != (mine and frozen)
 
 
@@ -107,3 +127,46 @@ def test_weights_that_are_not_numbers_are_refused(tmp_path: Path) -> None:
     assert "value.bias must hold finite" in refused(path)
     save_file(tensors | {"value.bias": torch.zeros(1, dtype=torch.float64)}, path)
     assert "value.bias must hold finite torch.float32" in refused(path)
+
+
+def test_a_file_says_which_network_its_weights_are_of(saved: Path, tmp_path: Path) -> None:
+    assert saved_network(saved, "policy") == load_network()
+    path = tmp_path / "five.safetensors"
+    save_weights(path, network(1, config=FIVE), {"episode": 3})
+    assert saved_network(path, "policy") == FIVE
+    assert "conv4.bias has shape (64,), allowed (200,)" in refused(path)
+    # A file that was written before there were others is of the paper's.
+    save_file({key: value.contiguous() for key, value in network(0).state_dict().items()}, path)
+    assert saved_network(path, "policy") == load_network()
+
+
+def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: Path) -> None:
+    path, conv = tmp_path / "policy.safetensors", [[8, 8, 4], [8, 15, 3], [8, 2, 1]]
+    save_weights(path, network(1, config=Network(conv, 9)), {})
+    other = network(0, config=Network([[8, 8, 4], [8, 15, 4], [8, 2, 1]], 9))
+    with pytest.raises(ConfigError, match=r"of another architecture: its conv layers are .*\[8, 15, 3\]"):
+        load_weights(path, other)
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("{", "Expecting property name"),
+        ("3", "not iterable"),
+        ('{"network": 3}', "must hold conv and hidden"),
+        ('{"network": {"conv": [[32, 8, 4]]}}', "missing"),
+        ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "could not be converted"),
+        ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),
+        (json.dumps({"network": plain(FIVE)}), "conv4.weight is of another shape"),
+        (json.dumps({"network": {**plain(load_network()), "hidden": 10**12}}), "shared.bias is of another"),
+    ],
+)
+def test_a_header_that_says_what_is_not_so_is_refused(header: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "policy.safetensors"
+    tensors = {key: value.contiguous() for key, value in network(0).state_dict().items()}
+    save_file(tensors, path, metadata={"ship_trl": header})
+    with pytest.raises(ConfigError) as caught:
+        saved_network(path, "policy")
+    message = str(caught.value)
+    assert message.startswith(f"policy: {path} is of no network that can be made (") and "\n" not in message
+    assert said in message

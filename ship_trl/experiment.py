@@ -179,6 +179,7 @@ def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many:
             training_collision_rate=sum(f.outcome == "collision" for f in finished) / len(finished),
             device=str(device),
             precision=str(computing(learn.precision, device)).removeprefix("torch."),
+            backend=agent.backend.name,
             algorithm_version=ALGORITHM_VERSION,
             schema_version=SCHEMA_VERSION,
             ship_trl=__version__,

@@ -16,7 +16,7 @@ from ship_trl.paths import replacing
 RESULT = "result.json"
 # Goes up when a key is added, renamed or means something else. 1, before it was written down, called
 # `config_hash` `recipe`; what it lacked has a default below.
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 RENAMED = {"recipe": "config_hash"}
 
 
@@ -46,7 +46,8 @@ class Result:
 
     `config_hash` says by which settings, `source_network` with whose weights; `scratch` is what an
     untrained network scored, `before` the network that training began with, `best` and `final` the kept
-    ones; `draws` are returns before training over draws of the layers that are not copied. `steps` are of
+    ones; `draws` are returns before training over draws of the layers that are not copied; `precision` and
+    `backend` are those of the conv layers while it learned. `steps` are of
     the environment; goal and collision rate are shares of the training episodes.
     """
 
@@ -78,6 +79,7 @@ class Result:
     random_return: float | None = None
     draws: list[float] = field(default_factory=list)
     precision: str | None = None
+    backend: str | None = None
     algorithm_version: int = 0
     schema_version: int = 1
 

@@ -30,6 +30,7 @@ def a_result(**changes: Any) -> Result:
         "training_collision_rate": 0.25,
         "device": "cpu",
         "precision": "float32",
+        "backend": "incremental",
         "ship_trl": "0.1.0",
         "torch": "2.13.0",
         "processor": "x86_64",

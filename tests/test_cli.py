@@ -79,6 +79,7 @@ def test_main_command_leaves_a_whole_result(trained: Path) -> None:
     assert result["best_known_return"] == pytest.approx(83.9, abs=0.01)
     # The child saw the same switch.
     assert f"torch.{result['precision']}" == str(computing(Precision.auto, torch.device("cpu")))
+    assert result["backend"] == "incremental"
     with (outputs / "high/FT3/seed=0/curve.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(r["episode"]) for r in rows if r["return"]] == [1, 2, 3, 4, 5, 6]

@@ -30,7 +30,7 @@ ALLOWED = {
     "tracking": SIM | {"curve", "learn", "plan", "result", "transfer"},
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": set(),
-    "study": SIM | {"checks", "cli", "curve", "launchers", "plan", "result", "transfer"},
+    "study": SIM | {"architecture", "checks", "cli", "curve", "launchers", "plan", "result", "transfer"},
     "report": {"cli", "config", "study"},
     "results": {"cli", "curve", "plan", "result", "study", "view"},
     "policies": SIM | {"learn", "transfer"},

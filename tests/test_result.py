@@ -35,7 +35,7 @@ def test_a_file_holds_what_it_says(tmp_path: Path) -> None:
 def test_an_older_result_is_read_and_named_as_older() -> None:
     values = a_result(draws=[1.0]).to_json()
     values["recipe"] = values.pop("config_hash")
-    for key in ("schema_version", "algorithm_version", "draws", "precision", "random_return"):
+    for key in ("schema_version", "algorithm_version", "draws", "precision", "backend", "random_return"):
         del values[key]
     found = from_json(values)
     assert found.config_hash == "0123456789ab" and found.schema_version == 1

@@ -9,7 +9,7 @@ from tensordict import TensorDictBase
 from torch import Generator, Tensor
 from torchrl.modules import QValueActor
 
-from ship_trl.config import Learn
+from ship_trl.config import BackendName, Learn
 from ship_trl.learn.backend import Draw, choose_backend, computing
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.inference import CachedInference
@@ -52,8 +52,8 @@ class Agent:
 
     `observation` is the key of what it takes for one: `state`, or `features` where so many layers are
     frozen that what they make of a state is kept in its place, and `encode` computes it.
-    `policy` explores, `greedy` is judged. `kept` is the precision in which features are kept, of two
-    bytes on every machine.
+    `policy` explores, `greedy` is judged. `backend` is what computes the conv layers, `kept` the precision
+    in which features are kept, of two bytes on every machine.
     """
 
     def __init__(
@@ -70,6 +70,7 @@ class Agent:
         self.dtype = computing(learn.precision, device)
         network.backend = choose_backend(learn.backend, draw, self.dtype, device, network.geometry)
         incremental = isinstance(network.backend, Incremental)
+        self.backend = BackendName.incremental if incremental else BackendName.dense
         # Once only linear layers are left, what the frozen ones give is kept in the replay in place of the
         # state: in the paper's network 3,136 numbers after the third (in half precision 6 kB, a little less
         # than a picture), 200 after the fourth. That is far more than a state, but read in a fraction of the

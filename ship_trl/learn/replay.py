@@ -34,7 +34,7 @@ class DrawPixels(Transform):
 
 
 class TransitionStorage(Storage):
-    """Rows of one tensor an entry: `LazyTensorStorage` for transitions, which stores them in a third of its time.
+    """Rows of one tensor an entry: a `LazyTensorStorage` that stores transitions in a third of its time.
 
     A few transitions a time are written and a small batch is read, so that the time goes into looking
     after tensordicts, not into moving numbers.

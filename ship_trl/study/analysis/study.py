@@ -71,7 +71,7 @@ class Study:
         return places
 
     def mixed(self) -> dict[str, dict[str, int]]:
-        """Count by what runs were computed where they differ: by version, device, precision."""
+        """Count by what runs were computed where they differ: by version, device, precision, backend."""
         found: dict[str, Counter[str]] = defaultdict(Counter)
         for record in self.records.values():
             for key, value in record.computed.items():

@@ -22,7 +22,7 @@ from ship_trl.study.plan.manifest import run_config
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
 # What all runs of a study have in common, beside the learner.
-SHARED = ("profile", "device", "colour", "world")
+SHARED = ("profile", "device", "colour", "world", "network")
 
 
 def write_jobs(jobs: list[Job], config: StudyConfig) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 
+from ship_trl.architecture import others
 from ship_trl.checks import to_config
 from ship_trl.cli import explain_hydra
 from ship_trl.config import Config, ConfigError, World, plain
@@ -71,6 +72,8 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
         "world": plain(shared.world),
         "colour": shared.colour,
     }
+    if (network := others(shared.network)) is not None:
+        settings["network"] = network
     cases = fingerprints(jobs, shared.world)
     path = config.folder / PLAN
     try:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # Of what a study reads of a curve: returns, and distances in metres.
 DECIMALS = {"return": 3, "dcpa": 1}
 # What decides the digits, beside the settings.
-COMPUTED = ("ship_trl", "torch", "device", "precision", "processor")
+COMPUTED = ("ship_trl", "torch", "device", "precision", "backend", "processor")
 
 
 class BrokenRunError(Exception):

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from ship_trl.study.launch import launch
 from ship_trl.study.plan.config import StudyConfig, to_study
@@ -48,6 +49,15 @@ def test_so_many_processes_as_are_asked_for() -> None:
         said = launch.command(plan_jobs(config), config)
         assert ("hydra.launcher.n_jobs=1" in said) == wanted
     assert launch.processes(to_study(["processes=3"])) == 3
+
+
+def test_a_job_alone_has_all_that_the_study_has_set(tmp_path: Path) -> None:
+    config = to_study([*SMALL, f"output={tmp_path}", "overrides=[network=five,learn.gamma=0.9]"])
+    jobs = plan_jobs(config)
+    launch.write_jobs(jobs, config)
+    for job in jobs:
+        values = yaml.safe_load((tmp_path / f"jobs/job/{job.name}.yaml").read_text())
+        assert len(values["network"]["conv"]) == 5 and values["learn"]["gamma"] == 0.9
 
 
 def test_a_round_that_ends_a_run_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

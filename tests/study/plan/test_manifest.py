@@ -30,6 +30,7 @@ def test_pairs_and_seeds_may_be_added(tmp_path: Path) -> None:
     ("overrides", "said"),
     [
         (["overrides=[learn.lr=0.1]"], "study of other settings \\(learn\\)"),
+        (["overrides=[network=five]"], "study of other settings \\(network\\)"),
         (["overrides=[colour=true]"], "study of other settings \\(colour\\)"),
         (["first_seed=5"], "study of other settings \\(first_seed\\)"),
     ],

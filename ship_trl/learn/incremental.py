@@ -102,22 +102,20 @@ class Copies:
         self._own = [as_matrix(w.detach()) if w.dim() == 4 else w.detach() for w in weights]
         self._copies = [own.to(dtype) for own in self._own]
         self._versions: list[tuple[int, ...]] = [(), ()]
-        self._prepared = False
         self.layers = list(zip(self._copies[::2], self._copies[1::2], strict=True))
 
-    def refresh(self, weights: list[Tensor], frozen: int, ahead: bool = False) -> None:
+    def refresh(self, weights: list[Tensor], frozen: int) -> None:
         """Copy what may have changed since the last time.
 
         Args:
             weights: those from which this was made.
             frozen: how many layers never learn.
-            ahead: nothing will change before the next call, which then copies nothing.
         """
         if self._copies[0].dtype is torch.float32:
             return
         learning = weights[2 * frozen :]
         now = [version(weights[: 2 * frozen], learning=False), version(learning)]
-        if learning and not learning[0].requires_grad and (ahead or not self._prepared):
+        if learning and not learning[0].requires_grad:
             # A target network changes by writing to its data, which no version tells.
             self._versions[1] = ()
         for part, before, after in zip(
@@ -125,7 +123,7 @@ class Copies:
         ):
             if before != after and self._own[part]:
                 torch._foreach_copy_(self._copies[part], self._own[part])
-        self._versions, self._prepared = now, ahead
+        self._versions = now
 
 
 class Incremental:
@@ -175,11 +173,6 @@ class Incremental:
             return kept.float()
         return self._rest(network, Rows(kept.to(self.dtype), (None,) * left))
 
-    def prepare(self, network: DuelingNetwork) -> None:
-        """Copy the weights now, while they are in the processor's cache: half a millisecond an update."""
-        if self.dtype is not torch.float32 and network.frozen < len(self.geometry):
-            self._copied(network, network.conv_weights(), ahead=True)
-
     def _through_frozen(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
         """Cut frames into windows, and take them through the frozen layers."""
         frozen = [conv.weight for conv in network.convs[: network.frozen]]
@@ -212,10 +205,10 @@ class Incremental:
                 _, values = gathered_layer(values, index, matrix, bias)
         return Rows(values, indices[layers:])
 
-    def _copied(self, network: DuelingNetwork, weights: list[Tensor], ahead: bool = False) -> Copies:
+    def _copied(self, network: DuelingNetwork, weights: list[Tensor]) -> Copies:
         """Give the network's conv layers in the precision that computes, as they are now."""
         copies = self._copies.get(network)
         if copies is None or copies.places != [weight.data_ptr() for weight in weights]:
             copies = self._copies[network] = Copies(weights, self.dtype)
-        copies.refresh(weights, network.frozen, ahead)
+        copies.refresh(weights, network.frozen)
         return copies

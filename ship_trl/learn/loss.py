@@ -15,7 +15,6 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config import Loss
 from ship_trl.learn.changes import count_rewrite, rewrites
-from ship_trl.learn.network import DuelingNetwork
 
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
@@ -115,7 +114,6 @@ class ForeachSoftUpdate(SoftUpdate):
 
     def __init__(self, loss_module: DoubleDQNLoss, *, tau: float) -> None:
         super().__init__(loss_module, tau=tau)
-        self._networks = [loss_module.network, loss_module.target_network]
         self._find()
 
     def _find(self) -> None:
@@ -130,9 +128,6 @@ class ForeachSoftUpdate(SoftUpdate):
         if self._rewrites != rewrites():
             self._find()
         torch._foreach_lerp_(self._slow, self._online, 1.0 - self.eps)
-        for network in self._networks:
-            if isinstance(network, DuelingNetwork):
-                network.backend.prepare(network)
 
 
 def rename(name: Any) -> Any:

@@ -161,10 +161,6 @@ class Backend(Protocol):
         """Compute those after the frozen ones: [B, K] to float32 [B, F]."""
         ...
 
-    def prepare(self, network: DuelingNetwork) -> None:
-        """Do what can be done as soon as weights have changed; nothing depends on it but time."""
-        ...
-
 
 class Dense:
     """Computes every layer on every pixel, on any device: a pure function of weights and batch.
@@ -188,6 +184,3 @@ class Dense:
         with torch.autocast(kept.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
             found = network.convolve_from(kept.float())
         return found.float()
-
-    def prepare(self, network: DuelingNetwork) -> None:
-        """Do nothing: weights are read as they are."""

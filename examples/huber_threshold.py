@@ -46,7 +46,7 @@ def main(path: Path) -> None:
         name = f"threshold {threshold:.0f}" + (" (as the square)" if threshold == -COLLISION else "")
         axes.plot(SHARES, values, color=colour, label=name, linestyle="--" if threshold == 10 else "-")
     axes.set_xlabel("share of the states that end in a collision")
-    axes.set_ylabel("value in the end, scaled rewards")
+    axes.set_ylabel("value that is learned, scaled rewards")
     axes.set_title("What a collision costs, as the learner sees it")
     axes.grid(alpha=0.3)
     axes.legend()

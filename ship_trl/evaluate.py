@@ -157,8 +157,8 @@ def table(entries: list[Entry], episodes: int, seed: int, gif: Path | None, mark
     """Sail every entry and print what it reached; returns the labels of those that fall short of a claim."""
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies import POLICIES, load_policy
-    from ship_trl.process import configure_process
     from ship_trl.results import show
+    from ship_trl.run.process import configure_process
     from ship_trl.sim.env import ShipEnv
     from ship_trl.sim.reference import best_known
 

@@ -14,8 +14,8 @@ from rich.table import Column, Table
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.curve import GREEDY, TRAINING, CurveError, read_curve
-from ship_trl.plan import DAMAGED
 from ship_trl.result import RESULT, Evaluation, Result, ResultError, read_result
+from ship_trl.run.plan import DAMAGED
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -139,7 +139,7 @@ def test_a_random_source_is_copied_and_frozen(tmp_path: Path) -> None:
     from torch import Generator
 
     from ship_trl.learn.network import DuelingNetwork
-    from ship_trl.plan import make_run
+    from ship_trl.run.plan import make_run
     from tests.test_config import composed
 
     line = ("+pair=high", "+arm=FE3-random", "profile=smoke")
@@ -157,7 +157,7 @@ def test_a_permuted_source_is_the_learned_one_shuffled(trained: Path) -> None:
     from safetensors.torch import load_file
     from torch import Generator
 
-    from ship_trl.plan import make_run
+    from ship_trl.run.plan import make_run
     from ship_trl.transfer.layers import permuted
     from tests.test_config import composed
 

@@ -9,7 +9,7 @@ from omegaconf import DictConfig
 from ship_trl.checks import to_config
 from ship_trl.config import BFLOAT16, Config, ConfigError, Method, plain
 from ship_trl.paths import conf_dir
-from ship_trl.plan import make_run
+from ship_trl.run.plan import make_run
 
 HIGH = ["+pair=high", "method=finetune", "layers=3"]
 

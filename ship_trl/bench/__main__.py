@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> list[Any]:
     # After the checks: torch takes seconds to import.
     from ship_trl.bench import parts, report
     from ship_trl.bench.machine import survey
-    from ship_trl.process import configure_process
+    from ship_trl.run.process import configure_process
 
     configure_process()
     machine = survey()

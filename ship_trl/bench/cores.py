@@ -74,7 +74,7 @@ def gains(rates: dict[int, list[float]]) -> dict[int, float]:
 def train_a_while(seconds: float) -> None:
     """Be one of the processes."""
     from ship_trl.bench.ours import Ours
-    from ship_trl.process import configure_process
+    from ship_trl.run.process import configure_process
 
     configure_process()
     run = Ours().whole_loop()

@@ -133,6 +133,6 @@ def startup_probes() -> list[Probe]:
     """Probe starts of Python: help, and everything that a training imports."""
     return [
         Probe("import stable_baselines3", python("-c", "import stable_baselines3"), "start"),
-        Probe("import ship_trl.experiment", python("-c", "import ship_trl.experiment"), "start", ours=True),
+        Probe("import ship_trl", python("-c", "import ship_trl.run.experiment"), "start", ours=True),
         Probe("python -m ship_trl --help", python("-m", "ship_trl", "--help"), "start", "help", ours=True),
     ]

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ship_trl.config import ConfigError
-from ship_trl.plan import DAMAGED
 from ship_trl.result import RESULT
+from ship_trl.run.plan import DAMAGED
 from ship_trl.study.launch.launch import finished
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job, source_of

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.plan import make_run
+from ship_trl.run.plan import make_run
 from ship_trl.study.launch.launch import write_jobs
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import Job, from_scratch, plan_jobs

@@ -8,8 +8,8 @@ import torch
 
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.plan import make_run
-from ship_trl.tracking import COLUMNS, CsvTracker, Tracker, row
+from ship_trl.run.plan import make_run
+from ship_trl.run.tracking import COLUMNS, CsvTracker, Tracker, row
 from tests.test_config import composed
 
 SAILED = Episode(

@@ -17,8 +17,8 @@ from ship_trl.config import ConfigError, Logger, WandbMode, plain
 from ship_trl.curve import COLUMNS, CURVE
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import replacing
-from ship_trl.plan import Run
 from ship_trl.result import Result
+from ship_trl.run.plan import Run
 from ship_trl.transfer.casebase import CONFIG
 
 

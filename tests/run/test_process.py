@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 import torch
 
-from ship_trl.process import configure_process
+from ship_trl.run.process import configure_process
 
 
 @pytest.fixture

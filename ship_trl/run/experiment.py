@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 from torch import Generator
 
-from ship_trl import __version__, console
+from ship_trl import __version__
 from ship_trl.architecture import others
 from ship_trl.config import ConfigError, Method, SourceWeights
 from ship_trl.learn.agent import Agent
@@ -21,14 +21,15 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Evaluated, Finished, train
-from ship_trl.plan import ALGORITHM_VERSION, Run
-from ship_trl.process import configure_process
 from ship_trl.result import SCHEMA_VERSION, Evaluation, Result, write_result
+from ship_trl.run import console
+from ship_trl.run.plan import ALGORITHM_VERSION, Run
+from ship_trl.run.process import configure_process
+from ship_trl.run.tracking import Tracker
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.random_policy import random_return
 from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
-from ship_trl.tracking import Tracker
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 from ship_trl.view.curve import draw_curve

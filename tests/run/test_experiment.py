@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from ship_trl import experiment
-from ship_trl.experiment import find_source
-from ship_trl.plan import Run, make_run
 from ship_trl.result import Result
+from ship_trl.run import experiment
+from ship_trl.run.experiment import find_source
+from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
 from tests.test_config import composed
 

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError
-from ship_trl.plan import Run, make_run
 from ship_trl.result import write_result
+from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
+from tests.test_cli import ROOT
 from tests.test_config import HIGH, composed
 
 
@@ -101,7 +102,7 @@ def test_no_two_streams_are_the_same() -> None:
 
 
 def test_a_case_file_by_path_names_the_folder(tmp_path: Path) -> None:
-    text = (Path(__file__).parent.parent / "conf/case/2.yaml").read_text()
+    text = (ROOT / "conf/case/2.yaml").read_text()
     (tmp_path / "mine.yaml").write_text(text)
     found = run(
         f"source=1 target={tmp_path}/mine.yaml layers=1".split()[0],
@@ -133,7 +134,7 @@ def test_overwrite_is_of_the_target_not_of_its_source(tmp_path: Path) -> None:
 
 
 def test_a_shipped_case_by_path_is_the_same_run() -> None:
-    place = Path(__file__).parent.parent / "conf/case/1.yaml"
+    place = ROOT / "conf/case/1.yaml"
     by_name = run("source=1", "target=2", "layers=1")
     by_path = run(f"source={place}", "target=2", "layers=1")
     assert by_name.config_hash == by_path.config_hash and by_name.stream("weights") == by_path.stream(
@@ -151,7 +152,7 @@ def test_an_unreadable_result_is_not_lost_either(tmp_path: Path) -> None:
 
 def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
     before = run("target=1", "method=scratch").config_hash
-    monkeypatch.setattr("ship_trl.plan.ALGORITHM_VERSION", 1_000_000)
+    monkeypatch.setattr("ship_trl.run.plan.ALGORITHM_VERSION", 1_000_000)
     assert run("target=1", "method=scratch").config_hash != before
 
 
@@ -161,5 +162,5 @@ def test_another_network_is_another_source_too(monkeypatch: pytest.MonkeyPatch) 
     assert five.source.config.network == five.config.network
     assert five.source.config_hash != paper.source.config_hash
     # Runs that were made before there were other networks keep their hash: nothing is said of the paper's.
-    monkeypatch.setattr("ship_trl.plan.others", lambda _: None)
+    monkeypatch.setattr("ship_trl.run.plan.others", lambda _: None)
     assert run(*HIGH).config_hash == run(*HIGH, "network=five").config_hash == paper.config_hash

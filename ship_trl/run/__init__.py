@@ -1,0 +1,1 @@
+"""One run: what is planned, its training, what is shown and written down of it."""

@@ -9,6 +9,8 @@ from omegaconf import OmegaConf
 from ship_trl.config import PICTURE, ConfigError, Network, plain
 from ship_trl.paths import conf_dir
 
+# Filters of a layer and hidden units, at most: more would not fit into memory.
+MOST_UNITS = 4096
 # Pixels that are compared at once where only what differs from a background is computed.
 WORD = 4
 
@@ -53,8 +55,8 @@ def geometry(network: Network) -> Geometry:
     """
     if not network.conv:
         raise ConfigError("network.conv: must be at least one [filters, kernel, stride], got []")
-    if network.hidden < 1:
-        raise ConfigError(f"network.hidden: must be at least 1, got {network.hidden}")
+    if not 1 <= network.hidden <= MOST_UNITS:
+        raise ConfigError(f"network.hidden: must be 1 to {MOST_UNITS}, got {network.hidden}")
     layers: list[ConvLayer] = []
     side = PICTURE
     for n, numbers in enumerate(network.conv):
@@ -62,6 +64,8 @@ def geometry(network: Network) -> Geometry:
         if len(numbers) != 3 or min(numbers) < 1:
             raise ConfigError(f"{key}: must be [filters, kernel, stride], each at least 1, got {numbers}")
         filters, kernel, stride = numbers
+        if filters > MOST_UNITS:
+            raise ConfigError(f"{key}: at most {MOST_UNITS} filters are allowed, got {filters}")
         layer = ConvLayer(filters, kernel, stride, side)
         last = n == len(network.conv) - 1
         if kernel > side or (last and not layer.whole):

@@ -113,6 +113,7 @@ def hydra_errors() -> Iterator[None]:
     if os.environ.get("HYDRA_FULL_ERROR", "") not in ("", "0"):
         yield
         return
+    import yaml
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -127,8 +128,9 @@ def hydra_errors() -> Iterator[None]:
         if not isinstance(error, HydraException) and "hydra" not in origin(error):
             raise
         complain(explain_hydra(error))
-    except OmegaConfBaseException as error:
-        complain(explain(error))
+    except (OmegaConfBaseException, yaml.YAMLError) as error:
+        not_yaml = f"config: not YAML: {' '.join(str(error).split())}"
+        complain(explain(error) if isinstance(error, OmegaConfBaseException) else not_yaml)
     except OSError as error:
         if error.filename is None:
             raise
@@ -163,6 +165,9 @@ def explain_hydra(error: Exception) -> str:
         if (conf_dir() / key).is_dir():
             return f"{key}: write +{key}=NAME; allowed: {names(key)}"
         return f"{key}: {allowed_keys(key)}"
+    if re.match(r"mismatched input|token recognition error|no viable alternative|extraneous input", text):
+        # A value that holds what Hydra's grammar takes for its own, as seed=0 in a path.
+        return f"overrides: {' '.join(text.split())}; quote such a value twice: \"KEY='VALUE'\""
     return " ".join(text.split())
 
 

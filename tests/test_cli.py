@@ -230,7 +230,7 @@ def test_a_network_of_five_layers_learns_is_transferred_and_sails(tmp_path: Path
     (tmp_path / "five.safetensors").write_bytes(source.read_bytes())
     line = ("profile=smoke", "+pair=high", "layers=3", "source_file=five.safetensors")
     refused = ship_trl(*line, folder=tmp_path, code=1).stderr
-    assert "is of another architecture: conv4.bias has shape (64,), allowed (200,)" in refused
+    assert "is of another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused
     assert refused.count("\n") == 1
 
 
@@ -253,7 +253,9 @@ REFUSED = {
     "network=six target=1 method=scratch": "network: no six; allowed: five, paper",
     "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
     "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
-    "+pair=high layers=[": "no viable alternative",
+    "+pair=high layers=[": "overrides: no viable alternative",
+    "source=1 target=2 layers=1 source_file=a/seed=0/b": "overrides: mismatched input '='",
+    "--config-dir=broken target=1 method=scratch network=broken": "config: not YAML: while parsing",
     "+pair=high layers=3 device=cuda": "device: no CUDA device",
     "+pair=high layers=3 learn=null": "Config group override must be a string or a list",
     "target=broken.yaml method=scratch": "broken.yaml: goal: missing",
@@ -268,6 +270,8 @@ def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) 
         line = "+pair=high layers=3 device=cuda:99"
     (tmp_path / "taken").write_text("mine")
     (tmp_path / "pickle.safetensors").write_bytes(pickle.dumps({"conv1.weight": 1}))
+    (tmp_path / "broken/network").mkdir(parents=True)
+    (tmp_path / "broken/network/broken.yaml").write_text("conv: [[8, 8, 4]\nhidden: 3\n")
     (tmp_path / "broken.yaml").write_text(
         "start: [0.0, 0.0]\nheading: 90.0\nideal_path: any\ntarget_ships: []\n"
     )

@@ -112,8 +112,7 @@ def test_a_reward_term(before: Path, tmp_path: Path) -> None:
     terms = "    return shaping + goal * reached + collision * collided"
     change(
         place,
-        ("ship_trl/config.py", "    k2: float\n", "    k2: float\n    rudder: float\n"),
-        ("conf/world/paper.yaml", "  k2: -5.0\n", "  k2: -5.0\n  rudder: -10.0\n"),
+        ("ship_trl/config.py", "    k2: float\n", "    k2: float\n    rudder: float = 0.0\n"),
         (REWARD, "        180.0 / math.pi,\n", "        180.0 / math.pi,\n        reward.rudder,\n"),
         (
             REWARD,
@@ -122,13 +121,17 @@ def test_a_reward_term(before: Path, tmp_path: Path) -> None:
         ),
         (REWARD, f"{terms}\n", f"{terms} + rudder * abs(turn)\n"),
     )
-    turns = [turn for _, turn in OmegaConf.load(place / "conf/world/paper.yaml").actions]
-    assert rewards(place) == dearer(paid, [10 * abs(turn) for turn in turns])
-    python(place, folder, "-m", *SMOKE, "world.reward.rudder=-1000")
-    # Before anything is learned, the same is sailed and paid less.
-    for first, second in zip(curve(before)[:2], curve(folder)[:2], strict=True):
-        key = "greedy_return" if first["greedy_return"] else "return"
-        assert float(second.pop(key)) < float(first.pop(key)) - 100 and first == second
+    # The paper's world has none of it.
+    assert rewards(place) == dearer(paid, [0.0] * 7)
+    world = "defaults: [paper, _self_]\nreward:\n  rudder: -10.0\n"
+    assert {line.strip() for line in world.splitlines()} <= RECIPES
+    (place / "conf/world/mine.yaml").write_text(world)
+    for line, lost in ((["world=mine"], 0.5), (["world=mine", "world.reward.rudder=-1000"], 100)):
+        python(place, folder, "-m", *SMOKE, *line, "overwrite=true")
+        # Before anything is learned, the same is sailed and paid less.
+        for first, second in zip(curve(before)[:2], curve(folder)[:2], strict=True):
+            key = "greedy_return" if first["greedy_return"] else "return"
+            assert float(second.pop(key)) < float(first.pop(key)) - lost and first == second
     assert "rudder: -1000" in (folder / RESULT / "config.yaml").read_text()
 
 
@@ -152,7 +155,7 @@ def test_a_loss(before: Path, tmp_path: Path) -> None:
     change(
         place,
         ("ship_trl/config.py", f"{words}])", f'{words}, "log_cosh"])'),
-        ("ship_trl/learn/loss.py", "    return F.mse_loss(", f"{formula}    return F.mse_loss("),
+        ("ship_trl/learn/loss.py", "    raise ValueError(", f"{formula}    raise ValueError("),
     )
     python(place, folder, "-m", *SMOKE, "learn.loss=log_cosh")
     first, second = curve(before), curve(folder)
@@ -185,16 +188,19 @@ def test_a_claim(tmp_path: Path) -> None:
     for arm, end in (("scratch", 0.5), ("FE3", 1.0)):
         for seed in range(5):
             write_run(folder / "pairs", learning(rng, 60, end, half=5), arm=arm, seed=seed)
-    claim = (
-        '    Hypothesis("H5x", "5", "FE3 collides less than scratch.", '
-        '[beats("high", "scratch", "FE3", "collisions")]),\n'
-    )
-    edit = "ship_trl/study/claims/hypotheses.py", "HYPOTHESES = [\n", f"HYPOTHESES = [\n{claim}"
-    python(follow(tmp_path, edit), tmp_path, "-m", "ship_trl.report", "study")
-    with (folder / "report/claims.csv").open() as lines:
-        (row,) = (row for row in csv.DictReader(lines) if row["claim"] == "H5x")
+    contrast = 'beats("high", "scratch", "FE3", "collisions")'
+    claim = f'    Hypothesis("E7", EXPLORATORY, "FE3 collides less.", [{contrast}]),\n'
+    edit = "ship_trl/study/claims/conclusions.py", "OURS = [\n", f"OURS = [\n{claim}"
+    tables = []
+    for place in (ROOT, follow(tmp_path, edit)):
+        python(place, tmp_path, "-m", "ship_trl.report", "study")
+        with (folder / "report/claims.csv").open() as lines:
+            tables.append(list(csv.DictReader(lines)))
+    (row,) = (row for row in tables[1] if row["claim"] == "E7")
     assert row["metric"] == "collisions" and float(row["estimate"]) > 0.2
-    assert "FE3 collides less than scratch." in (folder / "report/index.html").read_text()
+    assert "FE3 collides less." in (folder / "report/index.html").read_text()
+    # It changes no other verdict.
+    assert tables[0] == [other for other in tables[1] if other is not row]
 
 
 def test_a_measure_of_similarity(tmp_path: Path) -> None:

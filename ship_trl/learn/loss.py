@@ -18,12 +18,19 @@ from ship_trl.learn.changes import count_rewrite, rewrites
 
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
-    """Mean squared (equation 2) or Huber's loss of Q-values [B, 1] against their targets [B, 1].
+    """Compute the mean loss of Q-values [B, 1] against their targets [B, 1].
 
-    Huber's is half the square of errors below `huber_delta`, in scaled rewards, and grows in proportion
-    to them above.
+    `l2` is the squared error (equation 2). Huber's is half the square of errors below `huber_delta`, in
+    scaled rewards, and grows in proportion to them above.
+
+    Raises:
+        ValueError: a kind without a formula.
     """
-    return F.mse_loss(q, td_target) if kind is Loss.l2 else F.huber_loss(q, td_target, delta=huber_delta)
+    if kind is Loss.l2:
+        return F.mse_loss(q, td_target)
+    if kind is Loss.huber:
+        return F.huber_loss(q, td_target, delta=huber_delta)
+    raise ValueError(f"learn.loss: no formula for {kind.name} in td_loss")
 
 
 class DoubleDQNLoss(DQNLoss):
@@ -52,7 +59,8 @@ class DoubleDQNLoss(DQNLoss):
     ) -> None:
         super().__init__(
             value_network,
-            loss_function="l2" if kind is Loss.l2 else "smooth_l1",
+            # Not used: `td_loss` is.
+            loss_function="l2",
             double_dqn=True,
             action_space="categorical",
         )
@@ -127,7 +135,8 @@ class ForeachSoftUpdate(SoftUpdate):
         """Move the target parameters by `tau` of the way to the online ones."""
         if self._rewrites != rewrites():
             self._find()
-        torch._foreach_lerp_(self._slow, self._online, 1.0 - self.eps)
+        tau = 1.0 - self.eps
+        torch._foreach_lerp_(self._slow, self._online, tau)
 
 
 def rename(name: Any) -> Any:

@@ -121,9 +121,10 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
     with opened(path, key) as file:
         names = set(file.keys())
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
+        if (saved := saved_network(path, key)) != network.config:
+            layers = [f"conv={each.conv} hidden={each.hidden}" for each in (saved, network.config)]
+            raise ConfigError(f"{key}: {path} is of another network: {layers[0]}, allowed {layers[1]}")
         problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
-        if not problem and (saved := saved_network(path, key)) != network.config:
-            problem = f"its conv layers are {saved.conv}, allowed {network.config.conv}"
         if problem:
             raise ConfigError(f"{key}: {path} is of another architecture: {problem}")
         weights = {name: file.get_tensor(name) for name in sorted(names)}

@@ -14,7 +14,7 @@ from ship_trl.architecture import geometry, load_network
 from ship_trl.config import Loss
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.inference import CachedInference
-from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
+from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate, td_loss
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels, StateReplay
 from tests.learn.worlds import draw
@@ -43,6 +43,17 @@ def made(value_network: QValueActor, **how: Any) -> DoubleDQNLoss:
     loss = DoubleDQNLoss(value_network, gamma=0.9, **how)
     SoftUpdate(loss, tau=0.1)  # without an updater TorchRL warns
     return loss
+
+
+def test_each_named_loss_has_a_formula() -> None:
+    q, td_target = torch.tensor([[1.0], [4.0]]), torch.tensor([[0.5], [0.0]])
+    assert td_loss(q, td_target, Loss.l2).item() == pytest.approx((0.25 + 16) / 2)
+    assert td_loss(q, td_target, Loss.huber, 2.0).item() == pytest.approx((0.125 + 2 + 4) / 2)
+    for kind in Loss:
+        assert td_loss(q, td_target, kind) > td_loss(q, q, kind)
+    other = type("Other", (), {"name": "cauchy"})()
+    with pytest.raises(ValueError, match="no formula for cauchy"):
+        td_loss(q, td_target, other)
 
 
 def batch(size: int = 12) -> TensorDict:

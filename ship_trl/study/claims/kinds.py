@@ -8,9 +8,9 @@ from itertools import pairwise
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding
 from ship_trl.study.analysis.measured import levels, steadier
-from ship_trl.study.analysis.metrics import TIMES
+from ship_trl.study.analysis.metrics import METRICS, TIMES
 from ship_trl.study.analysis.study import Places, Study
-from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, SELF_PAIR
+from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, SELF_PAIR, names
 from ship_trl.study.plan.jobs import ALONE, CONTROLS, FURTHER_SOURCES, LOW, ONE, OTHER_SOURCES, PAIRS
 
 FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
@@ -49,7 +49,16 @@ def weighted(
     metric: str,
     claimed: Claimed = Claimed.above,
 ) -> Test:
-    """Test a weighted sum of arms; of times the smaller is the better, so that they change sign."""
+    """Test a weighted sum of arms; of times the smaller is the better, so that they change sign.
+
+    Raises:
+        ValueError: there is no such metric or arm.
+    """
+    if metric not in METRICS:
+        raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
+    for _, _, arm in places.values():
+        if arm not in names("arm"):
+            raise ValueError(f"{where}, {what}: no arm {arm}; allowed: {', '.join(names('arm'))}")
     sign = -1.0 if metric in TIMES else 1.0
     signed = {name: sign * weight for name, weight in weights.items()}
     told = f"{where}: {what}"

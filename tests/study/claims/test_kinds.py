@@ -82,3 +82,10 @@ def test_what_has_one_seed_or_none_is_not_measured() -> None:
     study = make_study(pair("high", FE1=0.5, FT1=0.5), seeds=1)
     for test in (beats("high", "FE1", "FT1"), steady("high", "FE1", "FT1"), beats("high", "FE1", "FTW")):
         assert test(study, "") == []
+
+
+def test_what_no_study_measures_is_refused() -> None:
+    with pytest.raises(ValueError, match="no metric worth; allowed: area,"):
+        beats("high", "FE3", "scratch", "worth")
+    with pytest.raises(ValueError, match="no arm FTX; allowed: FE1,"):
+        beats("high", "FTX", "scratch")

@@ -86,7 +86,7 @@ def others(network: Network) -> dict[str, Any] | None:
 
     The paper's was the only one before there were others: what was written down then says nothing of it.
     """
-    return None if network == load_network() else plain(network)
+    return None if plain(network) == plain(load_network()) else plain(network)
 
 
 def cut_by_words(layers: Geometry) -> bool:

@@ -34,12 +34,12 @@ def to_config(values: DictConfig) -> Config:
     Raises:
         ConfigError: an unknown or missing key, a wrong type, or a value out of range.
     """
-    for key in ("world.actions", "network.conv"):
-        # OmegaConf does not say in which list of lists a number stands.
-        rows = OmegaConf.select(values, key)
-        right = not isinstance(rows, ListConfig) or all(isinstance(row, ListConfig) for row in rows)
-        require(right, key, "a list of lists", rows)
     try:
+        for key in ("world.actions", "network.conv"):
+            # OmegaConf does not say in which list of lists a number stands.
+            rows = OmegaConf.select(values, key)
+            right = not isinstance(rows, ListConfig) or all(isinstance(row, ListConfig) for row in rows)
+            require(right, key, "a list of lists", rows)
         merged = OmegaConf.merge(OmegaConf.structured(Config), values)
         config: Any = OmegaConf.to_object(merged)
     except OmegaConfBaseException as error:

@@ -44,10 +44,11 @@ def read_curve(folder: Path) -> pd.DataFrame:
     types = TYPES | {f"{GREEDY}_{name}": TYPES[name] for name in SHARED}
     try:
         whole = (folder / CURVE).read_bytes().endswith(b"\n")
-        lines = pd.read_csv(folder / CURVE, usecols=list(types), dtype=types)
+        # Without `index_col` a line too long would move its columns by one.
+        lines = pd.read_csv(folder / CURVE, usecols=list(types), dtype=types, index_col=False)
     except FileNotFoundError:
         raise CurveError(f"{CURVE} is missing") from None
-    except (OSError, ValueError):
+    except (OSError, ValueError, OverflowError):
         raise CurveError(f"{CURVE} cannot be read") from None
     if not whole:
         raise CurveError(f"{CURVE} ends within a line")

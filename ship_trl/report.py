@@ -21,6 +21,9 @@ def main(arguments: list[str] | None = None) -> None:
     from ship_trl.study.report.write import report
 
     output = options.output or options.folder / "report"
+    if output.resolve() == options.folder.resolve():
+        complain(f"--output: {output} is the study's own folder; allowed: another one")
+        sys.exit(1)
     try:
         report(options.folder, output)
     except (ConfigError, OSError) as error:

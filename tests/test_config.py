@@ -167,6 +167,8 @@ WRONG = {
     "+pair=high layers=3 network.conv=[[8,8,4],[8,21,1]]": "network.conv[1]: the kernel must be 20, to cover",
     "+pair=high layers=3 network.conv=[[8,85,4],[8,1,1]]": "network.conv[0]: the kernel must be at most 84",
     "+pair=high layers=3 network.conv=[[8,8,4],[8,19,1]]": "network.conv[1]: the kernel must be 20, to cover",
+    "+pair=high layers=3 network.conv=[???]": "config: Missing value at index 0",
+    "+pair=high layers=3 network.conv=${nothing}": "network.conv: ",
     "+pair=high layers=3 network.hidden=0": "network.hidden: must be 1 to 4096, got 0",
     "+pair=high layers=3 network.conv=[[99999999,8,4]]": "network.conv[0]: at most 4096 filters are allowed",
     "+pair=high layers=3 +network.typo=3": "network.typo: unknown key; allowed here: conv, hidden",

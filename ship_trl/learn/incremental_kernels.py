@@ -1,4 +1,4 @@
-"""Compiled loops of `incremental`: which windows differ from the background, and where their rows lie."""
+"""Compiled loops of `cutter` and `incremental`: windows that differ from the background, and their rows."""
 
 from __future__ import annotations
 

@@ -60,9 +60,9 @@ class DuelingNetwork(nn.Module):
         return [getattr(self, name) for name in self.conv_names]
 
     def freeze(self, layers: int) -> None:
-        """Let the first `layers` conv layers learn nothing."""
-        for conv in self.convs[:layers]:
-            conv.requires_grad_(False)
+        """Let the first `layers` conv layers learn nothing, and the others learn."""
+        for n, conv in enumerate(self.convs):
+            conv.requires_grad_(n >= layers)
         self.frozen = layers
 
     def conv_weights(self) -> list[Tensor]:

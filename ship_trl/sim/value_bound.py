@@ -19,8 +19,9 @@ from ship_trl.sim.transition import Transition
 # Fine enough that the returns of the paper's world are right to about one point.
 GRID_STEPS_PER_ACTION = 2
 ANGLES = 96
-# Metres to the nearest ship that are tried, a fifth apart from one to the next.
-NEAREST = torch.logspace(0, math.log10(FAR), 76).tolist()
+# Metres to the nearest ship that are tried, a fifth apart from one to the next, beside both sides of the
+# safe distance.
+NEAREST = (1e-3, *torch.logspace(0, math.log10(FAR), 76).tolist())
 
 # How far the interpolation may fall short, as a share of what a step's reward ranges over.
 DOUBT = 1 / 150
@@ -31,8 +32,9 @@ class ValueBound:
 
     `value_bound(state)` takes float [N, 4], all at one step, and returns float [N]. No plan gains more than
     that and `doubt`, the error of the grid, for any reward that is as smooth in distance and angle as the
-    paper's. Within two goal distances of the goal the grid is too coarse to tell who just reaches it: there
-    the bound may be short by more.
+    paper's, and in the nearest ship's distance hardly changes within a fifth of it, but at the safe distance.
+    Within two goal distances of the goal the grid is too coarse to tell who just reaches it: there the bound
+    may be short by more.
     """
 
     def __init__(self, step: Transition) -> None:
@@ -75,8 +77,9 @@ class ValueBound:
             return step_reward(self.step.constants, distance, off_bow, *ends, ships, speed, turn)
 
         reward, crash = paid(FAR, reached, zero), zero - math.inf
-        for nearest in NEAREST if len(self.step.ship_start) else ():
-            if nearest < self.step.world.safe_distance:
+        safe = self.step.world.safe_distance
+        for nearest in (*NEAREST, safe, safe - ROUNDING) if len(self.step.ship_start) else ():
+            if nearest < safe:
                 crash = torch.maximum(crash, paid(nearest, zero, zero + 1.0))
             else:
                 reward = torch.maximum(reward, paid(nearest, reached, zero))

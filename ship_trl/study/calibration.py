@@ -47,22 +47,22 @@ class Row:
 
 
 def normal(sd: float = SD, mean: float = 0.0) -> Sampler:
-    """Sampler an arm whose seeds are normal."""
+    """Draw an arm whose seeds are normal."""
     return lambda rng, count: rng.normal(mean, sd, count)
 
 
 def skewed(sd: float = SD) -> Sampler:
-    """Sampler an arm with a long tail on one side, and a mean of zero."""
+    """Draw an arm with a long tail on one side, and a mean of zero."""
     return lambda rng, count: sd * (1.0 - rng.exponential(1.0, count))
 
 
 def bounded(rng: np.random.Generator, count: int) -> Sample:
-    """Sampler an arm with no tails, as times that are cut off at a run's end have none."""
+    """Draw an arm with no tails, as times that are cut off at a run's end have none."""
     return rng.uniform(-SD, SD, count)
 
 
 def collapsing(sampler: Sampler) -> Sampler:
-    """Sampler an arm that collapses in some seeds."""
+    """Draw an arm that collapses in some seeds."""
     return lambda rng, count: sampler(rng, count) - COST * (rng.random(count) < COLLAPSE)
 
 
@@ -124,7 +124,7 @@ def figure(sampler: Sampler, looks: bool, contrasts: int = 1) -> Wrong:
 
 
 def curves(rng: np.random.Generator, count: int, local: bool, mean: float, collapse: bool) -> Sample:
-    """Sampler curves by seed [count, T] whose spread along the curve is the same however they vary.
+    """Draw curves by seed [count, T] whose spread along the curve is the same however they vary.
 
     Seeds differ along the whole curve, or each place by itself (`local`); some may collapse half-way.
     """

@@ -93,7 +93,7 @@ def saved_network(path: Path, key: str) -> Network:
         about = json.loads(header)
         if "network" not in about:
             return load_network()
-        if not isinstance(about["network"], dict):
+        if not isinstance(about["network"], dict) or "${" in header:
             raise ConfigError("network: must hold conv and hidden")
         values = OmegaConf.merge(OmegaConf.structured(Network), about["network"])
         network: Any = OmegaConf.to_object(values)
@@ -121,7 +121,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
     with opened(path, key) as file:
         names = set(file.keys())
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
-        if (saved := saved_network(path, key)) != network.config:
+        if plain(saved := saved_network(path, key)) != plain(network.config):
             layers = [f"conv={each.conv} hidden={each.hidden}" for each in (saved, network.config)]
             raise ConfigError(f"{key}: {path} is of another network: {layers[0]}, allowed {layers[1]}")
         problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})

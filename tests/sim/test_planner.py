@@ -115,6 +115,8 @@ TERMS: dict[str, Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]] = {
     "time": lambda collided, nearest, speed, turn: 0.0 * nearest - 20.0,
     "keeping clear": lambda collided, nearest, speed, turn: -5.0 * (nearest < 150.0),
     "keeping near": lambda collided, nearest, speed, turn: 5.0 * (nearest < 150.0),
+    "near, yet clear": lambda collided, nearest, speed, turn: (1 - collided) * 4500.0 / nearest,
+    "nearly missed": lambda collided, nearest, speed, turn: collided * 4.0 * nearest,
     "colliding": lambda collided, nearest, speed, turn: 300.0 * collided,
     "rudder": lambda collided, nearest, speed, turn: -20.0 * abs(turn),
     "speed": lambda collided, nearest, speed, turn: 0.5 * speed,

@@ -156,6 +156,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
         ("{", "Expecting property name"),
         ("3", "not iterable"),
         ('{"network": 3}', "must hold conv and hidden"),
+        ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "must hold conv and hidden"),
         ('{"network": {"conv": [[32, 8, 4]]}}', "missing"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "could not be converted"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),

@@ -14,7 +14,7 @@ import numpy as np
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
 from ship_trl.study.plan.jobs import PAIRS, PARTS
 from ship_trl.study.plan.manifest import begun_with
-from ship_trl.study.records.record import BrokenRunError, Record, find_runs, read_placed
+from ship_trl.study.records.record import COMPUTED, BrokenRunError, Record, find_runs, read_placed
 from ship_trl.study.records.tables import has_tables, read_tables
 
 # So many seeds are run before the study is looked at again (docs/analysis-plan.md).
@@ -76,7 +76,7 @@ class Study:
         for record in self.records.values():
             for key, value in record.computed.items():
                 found[key][value] += 1
-        return {key: dict(sorted(counts.items())) for key, counts in found.items() if len(counts) > 1}
+        return {key: dict(sorted(found[key].items())) for key in COMPUTED if len(found[key]) > 1}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
         """Return source and target of a pair, by its runs; only those from scratch have no source."""

@@ -62,6 +62,10 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
         ConfigError: the folder cannot be written, or holds a study of other settings.
     """
     shared = run_config(config)
+    most = max((job.values["layers"] for job in jobs if type(job.values.get("layers")) is int), default=0)
+    if most > len(shared.network.conv):
+        wanted = f"overrides: network has {len(shared.network.conv)} conv layers, and arms have up to {most}"
+        raise ConfigError(f"{wanted}; allowed: arms=[...] of fewer layers")
     learn = plain(shared.learn)
     # It decides nothing that is learned, as the device does not, and may be another one later.
     del learn["backend"]
@@ -85,7 +89,8 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
         raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
     changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
     if before is not None and (before != settings or changed):
-        differ = ", ".join(sorted(key for key in settings if settings[key] != before.get(key)) + changed)
+        keys = sorted(settings.keys() | before.keys())
+        differ = ", ".join([key for key in keys if settings.get(key) != before.get(key)] + changed)
         holds = f"output: {config.folder} holds a study of other settings ({differ})"
         raise ConfigError(f"{holds}; allowed: another output=FOLDER")
     try:
@@ -133,5 +138,5 @@ def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
         rules = plan.get("rules", {})
         known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}
         return tuple(sorted(map(int, seeds))), known
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
         return (), {}

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config import ConfigError
-from ship_trl.curve import SHARED, TYPES, read_curve
+from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES, read_curve
 from ship_trl.paths import replacing
 from ship_trl.result import Result, ResultError, from_json, read_result
 from ship_trl.study.plan.jobs import PARTS
@@ -101,14 +101,16 @@ def read_tables(folder: Path) -> Tables:
             part, result = run_of({str(key): cell for key, cell in row.items()})
             places.add(place_of(part, result))
             runs.append((part, result))
-    except (OSError, ValueError, KeyError, ResultError) as error:
+    except (OSError, ValueError, KeyError, TypeError, ResultError) as error:
         raise unreadable(folder / RUNS, error) from None
     if not runs or len(places) < len(runs):
         raise ConfigError(f"copy: {folder / RUNS} has no run, or one twice")
     try:
         types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
-        curves = pd.read_csv(folder / CURVES, usecols=list(COLUMNS), dtype=types)
-    except (lzma.LZMAError, EOFError, OSError, ValueError) as error:
+        curves = pd.read_csv(folder / CURVES, usecols=list(COLUMNS), dtype=types, index_col=False)
+        if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
+            raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
+    except (lzma.LZMAError, EOFError, OSError, ValueError, OverflowError) as error:
         raise unreadable(folder / CURVES, error) from None
     return Tables(folder, plan, runs, curves)
 
@@ -186,7 +188,7 @@ def run_of(row: dict[str, str]) -> tuple[str, Result]:
     """Make part and result of a run of its cells.
 
     Raises:
-        ResultError, ValueError, KeyError: they are of no run.
+        ResultError, ValueError, KeyError, TypeError: they are of no run.
     """
     values: dict[str, Any] = {}
     for key, cell in row.items():

@@ -59,3 +59,17 @@ def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="is not a study's plan"):
         begin(tmp_path)
     assert (tmp_path / PLAN).read_text() == text
+
+
+def test_what_is_missing_now_is_named_too(tmp_path: Path) -> None:
+    begin(tmp_path, "overrides=[network=five]")
+    with pytest.raises(ConfigError, match=r"study of other settings \(network\)"):
+        begin(tmp_path)
+
+
+def test_arms_of_more_layers_than_the_network_has_are_refused(tmp_path: Path) -> None:
+    small = "overrides=['network.conv=[[8,8,4],[8,4,2],[20,9,1]]']"
+    with pytest.raises(ConfigError, match="network has 3 conv layers, and arms have up to 4"):
+        begin(tmp_path, small, "arms=[scratch,FE4]")
+    assert not list(tmp_path.iterdir())
+    begin(tmp_path, small, "arms=[scratch,FE3]")

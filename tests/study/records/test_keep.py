@@ -213,6 +213,12 @@ HOSTILE = {
         in_curves("\n0,training,7,", "\n0,training,8,"),
         "curves.csv.xz cannot be read",
     ),
+    "an episode beyond counting": (
+        in_curves("\n0,training,7,", "\n0,training,99999999999999999999999,"),
+        "cannot be read",
+    ),
+    "a row of another kind": (in_curves("\n0,training,7,", "\n0,lesson,7,"), "cannot be read"),
+    "a column twice": (in_runs(",seed,", ",seed,seed.x,"), "runs.csv cannot be read"),
     "a run without rows": (in_runs("\n", "\nsources,9,9,9\n"), "cannot be read"),
 }
 

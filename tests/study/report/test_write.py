@@ -168,3 +168,13 @@ def test_495_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(tmp_path:
     assert int(done.stdout.split()[-1]) < 2**20
     # A minute on a quiet machine; a busy one may take twice that.
     assert time.monotonic() - started < 120
+
+
+def test_a_report_never_goes_into_the_studys_own_folder(
+    study: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = files(study)
+    with pytest.raises(SystemExit) as caught:
+        main([str(study), "--output", str(study / "report/..")])
+    assert caught.value.code == 1
+    assert "is the study's own folder" in capsys.readouterr().err and files(study) == before

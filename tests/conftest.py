@@ -1,6 +1,6 @@
 """Shared by all tests: an empty folder to work in, the paper's world, cases by hand, one torch thread."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,13 @@ torch.set_num_threads(1)
 # The same examples every time, and no deadline: a busy machine is no fault of the code.
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
+
+
+@pytest.fixture(autouse=True)
+def denormal_numbers() -> Iterator[None]:
+    """Count with denormal numbers again after a test: a run in this process lets them be zero."""
+    yield
+    torch.set_flush_denormal(False)
 
 
 def paper_world() -> World:

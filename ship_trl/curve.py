@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,14 +44,14 @@ def read_curve(folder: Path) -> pd.DataFrame:
 
     types = TYPES | {f"{GREEDY}_{name}": TYPES[name] for name in SHARED}
     try:
-        whole = (folder / CURVE).read_bytes().endswith(b"\n")
+        data = (folder / CURVE).read_bytes()
         # Without `index_col` a line too long would move its columns by one.
-        lines = pd.read_csv(folder / CURVE, usecols=list(types), dtype=types, index_col=False)
+        lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
     except FileNotFoundError:
         raise CurveError(f"{CURVE} is missing") from None
     except (OSError, ValueError, OverflowError):
         raise CurveError(f"{CURVE} cannot be read") from None
-    if not whole:
+    if not data.endswith(b"\n"):
         raise CurveError(f"{CURVE} ends within a line")
     trained = lines["return"].notna()
     if (trained == lines[f"{GREEDY}_return"].notna()).any():
@@ -59,6 +60,11 @@ def read_curve(folder: Path) -> pd.DataFrame:
     for name in SHARED:
         rows[name] = lines[name].where(trained, lines[f"{GREEDY}_{name}"])
     return rows
+
+
+def split(rows: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Give the training episodes and the greedy evaluations."""
+    return rows[rows["kind"] == TRAINING], rows[rows["kind"] == GREEDY]
 
 
 def write_curve(folder: Path, rows: pd.DataFrame) -> None:

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from ship_trl.cli import complain, make_parser
-from ship_trl.curve import GREEDY, TRAINING, CurveError, read_curve
+from ship_trl.curve import CurveError, read_curve, split
 from ship_trl.result import RESULT, Evaluation, Result, ResultError, read_result
 from ship_trl.run.plan import DAMAGED
 
@@ -177,11 +177,10 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
 def split_curve(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """Read a run's training episodes and greedy evaluations; None, and said, if its curve is not whole."""
     try:
-        rows = read_curve(folder)
+        return split(read_curve(folder))
     except CurveError as error:
         complain(f"{folder}: {error}; left out")
         return None
-    return rows[rows["kind"] == TRAINING], rows[rows["kind"] == GREEDY]
 
 
 def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:

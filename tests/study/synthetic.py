@@ -83,7 +83,7 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     training = Training(totals, goal, ~goal, np.full(len(scores), 50.0), np.full(len(scores), 0.1))
     judged = np.concatenate([returns_of(np.zeros(1)), totals])
     there = np.concatenate([[False], goal])
-    greedy = Greedy(np.arange(len(judged)), judged, there, ~there, np.full(len(judged), 50.0))
+    greedy = Greedy(judged, there, ~there, np.full(len(judged), 50.0), np.arange(len(judged)))
     return Record(
         Path(part, pair, arm), part, pair, None, "2", arm, seed, "quick", "", BEST, RANDOM, RANDOM, RANDOM,
         training, greedy,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
-from ship_trl.study.plan.jobs import PAIRS, PARTS
+from ship_trl.study.plan.jobs import PAIRS
 from ship_trl.study.plan.manifest import begun_with
-from ship_trl.study.records.record import COMPUTED, BrokenRunError, Record, find_runs, read_placed
+from ship_trl.study.records.record import COMPUTED, Record, read_runs
 from ship_trl.study.records.tables import has_tables, read_tables
 
 # So many seeds are run before the study is looked at again (docs/analysis-plan.md).
@@ -100,21 +100,10 @@ def read_study(folder: Path) -> Study:
         ConfigError: tables that are not whole.
     """
     broken: list[tuple[Path, str]] = []
-    found = read_tables(folder).records() if has_tables(folder) else read_runs(folder, broken)
-    records = {(one.part, one.pair, one.arm, one.seed): one for one in found}
+    found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
+    records = {(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found}
     planned, rules = begun_with(folder)
     return Study(same_zero(records), broken, planned, rules)
-
-
-def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[Record]:
-    """Yield the runs below a folder; adds to `broken` those that are none, and why."""
-    for path, part in find_runs(folder):
-        try:
-            if part not in PARTS:
-                raise BrokenRunError(f"{part or folder} is no part of a study")
-            yield read_placed(path, part)
-        except BrokenRunError as error:
-            broken.append((path, str(error)))
 
 
 def same_zero(records: Records) -> Records:

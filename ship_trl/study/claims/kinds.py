@@ -13,6 +13,7 @@ from ship_trl.study.analysis.study import Places, Study
 from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, SELF_PAIR, names
 from ship_trl.study.plan.jobs import ALONE, CONTROLS, FURTHER_SOURCES, LOW, ONE, OTHER_SOURCES, PAIRS
 
+ARMS = names("arm")
 FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
 TRANSFERS = (*FE, *FT, "FTW")
 Test = Callable[[Study, str], list[Finding]]
@@ -57,8 +58,8 @@ def weighted(
     if metric not in METRICS:
         raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
     for _, _, arm in places.values():
-        if arm not in names("arm"):
-            raise ValueError(f"{where}, {what}: no arm {arm}; allowed: {', '.join(names('arm'))}")
+        if arm not in ARMS:
+            raise ValueError(f"{where}, {what}: no arm {arm}; allowed: {', '.join(ARMS)}")
     sign = -1.0 if metric in TIMES else 1.0
     signed = {name: sign * weight for name, weight in weights.items()}
     told = f"{where}: {what}"

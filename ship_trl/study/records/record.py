@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.curve import CURVE, GREEDY, TRAINING, CurveError, read_curve
+from ship_trl.curve import CURVE, CurveError, read_curve, split
 from ship_trl.result import RESULT, Result, ResultError, read_result
+from ship_trl.study.plan.jobs import PARTS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,25 +28,27 @@ class BrokenRunError(Exception):
 
 
 @dataclass(frozen=True)
-class Training:
-    """Training episodes, in order: all [E]. `dcpa` is not a number without target ships."""
+class Episodes:
+    """Episodes in order, all [N]; `dcpa` is not a number without target ships."""
 
     returns: NDArray[np.float64]
     goal: NDArray[np.bool_]
     collision: NDArray[np.bool_]
     dcpa: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Training(Episodes):
+    """Training episodes, with the exploration rate of each."""
+
     epsilon: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Greedy:
-    """Greedy evaluations, in order, the first before training: all [G]."""
+class Greedy(Episodes):
+    """Greedy evaluations, the first before training, and after how many episodes each was."""
 
     episode: NDArray[np.int64]
-    returns: NDArray[np.float64]
-    goal: NDArray[np.bool_]
-    collision: NDArray[np.bool_]
-    dcpa: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         raise BrokenRunError(f"{RESULT} has no random_return")
     if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
-    training, greedy = (rows[rows["kind"] == kind] for kind in (TRAINING, GREEDY))
+    training, greedy = split(rows)
     check_curve(training, greedy, result.episodes)
     return Record(
         folder=folder,
@@ -158,24 +161,48 @@ def read_run(folder: Path, part: str = "") -> Record:
     Raises:
         BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
     """
+    return make_record(*read_files(folder), folder, part)
+
+
+def read_files(folder: Path) -> tuple[Result, pd.DataFrame]:
+    """Read result and curve of a run's folder, rounded.
+
+    Raises:
+        BrokenRunError: a file is missing, cut short, or of another program.
+    """
     try:
-        return make_record(rounded_draws(read_result(folder)), rounded(read_curve(folder)), folder, part)
+        return rounded_draws(read_result(folder)), rounded(read_curve(folder))
     except ResultError as error:
         raise BrokenRunError(f"{RESULT} {error}") from None
     except CurveError as error:
         raise BrokenRunError(str(error)) from None
 
 
-def read_placed(folder: Path, part: str = "") -> Record:
+def read_placed(folder: Path, part: str = "") -> tuple[Record, Result, pd.DataFrame]:
     """Read a run's folder, which its place in a study names: a copied folder is not another seed.
+
+    Returns:
+        The run as a record, and the result and the curve that it is made of.
 
     Raises:
         BrokenRunError: as `read_run`, or the run is of another place.
     """
-    record = read_run(folder, part)
+    result, rows = read_files(folder)
+    record = make_record(result, rows, folder, part)
     if folder.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
         raise BrokenRunError(f"{RESULT} is of another run")
-    return record
+    return record, result, rows
+
+
+def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
+    """Yield the runs below a study's folder; adds to `broken` those that are none, and why."""
+    for path, part in find_runs(folder):
+        try:
+            if part not in PARTS:
+                raise BrokenRunError(f"{part or folder} is no part of a study")
+            yield read_placed(path, part)
+        except BrokenRunError as error:
+            broken.append((path, str(error)))
 
 
 def find_runs(folder: Path) -> Iterator[tuple[Path, str]]:

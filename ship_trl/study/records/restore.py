@@ -52,10 +52,9 @@ def unpack(tables: Tables, folder: Path, seeds: set[int]) -> int:
         ConfigError: tables that do not fit each other.
     """
     found = 0
-    # Records check what runs do not: that a curve is whole.
-    for record, (part, result, rows) in zip(tables.records(), tables.by_run(), strict=True):
+    for record, result, rows in tables.by_run():
         if record.seed in seeds:
-            place = folder / place_of(part, result)
+            place = folder / place_of(record.part, result)
             place.mkdir(parents=True)
             write_curve(place, rows)
             write_result(place, result)

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config import ConfigError
-from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES, read_curve
+from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES
 from ship_trl.paths import replacing
-from ship_trl.result import Result, ResultError, from_json, read_result
+from ship_trl.result import Result, ResultError, from_json
 from ship_trl.study.plan.jobs import PARTS
 from ship_trl.study.plan.manifest import JOB, PLAN, read_plan
-from ship_trl.study.records.record import BrokenRunError, Record, find_runs, make_record, read_placed, rounded
+from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,31 +46,24 @@ class Tables:
     runs: list[tuple[str, Result]]
     curves: pd.DataFrame
 
-    def by_run(self) -> Iterator[tuple[str, Result, pd.DataFrame]]:
-        """Yield part, result with its draws, and curve of each run.
+    def by_run(self) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
+        """Yield each run as a record, with its result and its curve, as they would be read from its folder.
 
         Raises:
-            ConfigError: curves that are not those of these runs.
+            ConfigError: curves that are not whole, or not those of these runs.
         """
         groups = dict(iter(self.curves.groupby("run", sort=False)))
         if list(groups) != list(range(len(self.runs))):
             raise unreadable(self.folder / CURVES, "its runs are not those of " + RUNS)
-        for number, (part, result) in enumerate(self.runs):
+        for number, (part, bare) in enumerate(self.runs):
             rows = groups[number]
             drawn = rows["kind"] == DRAW
-            yield part, replace(result, draws=rows["return"][drawn].tolist()), rows[~drawn]
-
-    def records(self) -> Iterator[Record]:
-        """Yield each run as a record, as it would be read from its folder.
-
-        Raises:
-            ConfigError: curves that are not whole, or do not fit the results.
-        """
-        for part, result, rows in self.by_run():
+            result, curve = replace(bare, draws=rows["return"][drawn].tolist()), rows[~drawn]
             try:
-                yield make_record(result, rows, self.folder / place_of(part, result), part)
+                record = make_record(result, curve, self.folder / place_of(part, result), part)
             except BrokenRunError as error:
                 raise unreadable(self.folder / CURVES, error) from None
+            yield record, result, curve
 
 
 def has_tables(folder: Path) -> bool:
@@ -134,27 +127,18 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     plan = read_plan(folder / PLAN, "folder")
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
-    whole, broken = [], 0
-    for path, part in find_runs(folder):
-        try:
-            if part not in PARTS:
-                raise BrokenRunError("no part of a study")
-            record = read_placed(path, part)
-        except BrokenRunError:
-            broken += 1
-            continue
-        whole.append((part, record.pair, record.arm, record.seed, path))
+    broken: list[tuple[Path, str]] = []
+    whole = sorted(read_runs(folder, broken), key=lambda run: place(run[0]))
     if not whole:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
-    paths = [(path, part) for part, *_, path in sorted(whole)]
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     plan["jobs"] = [{key: job[key] for key in JOB} for job in plan["jobs"]]
     try:
         copy.mkdir(parents=True, exist_ok=True)
-        runs = pd.DataFrame([{"part": part} | cells(read_result(path)) for path, part in paths])
+        runs = pd.DataFrame([{"part": record.part} | cells(result) for record, result, _ in whole])
         with replacing(copy / RUNS) as draft:
             runs.to_csv(draft, index=False, lineterminator="\n")
-        curves = pd.concat([curve_of(number, path) for number, (path, _) in enumerate(paths)])
+        curves = pd.concat([with_draws(number, *run[1:]) for number, run in enumerate(whole)])
         with replacing(copy / CURVES) as draft, lzma.open(draft, "wt", preset=PRESET, newline="") as file:
             curves.to_csv(file, columns=COLUMNS, index=False, lineterminator="\n")
         # The last: without it, or with that of another time, the others are no copy.
@@ -163,7 +147,12 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
             draft.write_text(json.dumps(plan) + "\n")
     except OSError as error:
         raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
-    return len(paths), broken
+    return len(whole), len(broken)
+
+
+def place(record: Record) -> tuple[str, str, str, int]:
+    """Name a run in its study: part, pair, arm and seed."""
+    return record.part, record.pair, record.arm, record.seed
 
 
 def digest(path: Path) -> str:
@@ -213,13 +202,12 @@ def from_cell(cell: str) -> Any:
         return cell
 
 
-def curve_of(number: int, path: Path) -> pd.DataFrame:
-    """Make the rows of a run: its draws, then its curve, rounded."""
+def with_draws(number: int, result: Result, curve: pd.DataFrame) -> pd.DataFrame:
+    """Make the rows of a run: its draws, then its curve."""
     import pandas as pd
 
-    curve, draws = read_curve(path), read_result(path).draws
-    drawn = pd.DataFrame({"kind": DRAW, "episode": 0, "return": draws})
-    return rounded(pd.concat([drawn, curve]) if draws else curve).assign(run=number)
+    drawn = pd.DataFrame({"kind": DRAW, "episode": 0, "return": result.draws})
+    return (pd.concat([drawn, curve]) if result.draws else curve).assign(run=number)
 
 
 def place_of(part: str, result: Result) -> Path:

@@ -42,7 +42,7 @@ How
   device=cpu|cuda       colour=true|false
   logger=csv|wandb      wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
-  overwrite=true        replace a finished run of other settings there
+  overwrite=true        replace a finished run of other settings there, or a damaged one
 
   -m, --multirun        a grid: several values behind a comma
   --cfg job             print the configuration and stop

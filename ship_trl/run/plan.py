@@ -24,15 +24,15 @@ ALGORITHM_VERSION = 2
 DAMAGED = "damaged-"
 
 
-class OtherSettingsError(ConfigError):
-    """A folder that holds a finished run of other settings."""
+class TakenError(ConfigError):
+    """A folder that holds something else: a finished run of other settings, or a damaged result."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, held: str) -> None:
         super().__init__(
-            f"output: {folder} holds a finished run of other settings; "
-            "allowed: another output=FOLDER, or overwrite=true to replace it"
+            f"output: {folder} holds {held}; "
+            "allowed: another output=FOLDER, or overwrite=true to replace what is there"
         )
-        self.folder = folder
+        self.folder, self.held = folder, held
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def make_run(config: Config) -> Run:
 
     Raises:
         ConfigError: a case that is not there or not right, a folder that cannot be written, or one
-            that holds a finished run of other settings.
+            that holds a finished run of other settings or a damaged result.
     """
     world = config.world
     target = load_case(str(config.target), world, "target")
@@ -113,10 +113,10 @@ def make_run(config: Config) -> Run:
             )
             try:
                 source = make_run(alone)
-            except OtherSettingsError as error:
+            except TakenError as error:
                 raise ConfigError(
-                    f"output: {error.folder}, where the source would be trained, holds a finished run "
-                    "of other settings; allowed: another output=FOLDER, or "
+                    f"output: {error.folder}, where the source would be trained, holds {error.held}; "
+                    "allowed: another output=FOLDER, or "
                     f"target={config.source} method=scratch overwrite=true first"
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
@@ -160,11 +160,17 @@ def hash_of(config: Config, target: Case, source: Run | None) -> str:
 
 
 def check_folder(run: Run) -> None:
-    """Refuse a folder that cannot be written, or whose finished run would be lost."""
+    """Refuse a folder that cannot be written, or whose finished run or damaged result would be lost."""
     for parent in (run.folder, *run.folder.parents):
         if parent.exists():
             if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
-    if (run.folder / RESULT).exists() and run.result() is None and not run.config.overwrite:
-        raise OtherSettingsError(run.folder)
+    if run.config.overwrite or not (run.folder / RESULT).exists():
+        return
+    try:
+        found = read_result(run.folder)
+    except ResultError as error:
+        raise TakenError(run.folder, f"a damaged {RESULT} (it {error})") from None
+    if found.config_hash != run.config_hash:
+        raise TakenError(run.folder, "a finished run of other settings")

@@ -142,12 +142,22 @@ def test_a_shipped_case_by_path_is_the_same_run() -> None:
     )
 
 
-def test_an_unreadable_result_is_not_lost_either(tmp_path: Path) -> None:
-    first = run("target=1", "method=scratch", f"output={tmp_path}")
+@pytest.mark.parametrize(
+    ("text", "reason"), [("{}", "has no pair"), ('{"pair": "hi', "cannot be read"), ("", "cannot be read")]
+)
+def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text: str, reason: str) -> None:
+    line = ("target=1", "method=scratch", f"output={tmp_path}")
+    first = run(*line)
     first.folder.mkdir(parents=True)
-    (first.folder / "result.json").write_text("{")
-    with pytest.raises(ConfigError, match="holds a finished run of other settings"):
-        run("target=1", "method=scratch", f"output={tmp_path}")
+    damaged = first.folder / "result.json"
+    damaged.write_text(text)
+    said = rf"holds a damaged result.json \(it {reason}\); allowed: .* overwrite=true"
+    with pytest.raises(ConfigError, match=said):
+        run(*line)
+    with pytest.raises(ConfigError, match=r"source would be trained, holds a damaged result\.json"):
+        run("+pair=high", "layers=1", f"output={tmp_path}")
+    assert damaged.read_text() == text
+    assert run(*line, "overwrite=true").result() is None
 
 
 def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) -> None:

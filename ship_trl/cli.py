@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sys
@@ -14,6 +15,8 @@ from ship_trl.paths import conf_dir
 if TYPE_CHECKING:
     import argparse
 
+# The disk is full, a quota or a limit is reached, or it is broken; an error of writing may name no file.
+DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 HELP_FLAGS = {"--help", "-h"}
 
 HELP = """\
@@ -84,7 +87,7 @@ def make_parser(module: str, description: str | None) -> argparse.ArgumentParser
 
 @contextmanager
 def job_errors() -> Iterator[None]:
-    """Around one job: its own `ConfigError` in one line.
+    """Around one job: its own `ConfigError`, or a file that cannot be written, in one line.
 
     A single run ends with it. In a sweep it goes on as an exception, because SystemExit would
     abort the other jobs too.
@@ -96,8 +99,10 @@ def job_errors() -> Iterator[None]:
 
     try:
         yield
-    except ConfigError as error:
-        complain(str(error))
+    except (ConfigError, OSError) as error:
+        if not explained(error):
+            raise
+        complain(explain_file(error) if isinstance(error, OSError) else str(error))
         if HydraConfig.get().mode is RunMode.RUN:
             sys.exit(1)
         raise
@@ -132,15 +137,27 @@ def hydra_errors() -> Iterator[None]:
         not_yaml = f"config: not YAML: {' '.join(str(error).split())}"
         complain(explain(error) if isinstance(error, OmegaConfBaseException) else not_yaml)
     except OSError as error:
-        if error.filename is None:
+        if not explained(error):
             raise
-        complain(f"output: {error.filename}: {error.strerror}")
+        complain(explain_file(error))
     except KeyboardInterrupt:
         complain("interrupted; the unfinished run starts anew next time")
         sys.exit(130)
     else:
         return
     sys.exit(1)
+
+
+def explained(error: Exception) -> bool:
+    """Whether one line says enough of an error; of an `OSError` about no file a traceback says more."""
+    return not isinstance(error, OSError) or error.filename is not None or error.errno in DISK
+
+
+def explain_file(error: OSError) -> str:
+    """One line for an error of the file system: the file, then the reason."""
+    # Of two files, as in copying and renaming, the second is written.
+    file = error.filename2 or error.filename or "a file"
+    return f"{file}: {error.strerror or error}"
 
 
 def origin(error: BaseException) -> str:

@@ -21,6 +21,17 @@ def conf_dir() -> Path:
 
 
 @contextmanager
+def writing(path: Path, draft: Path | None = None) -> Iterator[None]:
+    """Name `path` in an `OSError` that names no file, as that of a full disk does, or names its draft."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename in (None, draft, str(draft)):
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a neighbouring name to write to, then rename it over `path`.
 
@@ -28,9 +39,10 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        yield draft
-        # Some writers make files that only their owner may read; results are for the group too.
-        draft.chmod(0o644)
-        draft.replace(path)
+        with writing(path, draft):
+            yield draft
+            # Some writers make files that only their owner may read; results are for the group too.
+            draft.chmod(0o644)
+            draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)

@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 from ship_trl.config import ConfigError, Logger, WandbMode, plain
 from ship_trl.curve import COLUMNS, CURVE
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.paths import replacing
+from ship_trl.paths import replacing, writing
 from ship_trl.result import Result
 from ship_trl.run.plan import Run
 from ship_trl.transfer.casebase import CONFIG
@@ -56,25 +56,29 @@ def open_folder(run: Run) -> None:
         with replacing(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
     except OSError as error:
-        raise ConfigError(f"output: {run.folder} cannot be written: {error.strerror}") from None
+        place = error.filename or run.folder
+        raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None
 
 
 class CsvTracker:
     """`curve.csv`, a line an event, written as it goes."""
 
     def __init__(self, folder: Path) -> None:
-        self._file = (folder / CURVE).open("w", newline="")
+        self._path = folder / CURVE
+        self._file = self._path.open("w", newline="")
         self._writer = csv.DictWriter(self._file, COLUMNS, restval="", lineterminator="\n")
         self._writer.writeheader()
 
     def log(self, event: Finished | Evaluated) -> None:
         """Write one event; floats in full, so that equal runs give equal bytes."""
-        self._writer.writerow(row(event))
-        self._file.flush()
+        with writing(self._path):
+            self._writer.writerow(row(event))
+            self._file.flush()
 
     def close(self) -> None:
         """End the file."""
-        self._file.close()
+        with writing(self._path):
+            self._file.close()
 
 
 class WandbTracker:
@@ -171,6 +175,8 @@ class Tracker:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._csv.close()
-        if self._wandb:
-            self._wandb.close(failed=kind is not None)
+        try:
+            self._csv.close()
+        finally:
+            if self._wandb:
+                self._wandb.close(failed=kind is not None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 
-from ship_trl.cli import complain
+from ship_trl.cli import complain, explain_file
 from ship_trl.config import ConfigError
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
@@ -60,6 +60,9 @@ def main(arguments: list[str] | None = None) -> None:
         conclude(jobs, left, config)
     except ConfigError as error:
         complain(str(error))
+        sys.exit(1)
+    except OSError as error:
+        complain(explain_file(error))
         sys.exit(1)
     except KeyboardInterrupt:
         complain("interrupted; the same command goes on where it was")

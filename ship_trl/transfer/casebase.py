@@ -18,6 +18,7 @@ from typing import Any
 from filelock import FileLock
 
 from ship_trl.config import Method, World
+from ship_trl.paths import writing
 from ship_trl.result import RENAMED
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import MEASURES, similarity
@@ -135,7 +136,8 @@ class CaseBase:
             for name in (POLICY, CONFIG):
                 shutil.copyfile(run / name, draft / name)
             about = {key: value for key, value in asdict(entry).items() if key != "path"}
-            (draft / ENTRY).write_text(json.dumps(about, indent=1, sort_keys=True))
+            with writing(draft / ENTRY):
+                (draft / ENTRY).write_text(json.dumps(about, indent=1, sort_keys=True))
             shutil.rmtree(place, ignore_errors=True)
             draft.rename(place)
         except OSError:

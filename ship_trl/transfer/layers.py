@@ -54,13 +54,14 @@ def permuted(weights: Weights, generator: Generator) -> Weights:
 
 def save_weights(path: Path, network: DuelingNetwork, about: Mapping[str, object]) -> None:
     """Write all weights as safetensors, with `about` and the network's layers (JSON) in the header."""
-    from safetensors.torch import save_file
+    from safetensors.torch import save
 
     # Contiguous copies: safetensors knows no channels-last.
     tensors = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
     with replacing(path) as draft:
         about = {**about, "network": plain(network.config)}
-        save_file(tensors, draft, metadata={"ship_trl": json.dumps(about, sort_keys=True)})
+        # Not `save_file`: its error of a full disk is no OSError.
+        draft.write_bytes(save(tensors, {"ship_trl": json.dumps(about, sort_keys=True)}))
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,10 @@ def write_gif(
     indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     times = [STEP_TIME] * episode.length + [LAST_TIME]
     with replacing(path) as draft:
-        indexed[0].save(draft, save_all=True, append_images=indexed[1:], duration=times, loop=0)
+        # By way of memory: Pillow's own writing says of a full disk no more than "encoder error -2".
+        film = io.BytesIO()
+        indexed[0].save(film, "GIF", save_all=True, append_images=indexed[1:], duration=times, loop=0)
+        draft.write_bytes(film.getvalue())
 
 
 def draw_frames(

@@ -1,4 +1,4 @@
-"""What goes into the CSV and into wandb."""
+"""What goes into the CSV and into wandb, and what is said when the disk is full."""
 
 import csv
 import math

@@ -24,6 +24,9 @@ from ship_trl.config import (
     explain,
 )
 
+# With so many the planner's table of returns to come takes 1.6 GB at most.
+MAX_STEPS = 1000
+
 
 def to_config(values: DictConfig) -> Config:
     """Check composed values against the types and return them as a `Config`.
@@ -101,10 +104,13 @@ def check(config: Config) -> None:
     )
     positive(named("world", world, "dt max_steps safe_distance goal_distance"))
     finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
+    most = f"at most {MAX_STEPS} (the planner's memory grows with its square)"
+    require(world.max_steps <= MAX_STEPS, "world.max_steps", most, world.max_steps)
     require(
-        bool(world.actions) and all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions),
+        all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
+        and any(v > 0 for v, _ in world.actions),
         "world.actions",
-        "a list of [v in m/s, omega in rad/s]",
+        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
         world.actions,
     )
     require(

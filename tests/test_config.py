@@ -148,6 +148,8 @@ WRONG = {
     "+pair=high layers=3 learn.epsilon_fraction=0": "learn.epsilon_fraction: must be above 0",
     "+pair=high layers=3 world.dt=0": "world.dt: must be above 0",
     "+pair=high layers=3 world.max_steps=0": "world.max_steps: must be above 0",
+    "+pair=high layers=3 world.max_steps=1000000": "world.max_steps: must be at most 1000 (the planner's",
+    "+pair=high layers=3 world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be a list of [v in m/s,",
     "+pair=high layers=3 world.safe_distance=inf": "world.safe_distance: must be above 0, got inf",
     "+pair=high layers=3 world.reward.goal=nan": "world.reward.goal: must be a finite number",
     "+pair=high layers=3 world.actions=[[1.0]]": "world.actions: must be a list of [v in m/s,",
@@ -198,6 +200,8 @@ def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 UNRUNNABLE = {
     "target=9 method=scratch": "target: no case 9; allowed: 1, 2, 3, 4, 5, 6, new, ship, or a path",
     "source=9 target=1 layers=1": "source: no case 9; allowed: 1,",
+    "target=1 method=scratch world.max_steps=35": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
+    "target=1 method=scratch world.dt=0.1": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
     "+pair=high layers=3 source_file=nowhere": "source_file: no file nowhere",
 }
 

@@ -83,7 +83,8 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
 
     Raises:
         ConfigError: no such case, or a file with a missing or unknown field, a wrong type, a
-            number that is not finite or too large, a ship starting inside the safe distance, too many ships.
+            number that is not finite or too large, a goal that no policy can reach in time, a ship
+            starting inside the safe distance, too many ships.
     """
     if name.endswith((".yaml", ".yml")):
         path = Path(name)
@@ -137,6 +138,16 @@ def check_case(case: Case, world: World, where: str) -> None:
     number(case.heading, "heading")
     need(
         math.dist(case.start, case.goal) > world.goal_distance, "goal: must lie beyond the expected distance"
+    )
+    fastest = max(abs(speed) for speed, _ in world.actions)
+    sailed, needed = (
+        fastest * world.dt * world.max_steps,
+        math.dist(case.start, case.goal) - world.goal_distance,
+    )
+    need(
+        needed <= sailed or math.isclose(needed, sailed),
+        f"goal: cannot be reached: {needed:.0f} m to the expected distance, and {world.max_steps} steps "
+        f"(world.max_steps) of {world.dt:g} s at up to {fastest:g} m/s are {sailed:.0f} m",
     )
     ships = case.target_ships
     need(

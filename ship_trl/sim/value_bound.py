@@ -58,11 +58,10 @@ class ValueBound:
         reward, crash = self._best_rewards(distance, off_bow, goal)
         self.doubt = DOUBT * float(reward.max() - reward.min())
         corners, shares = self._corners(distance, off_bow)
-        table = [torch.zeros(self.rows * ANGLES)]
-        for _ in range(world.max_steps):
-            following = (table[-1][corners] * shares).sum(-1).masked_fill(goal, 0.0)
-            table.append(torch.maximum(reward + following, crash).amax(-1))
-        self.table = torch.stack(table)
+        self.table = torch.zeros(world.max_steps + 1, self.rows * ANGLES)
+        for left in range(world.max_steps):
+            following = (self.table[left][corners] * shares).sum(-1).masked_fill(goal, 0.0)
+            self.table[left + 1] = torch.maximum(reward + following, crash).amax(-1)
 
     def _best_rewards(self, distance: Tensor, off_bow: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
         """Find what a step pays at best and what a collision pays at best, all [..., A].

@@ -87,6 +87,7 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (with_ship(x="10.0", y="43.0", heading="0.0"), "target_ships[0]"),
         (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 0.0]"), "goal"),
         (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 60.0]"), "goal"),
+        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
         (GOOD + SHIP * MAX_TARGET_SHIPS, "target_ships"),
         (GOOD + "name: other\n", "name"),
         (GOOD.replace("heading: 90.0", "heading: ${nothing}", 1), "heading"),
@@ -173,6 +174,16 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     assert case_names() == sorted([*SHIPPED, "mine"])
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
+
+
+def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:
+    path = tmp_path / "mine.yaml"
+    # 60 steps of a second at 15 m/s, and 60 m from the goal is near enough.
+    path.write_text(GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 960.0]"))
+    assert load_case(str(path), world).goal == [0.0, 960.0]
+    path.write_text(GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 961.0]"))
+    with pytest.raises(ConfigError, match=r"901 m .* 60 steps \(world.max_steps\) of 1 s at up to 15 m/s"):
+        load_case(str(path), world)
 
 
 def test_a_ship_may_start_at_the_safe_distance(tmp_path: Path, world: World) -> None:

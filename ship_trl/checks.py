@@ -43,12 +43,21 @@ def to_config(values: DictConfig) -> Config:
             rows = OmegaConf.select(values, key)
             right = not isinstance(rows, ListConfig) or all(isinstance(row, ListConfig) for row in rows)
             require(right, key, "a list of lists", rows)
-        merged = OmegaConf.merge(OmegaConf.structured(Config), values)
+        merged = OmegaConf.merge(OmegaConf.structured(Config), whole_numbers_too(values))
         config: Any = OmegaConf.to_object(merged)
     except OmegaConfBaseException as error:
         raise ConfigError(explain(error)) from None
     check(config)
     return config
+
+
+def whole_numbers_too(values: DictConfig) -> Any:
+    """Return the values with whole numbers in world.actions as floats, which OmegaConf does elsewhere."""
+    actions = OmegaConf.select(values, "world.actions")
+    if not isinstance(actions, ListConfig):
+        return values
+    rows = [[float(v) if type(v) is int else v for v in row] for row in OmegaConf.to_container(actions)]
+    return OmegaConf.merge(values, {"world": {"actions": rows}})
 
 
 def require(condition: bool, key: str, allowed: str, got: object) -> None:
@@ -155,6 +164,11 @@ def check_arm(config: Config) -> None:
     require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
     counts = range(1, len(config.network.conv) + 1)
     numbers = ", ".join(map(str, counts)) + (" or all" if config.method is Method.finetune else "")
+    if layers is None:
+        raise ConfigError(
+            f"layers: none given; give layers={numbers} with method={config.method.value}, "
+            "or +arm=NAME, which sets both (see --help for the names)"
+        )
     known = type(layers) is int and layers in counts
     whole = layers == "all" and config.method is Method.finetune
     require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)

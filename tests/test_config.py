@@ -66,6 +66,14 @@ def test_every_network_composes_with_each_number_of_layers(network: str) -> None
             composed(*line[:3], f"layers={count + 1}")
 
 
+def test_whole_numbers_will_do_for_actions() -> None:
+    whole, real = (
+        composed(*HIGH, f"world.actions={rows}") for rows in ("[[10,0.1],[5,0]]", "[[10.0,0.1],[5.0,0.0]]")
+    )
+    assert whole == real and all(type(v) is float for row in whole.world.actions for v in row)
+    assert make_run(whole).config_hash == make_run(real).config_hash
+
+
 @pytest.mark.parametrize("group", ["world", "learn"])
 def test_every_other_group_composes(group: str) -> None:
     for name in options(group):
@@ -101,14 +109,14 @@ def test_config_survives_yaml() -> None:
 WRONG = {
     "": "pair: none given",
     "layers=3": "pair: none given",
-    "+pair=high": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high": "layers: none given; give layers=1, 2, 3, 4 or all with method=finetune, or +arm=NAME,",
     "+pair=high layers=0": "layers: must be 1, 2, 3, 4 or all",
     "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all",
     "+pair=high layers=banana": "layers: must be 1, 2, 3, 4 or all",
     "+pair=high layers=2.5": "layers: must be 1, 2, 3, 4 or all",
     "+pair=high layers=true": "layers: must be 1, 2, 3, 4 or all",
     "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4 with",
-    "+pair=high method=feature_extraction": "layers: must be 1, 2, 3, 4 with",
+    "+pair=high method=feature_extraction": "layers: none given; give layers=1, 2, 3, 4 with method=feature",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
     "+pair=high method=scratch source_file=x": "source_file: must be left out with method=scratch",
     "+pair=high method=scratch source_weights=random": "source_weights: must be learned with method=scratch",
@@ -154,6 +162,7 @@ WRONG = {
     "+pair=high layers=3 world.reward.goal=nan": "world.reward.goal: must be a finite number",
     "+pair=high layers=3 world.actions=[[1.0]]": "world.actions: must be a list of [v in m/s,",
     "+pair=high layers=3 world.actions=[1.0,0.0]": "world.actions: must be a list of lists, got [1.0, 0.0]",
+    "+pair=high layers=3 world.actions=[[fast,0]]": "world.actions[0]: Value 'fast' (str)",
     "+pair=high layers=3 world.actions=[]": "world.actions: must be a list of",
     "+pair=high layers=3 +typo=3": "typo: unknown key; allowed here: pair, source, target",
     "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes,",

@@ -121,7 +121,8 @@ def say(text: str) -> None:
 def header(machine: Machine) -> None:
     """Processor and peaks."""
     threads = "thread" if machine.threads == 1 else "threads"
-    say(f"{machine.processor}, {machine.cores} cores, torch {machine.torch}, {machine.threads} {threads}")
+    cores = "core" if machine.cores == 1 else "cores"
+    say(f"{machine.processor}, {machine.cores} {cores}, torch {machine.torch}, {machine.threads} {threads}")
     say(
         f"Peaks measured now: {machine.fp32:.0f} GFLOP/s fp32, {machine.bf16:.0f} GFLOP/s bf16, "
         f"copying {machine.copy:.1f} GB/s"

@@ -1,5 +1,6 @@
 """Ratios, shares, and tables that fit."""
 
+import dataclasses
 import json
 
 import pytest
@@ -37,6 +38,12 @@ def test_rows_are_compared_within_their_group() -> None:
 )
 def test_numbers_are_short(value: float, text: str) -> None:
     assert report.number(value) == text
+
+
+@pytest.mark.parametrize(("cores", "words"), [(1, ", 1 core, "), (2, ", 2 cores, ")])
+def test_the_machine_is_named(cores: int, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    report.header(dataclasses.replace(MACHINE, cores=cores))
+    assert words in capsys.readouterr().out
 
 
 def test_markdown_leaves_out_empty_columns(capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,6 +42,11 @@ class Answer:
     decided: int = 0
     claims: int = 1
 
+    @property
+    def word(self) -> str:
+        """The verdict for people; a claim of which nothing could be measured has none."""
+        return self.verdict.value if self.findings else "no runs"
+
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
     """Judge claims at each look that the study's seeds allow; a figure's are judged together."""

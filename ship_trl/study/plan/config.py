@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -135,6 +136,10 @@ def check(config: StudyConfig) -> None:
     if find_spec(f"hydra_plugins.{plugin}") is None:
         extra = config.launcher.split("_")[0]
         raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
+    if config.launcher == "slurm" and shutil.which("sbatch") is None:
+        raise ConfigError(
+            "launcher: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib"
+        )
     check_overrides(config)
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")

@@ -134,7 +134,7 @@ def claim(answer: Answer) -> dict[str, str]:
         "name": answer.hypothesis.name,
         "figure": answer.hypothesis.figure,
         "sentence": answer.hypothesis.sentence,
-        "verdict": answer.verdict.value if answer.findings else "no runs",
+        "verdict": answer.word,
         "measured": in_a_sentence(answer),
     }
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ship_trl.paths import replacing
-from ship_trl.study.analysis.contrasts import LEAST_SEEDS
+from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding
 from ship_trl.study.analysis.measured import SEED
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
 from ship_trl.study.analysis.statistics import Estimate, bootstrap, interquartile_mean, share_interval
@@ -19,6 +19,12 @@ from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.plan.jobs import from_scratch
 
 Row = dict[str, Any]
+# Columns of claims.csv that are of a contrast.
+CONTRAST = (
+    *("contrast", "metric", "estimate", "estimate low", "estimate high", "claimed"),
+    *("p", "p against", "p against adjusted", "margin", "p beyond margin", "seeds"),
+    *("seen alone", "seen adjusted", "verdict", "beside"),
+)
 
 
 def run_rows(study: Study) -> list[Row]:
@@ -81,33 +87,43 @@ def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | N
 
 
 def claim_rows(answers: Sequence[Answer]) -> list[Row]:
-    """Return every contrast of every claim, with the claim's verdict."""
+    """Return every contrast of every claim, with the claim's verdict; one row for a claim without runs."""
     return [
         {
             "claim": answer.hypothesis.name,
             "figure": answer.hypothesis.figure,
             "sentence": answer.hypothesis.sentence,
-            "claim's verdict": answer.verdict.value,
-            "claim's p": answer.p,
+            "claim's verdict": answer.word,
+            "claim's p": answer.p if answer.findings else "",
             "decided after seeds": answer.decided or "",
-            "contrast": finding.what,
-            "metric": finding.metric,
-            **columns("estimate", finding.estimate),
-            "claimed": finding.claimed.value,
-            "p": finding.p,
-            "p against": finding.against,
-            "p against adjusted": finding.adjusted,
-            "margin": "" if finding.margin is None else finding.margin,
-            "p beyond margin": finding.within,
-            "seeds": finding.seeds,
-            "seen alone": finding.seen(answer.level),
-            "seen adjusted": finding.seen(answer.level / answer.claims),
-            "verdict": finding.verdict.value,
-            "beside": "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
+            **contrast_columns(answer, finding),
         }
         for answer in answers
-        for finding in answer.findings
+        for finding in answer.findings or [None]
     ]
+
+
+def contrast_columns(answer: Answer, finding: Finding | None) -> Row:
+    """Write what was measured of a contrast; empty where there is none."""
+    if finding is None:
+        return dict.fromkeys(CONTRAST, "")
+    values = (
+        finding.what,
+        finding.metric,
+        *columns("estimate", finding.estimate).values(),
+        finding.claimed.value,
+        finding.p,
+        finding.against,
+        finding.adjusted,
+        "" if finding.margin is None else finding.margin,
+        finding.within,
+        finding.seeds,
+        finding.seen(answer.level),
+        finding.seen(answer.level / answer.claims),
+        finding.verdict.value,
+        "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
+    )
+    return dict(zip(CONTRAST, values, strict=True))
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -92,6 +92,6 @@ def numbers(column: list[str]) -> list[Any]:
 
 
 def verdicts(rows: list[list[Any]]) -> dict[str, str]:
-    """Give the verdict on each claim that has contrasts, as "verdict/C1"."""
+    """Give the verdict on each claim, as "verdict/C1"."""
     found = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
     return {f"verdict/{row['claim']}": row["claim's verdict"] for row in found}

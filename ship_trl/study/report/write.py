@@ -84,8 +84,7 @@ def write(study: Study, folder: Path, output: Path) -> None:
         with replacing(output / name) as draft:
             draft.write_text(text)
     for found in answers:
-        verdict = found.verdict.value if found.findings else "no runs"
-        sys.stdout.write(f"{found.hypothesis.name:<3}  {verdict:<13} {found.hypothesis.sentence}\n")
+        sys.stdout.write(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}\n")
     if shuffled is None:
         sys.stdout.write(f"fewer than {LEAST_SEEDS} seeds: no verdict is possible but inconclusive\n")
 

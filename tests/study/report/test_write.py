@@ -87,6 +87,22 @@ def test_verdicts_are_a_markdown_table(study: Path) -> None:
     assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in line
 
 
+def test_a_claim_without_runs_is_called_so_everywhere(study: Path) -> None:
+    # The study has pair high alone: figure 7 is of pair lowest.
+    (line,) = (
+        line for line in (study / "report/verdicts.md").read_text().splitlines() if line.startswith("| H7d ")
+    )
+    assert line.startswith("| H7d | no runs | ") and line.endswith(" | No runs. |")
+    with (study / "report/claims.csv").open(newline="") as file:
+        claims = list(csv.DictReader(file))
+    assert {row["claim"] for row in claims} >= {claim.name for claim in ALL}
+    (row,) = (row for row in claims if row["claim"] == "H7d")
+    assert row["claim's verdict"] == "no runs" and row["contrast"] == row["estimate"] == row["verdict"] == ""
+    page = (study / "report/index.html").read_text()
+    (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", page, re.DOTALL)
+    assert ">no runs</span>" in cells and "inconclusive" not in cells
+
+
 def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> None:
     with (study / "report/claims.csv").open(newline="") as file:
         values = [float(row["estimate"]) for row in csv.DictReader(file) if row["claim"] == "H5f"]

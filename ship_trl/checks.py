@@ -56,7 +56,8 @@ def whole_numbers_too(values: DictConfig) -> Any:
     actions = OmegaConf.select(values, "world.actions")
     if not isinstance(actions, ListConfig):
         return values
-    rows = [[float(v) if type(v) is int else v for v in row] for row in OmegaConf.to_container(actions)]
+    rows: Any = OmegaConf.to_container(actions)
+    rows = [[float(v) if type(v) is int else v for v in row] for row in rows]
     return OmegaConf.merge(values, {"world": {"actions": rows}})
 
 

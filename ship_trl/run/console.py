@@ -1,10 +1,13 @@
-"""What a run shows in the terminal: progress with time left, then a short table."""
+"""What a run shows: progress with time left, in a file or pipe as plain lines, then a short table."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -16,9 +19,14 @@ from rich.progress import (
 from rich.table import Table
 
 from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.progress import Lines, in_words
 from ship_trl.result import Result
 
 console = Console()
+# Shares of a run's episodes between two lines: of a run alone, and of one of many.
+ALONE, ONE_OF_MANY = 0.05, 0.25
+# Seconds: a shorter wait for another process is not worth a line; a longer one is said again.
+SHORT_WAIT, LONG_WAIT = 1.0, 60.0
 
 
 def say(text: str) -> None:
@@ -31,7 +39,8 @@ def progress(
 ) -> Iterator[Finished | Evaluated]:
     """Pass events on, and show episodes done, time left, and the last returns meanwhile.
 
-    Of a grid's runs, which share the terminal, only the title is shown.
+    A terminal has a bar; a file or a pipe gets a line at the first episode and every twentieth of them.
+    A grid's runs, which share what they write to, say a line with their title every quarter.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -40,15 +49,39 @@ def progress(
         TimeRemainingColumn(),
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
-    say(title)
-    with Progress(*columns, console=console, disable=one_of_many) as bar:
+    lines = Lines(ONE_OF_MANY, first=ONE_OF_MANY) if one_of_many else Lines(ALONE)
+    start = f"{title}: " if one_of_many else ""
+    plain, greedy = one_of_many or not console.is_terminal, ""
+    with Progress(*columns, console=console, disable=plain) as bar:
         task = bar.add_task(title, total=episodes, now="", greedy="")
         for event in events:
-            if isinstance(event, Finished):
-                bar.update(task, completed=event.episode, now=f"{event.episode_return:.1f}")
+            if isinstance(event, Evaluated):
+                greedy = f"{event.sailed.episode_return:.1f}"
+                bar.update(task, greedy=greedy)
             else:
-                bar.update(task, greedy=f"{event.sailed.episode_return:.1f}")
+                now = f"{event.episode_return:.1f}"
+                bar.update(task, completed=event.episode, now=now)
+                if plain and (left := lines.due(event.episode / episodes)) is not None:
+                    say(f"{start}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
             yield event
+
+
+@contextmanager
+def held(lock: FileLock, what: str) -> Iterator[None]:
+    """Hold a lock; while another process holds it, say on what this one waits, once and then every minute."""
+    started, wait = time.monotonic(), SHORT_WAIT
+    while True:
+        try:
+            lock.acquire(timeout=wait)
+            break
+        except Timeout:
+            waited = in_words(time.monotonic() - started)
+            say(f"waiting for another process that is at {what} ({waited} so far; {lock.lock_file})")
+            wait = LONG_WAIT
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def say_result(result: Result, folder: Path) -> None:

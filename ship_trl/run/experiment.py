@@ -60,7 +60,7 @@ def run_experiment(run: Run, one_of_many: bool = False) -> Result:
         load_weights(Path(run.config.source_file), network)
     # Of two processes that are asked for the same run, as after a study was killed and started again,
     # the second waits and finds it done.
-    with run.lock():
+    with console.held(run.lock(), run.title):
         result = run.result()
         if result is None:
             source = find_source(run, one_of_many)
@@ -82,11 +82,11 @@ def find_source(run: Run, one_of_many: bool) -> Entry | None:
         return None
     base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
     wanted = (source.target, source.config.arm, source.config.seed, source.config_hash)
-    with base.lock(*wanted):
+    with console.held(base.lock(*wanted), source.title):
         entry = base.find(*wanted)
         if entry is None:
             # It may be asked for as a run of its own at the same time.
-            with source.lock():
+            with console.held(source.lock(), source.title):
                 result = source.result() or train_run(source, device, None, one_of_many)
             return retain(source, result)
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
@@ -108,6 +108,8 @@ def retain(run: Run, result: Result) -> Entry:
 def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many: bool = False) -> Result:
     """Train one network and write everything about it into the run's folder, `result.json` last."""
     config, learn, started = run.config, run.config.learn, time.perf_counter()
+    # At once: the planner and the draws before training take their time.
+    console.say(run.title)
     # Weights are drawn on the CPU, so that they are the same for every device; the other draws are
     # made where they are used, as torch demands.
     places = {"weights": torch.device("cpu"), "exploration": device, "replay": device}

@@ -7,9 +7,10 @@ import sys
 
 from ship_trl.cli import complain, explain_file
 from ship_trl.config import ConfigError
+from ship_trl.progress import in_words
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
-from ship_trl.study.launch.pace import in_words, seconds_per_run
+from ship_trl.study.launch.pace import seconds_per_run
 from ship_trl.study.launch.progress import Display, say
 from ship_trl.study.margins import margins
 from ship_trl.study.plan.config import StudyConfig, to_study
@@ -82,6 +83,7 @@ def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
     with Display(jobs, config, episodes_of(config)) as display:
         missing = display.missing()
         if missing and config.launcher == "joblib":
+            say(f"{len(missing)} of {len(jobs)} runs to do; how long that takes is measured first")
             try:
                 seconds, how = seconds_per_run(jobs, config, display.episodes)
             except RuntimeError as error:

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.launch import pace
 from ship_trl.study.launch.progress import last_episode
 from tests.study.commands import SMALL, learned, study
 from tests.test_cli import environment, files
@@ -110,8 +109,3 @@ def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:
     assert last_episode(path) == 0
     path.write_text("episode,return\n1,2.0\n2,3.0\n34")
     assert last_episode(path) == 2
-
-
-@pytest.mark.parametrize(("seconds", "words"), [(5.2, "5 s"), (600, "10 min"), (9000, "2 h 30 min")])
-def test_times_in_words(seconds: float, words: str) -> None:
-    assert pace.in_words(seconds) == words

@@ -67,11 +67,3 @@ def timed(config: StudyConfig, episodes: int) -> float:
                 raise RuntimeError(said.strip().splitlines()[-1] if said.strip() else "a short run failed")
         results = [read_result(path.parent) for path in Path(folder).glob(f"**/scratch/**/{RESULT}")]
     return statistics.mean(result.seconds for result in results)
-
-
-def in_words(seconds: float) -> str:
-    """Hours and minutes, or seconds."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60} min"

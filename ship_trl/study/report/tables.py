@@ -99,7 +99,7 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             **contrast_columns(answer, finding),
         }
         for answer in answers
-        for finding in answer.findings or [None]
+        for finding in tuple(answer.findings) or (None,)
     ]
 
 

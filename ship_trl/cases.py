@@ -1,4 +1,4 @@
-"""`python -m ship_trl.cases`: the cases, how alike they are, and a picture of them all."""
+"""`python -m ship_trl.cases`: the cases, how alike they are, and a picture of them all, or of a target."""
 
 from __future__ import annotations
 
@@ -31,7 +31,9 @@ def main(arguments: list[str] | None = None) -> None:
         "--case-base", type=Path, default=Path("outputs/case_base"), help="folder of trained networks"
     )
     parser.add_argument(
-        "--picture", type=Path, default=Path("outputs/cases.png"), help="where the contact sheet goes"
+        "--picture",
+        type=Path,
+        help="where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png",
     )
     parser.add_argument("--no-picture", action="store_true", help="print only")
     options = parser.parse_args(arguments)
@@ -42,11 +44,13 @@ def main(arguments: list[str] | None = None) -> None:
             target = load_case(options.target, world, "--target")
             bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
             show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
-            return
-        show_cases(cases)
-        show_pairs(cases, world)
+            name, shown = f"case_{target.name}.png", [target]
+        else:
+            show_cases(cases)
+            show_pairs(cases, world)
+            name, shown = "cases.png", list(cases.values())
         if not options.no_picture:
-            write_picture(options.picture, cases, world)
+            write_picture(options.picture or Path("outputs") / name, shown, world)
     except (ConfigError, OSError) as error:
         complain(str(error))
         sys.exit(1)
@@ -120,13 +124,13 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
             console.print(f"{line} {shlex.quote(f'source_file={best.policy}')}", markup=False, soft_wrap=True)
 
 
-def write_picture(path: Path, cases: dict[str, Case], world: World) -> None:
-    """Draw the contact sheet: every case as people and as the network see it."""
+def write_picture(path: Path, cases: list[Case], world: World) -> None:
+    """Draw the contact sheet: cases as people and as the network see them."""
     from ship_trl.view.contact_sheet import write_contact_sheet
 
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as draft:
-        write_contact_sheet(draft, list(cases.values()), world)
+        write_contact_sheet(draft, cases, world)
     console.print(str(path), markup=False)
 
 

@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import pytest
+from PIL import Image
+
+from ship_trl.cases import main
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.transfer.casebase import CaseBase
-from tests.test_cli import ship_trl
+from tests.test_cli import ROOT, ship_trl
 
 
 def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
@@ -18,6 +22,9 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     done = ship_trl("--target", "new", folder=tmp_path, module="ship_trl.cases")
     line = "python -m ship_trl source=2 target=new method=feature_extraction layers=3"
     assert line in done.stdout.splitlines() and "source_file" not in done.stdout
+    with Image.open(tmp_path / "outputs/case_new.png") as picture:
+        assert picture.height < 400  # of this case alone
+    assert not (tmp_path / "outputs/cases.png").exists()
     case, place = load_case("2", load_world()), tmp_path / "run"
     place.mkdir()
     for name in ("policy.safetensors", "config.yaml"):
@@ -31,3 +38,15 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     done = ship_trl("--target", "banana", folder=tmp_path, module="ship_trl.cases", code=1)
     assert done.stderr.startswith("ship_trl: --target: no case banana; allowed: 1, 2")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("line", [["--no-picture"], ["--picture", "a.png"]])
+def test_the_picture_of_a_target_goes_where_it_is_asked_to(line: list[str], tmp_path: Path) -> None:
+    main(["--target", "new", *line])
+    assert [path.name for path in tmp_path.rglob("*.png")] == (["a.png"] if "--picture" in line else [])
+
+
+@pytest.mark.skipif(not (ROOT / ".gitignore").exists(), reason="no checkout")
+def test_pictures_of_the_cases_change_no_file_of_the_checkout() -> None:
+    kept = [line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("!/outputs/")]
+    assert kept and not any("case" in line for line in kept)

@@ -35,7 +35,7 @@ class TargetShip:
 class CaseFile:
     """What a case's YAML file holds.
 
-    `ideal_path` names the shortest safe path; equal names, equal paths.
+    `ideal_path` names the shortest safe path; equal names, equal paths. Only similarity reads it.
     """
 
     start: list[float]

@@ -1,9 +1,10 @@
 """The same world for Gymnasium: `ShipCollision-v0`, one ship, pixels in, one of seven actions out.
 
-    import gymnasium, ship_trl.gym_env
-    env = gymnasium.make("ShipCollision-v0", case="4")
+    import gymnasium
+    env = gymnasium.make("ship_trl.gym_env:ShipCollision-v0", case="4")
 
-or, importing this module on the way, `gymnasium.make("ship_trl.gym_env:ShipCollision-v0")`.
+The part before the colon is imported on the way, and registers the name; after `import ship_trl.gym_env` the name alone
+will do. Gymnasium since 1.0 reads no entry points of packages, so that one of the two is needed.
 """
 
 from __future__ import annotations

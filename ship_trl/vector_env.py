@@ -1,7 +1,8 @@
 """Many ships of one case for Gymnasium, stepped and drawn at once: `ShipCollision-v0` as a vector.
 
-import gymnasium, ship_trl.gym_env
-envs = gymnasium.make_vec("ShipCollision-v0", num_envs=64, vectorization_mode="vector_entry_point")
+import gymnasium
+name = "ship_trl.gym_env:ShipCollision-v0"
+envs = gymnasium.make_vec(name, num_envs=64, vectorization_mode="vector_entry_point", case="4")
 """
 
 from __future__ import annotations

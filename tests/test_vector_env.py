@@ -1,5 +1,9 @@
 """The vector environment is N of the single ones."""
 
+import re
+import subprocess
+import sys
+
 import gymnasium
 import numpy as np
 import pytest
@@ -8,6 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from ship_trl.config import ConfigError
 from ship_trl.gym_env import ENV_ID, ShipCollisionEnv
 from ship_trl.vector_env import ShipCollisionVectorEnv
+from tests.test_cli import ROOT, environment
 
 
 def pair(count: int, case: str, colour: bool = False) -> tuple[ShipCollisionVectorEnv, SyncVectorEnv]:
@@ -82,6 +87,17 @@ def test_it_is_made_by_name() -> None:
     observation, _ = envs.reset(seed=1)
     assert observation.shape == (4, 84, 84, 1) and observation.std() > 0
     assert isinstance(envs.unwrapped, ShipCollisionVectorEnv)
+
+
+def test_the_documents_line_needs_nothing_before_it() -> None:
+    text = (ROOT / "docs/library.md").read_text()
+    (name,) = re.findall(r"^    (name = .*)$", text, re.MULTILINE)
+    (line,) = re.findall(r"^    (envs = gymnasium\.make_vec.*)$", text, re.MULTILINE)
+    code = f"import gymnasium\n{name}\n{line}\nprint(envs.reset()[0].shape, gymnasium.make(name).spec.id)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=300
+    )
+    assert done.stdout.strip() == f"(64, 84, 84, 1) {ENV_ID}", done.stderr
 
 
 def test_bad_input_is_refused() -> None:

@@ -3,8 +3,8 @@
     import gymnasium
     env = gymnasium.make("ship_trl.gym_env:ShipCollision-v0", case="4")
 
-The part before the colon is imported on the way, and registers the name; after `import ship_trl.gym_env` the name alone
-will do. Gymnasium since 1.0 reads no entry points of packages, so that one of the two is needed.
+The part before the colon is imported on the way, and registers the name; after `import ship_trl.gym_env` the
+name alone will do. Gymnasium since 1.0 reads no entry points of packages, so that one of the two is needed.
 """
 
 from __future__ import annotations

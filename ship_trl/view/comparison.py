@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from ship_trl.curve import moving_mean
@@ -20,6 +21,11 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES = ("-", "--", "-.", ":")
 # Collisions cost 300 and more; what is above this tells policies that reach the goal apart.
 LOWEST = -100.0
+# Inches of a panel, its legend among them, and panels beside each other: more would not be read on a screen.
+WIDTH, HEIGHT, DOTS = 5.2, 6.4, 100
+COLUMNS = 3
+# Letters that fit beside each other in a legend; an entry takes so many more for its line.
+LETTERS, SAMPLE = 84, 9
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,9 @@ Groups = Mapping[str, Sequence[Curve]]
 
 
 def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float]) -> None:
-    """Write a PNG with a column for each panel: training return above, greedy return below.
+    """Write a PNG with a panel for each pair, `COLUMNS` in a row: training return above, greedy return below.
+
+    The legend of a panel lies below it, so that it covers no line.
 
     Args:
         path: where it goes; written beside and renamed.
@@ -45,30 +53,43 @@ def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str,
     Raises:
         OSError: the file cannot be written.
     """
-    figure = Figure(figsize=(1.5 + 5.5 * len(panels), 8), dpi=100, layout="constrained")
-    axes = figure.subplots(2, len(panels), squeeze=False, sharex="col")
-    for column, (title, groups) in enumerate(panels.items()):
-        upper, lower = axes[:, column]
-        upper.set_title(title, parse_math=False)
-        for k, (name, curves) in enumerate(groups.items()):
-            style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
-            length = min(len(c.returns) for c in curves)
-            smooth = moving_mean(np.stack([c.returns[:length] for c in curves]), MEAN_OVER)
-            _draw_band(upper, np.arange(1, length + 1), smooth, f"{name} ({len(curves)} seeds)", style)
-            count = min(len(c.greedy) for c in curves)
-            greedy = np.stack([c.greedy[:count] for c in curves])
-            _draw_band(lower, curves[0].episodes[:count], greedy, name, style)
-        for axis in (upper, lower):
-            axis.axhline(best[title], color="#7A7A7A", linewidth=1, label=f"best known: {best[title]:.1f}")
-            axis.grid(color="#E4E4E4", linewidth=0.8)
-            axis.spines[["top", "right"]].set_visible(False)
-        lower.set_ylim(LOWEST, best[title] + 15)
-        lower.set_xlabel("training episodes")
-        upper.legend(loc="lower right", fontsize=9)
-    axes[0, 0].set_ylabel(f"training return, mean of {MEAN_OVER}\n(middle seed; band: all seeds)")
-    axes[1, 0].set_ylabel("greedy return\n(middle seed; band: all seeds)")
+    columns = min(COLUMNS, len(panels))
+    rows = math.ceil(len(panels) / columns)
+    figure = Figure(figsize=(WIDTH * columns, HEIGHT * rows), dpi=DOTS, layout="constrained")
+    places = figure.subfigures(rows, columns, squeeze=False).flat
+    for place, (title, groups) in zip(places, panels.items(), strict=False):
+        _draw_panel(place, title, groups, best[title])
     with replacing(path) as draft:
         figure.savefig(draft, format="png")
+
+
+def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float) -> None:
+    upper, lower = place.subplots(2, 1, sharex=True)
+    upper.set_title(title, parse_math=False)
+    for k, (name, curves) in enumerate(groups.items()):
+        style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+        length = min(len(c.returns) for c in curves)
+        smooth = moving_mean(np.stack([c.returns[:length] for c in curves]), MEAN_OVER)
+        _draw_band(upper, np.arange(1, length + 1), smooth, f"{name} ({counted(len(curves))})", style)
+        count = min(len(c.greedy) for c in curves)
+        greedy = np.stack([c.greedy[:count] for c in curves])
+        _draw_band(lower, curves[0].episodes[:count], greedy, name, style)
+    for axis in (upper, lower):
+        axis.axhline(best, color="#7A7A7A", linewidth=1, label=f"best known: {best:.1f}")
+        axis.grid(color="#E4E4E4", linewidth=0.8)
+        axis.spines[["top", "right"]].set_visible(False)
+    lower.set_ylim(LOWEST, best + 15)
+    lower.set_xlabel("training episodes")
+    upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(middle seed; band: all)")
+    lower.set_ylabel("greedy return\n(middle seed; band: all)")
+    lines, names = upper.get_legend_handles_labels()
+    beside = max(1, LETTERS // (max(map(len, names)) + SAMPLE))
+    place.legend(lines, names, loc="outside lower center", ncols=beside, fontsize=8, frameon=False)
+
+
+def counted(seeds: int) -> str:
+    """Count seeds in words."""
+    return "1 seed" if seeds == 1 else f"{seeds} seeds"
 
 
 def _draw_band(

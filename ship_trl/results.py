@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Column, Table
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import complain, explain_file, make_parser
 from ship_trl.curve import CurveError, read_curve, split
 from ship_trl.result import RESULT, Evaluation, Result, ResultError, read_result
 from ship_trl.run.plan import DAMAGED
@@ -78,10 +78,14 @@ def main(arguments: list[str] | None = None) -> None:
         complain(f"folder: no finished run below {places}; python -m ship_trl makes one")
         sys.exit(1)
     rows = list(summarise(found))
-    if options.picture is not None:
-        picture(options.picture, found)
-    if options.csv is not None:
-        write_numbers(options.csv, folders_of(found))
+    try:
+        if options.picture is not None:
+            picture(options.picture, found)
+        if options.csv is not None:
+            write_numbers(options.csv, folders_of(found))
+    except OSError as error:
+        complain(explain_file(error))
+        sys.exit(1)
     show(HEADINGS, rows, options.markdown)
     if options.stability:
         from ship_trl.study.analysis import stability

@@ -134,3 +134,19 @@ def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as caught:
         main([str(tmp_path), "--test"])
     assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--picture", "--csv"])
+def test_a_file_that_cannot_be_written_is_one_line(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: object) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("ship_trl.results.picture", full)
+    monkeypatch.setattr("ship_trl.results.write_numbers", full)
+    write(tmp_path, 0, 30.0)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), option, "file"])
+    assert ended.value.code == 1
+    assert capsys.readouterr().err == "ship_trl: file: No space left on device\n"

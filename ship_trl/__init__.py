@@ -1,3 +1,38 @@
 """ship_trl: work process transfer reinforcement learning in ship collision avoidance."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ship_trl.learn.rollout import Policy
+
 __version__ = "0.1.0"
+
+
+def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
+    """Give a policy, ready to sail: `ship_trl.load_policy("4")` is the trained network of case 4.
+
+    Args:
+        name: a shipped case, for the network that comes with us; or any policy that
+            `python -m ship_trl.evaluate` takes (random, best_known, a safetensors file, ...).
+        case: where it will sail, by name or by the path of a YAML file; by default that of the network.
+        seed: of what it draws.
+
+    Returns:
+        A function that reads `state` of a tensordict and writes `action`.
+
+    Raises:
+        ConfigError: there is no such policy or case.
+    """
+    from ship_trl import policies, pretrained
+    from ship_trl.config import ConfigError
+    from ship_trl.sim.cases import load_case, load_world
+    from ship_trl.sim.env import ShipEnv
+
+    if any(name == one.case for one in pretrained.networks()):
+        case, name = case or name, f"{pretrained.PRETRAINED}:{name}"
+    if case is None:
+        raise ConfigError(f"case: none given for {name}; allowed: a case by name, or the path of a YAML file")
+    world = load_world()
+    return policies.load_policy(name, ShipEnv(load_case(case, world), world), seed)

@@ -159,8 +159,8 @@ def check_arm(config: Config) -> None:
         learned = weights is SourceWeights.learned
         require(learned, "source_weights", "learned with method=scratch", weights.value)
         return
-    drawn = weights is SourceWeights.random
-    both = drawn and config.source_file is not None
+    read = weights in (SourceWeights.learned, SourceWeights.permuted)
+    both = not read and config.source_file is not None
     require(not both, "source_weights", "learned or permuted with a source_file", weights.value)
     require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
     counts = range(1, len(config.network.conv) + 1)

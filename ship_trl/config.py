@@ -31,9 +31,13 @@ class Method(StrEnum):
 
 
 class SourceWeights(StrEnum):
-    """What is copied of the source: what it learned or, in a control, weights that hold no features."""
+    """What is copied of the source: what it learned or, in a control, weights that hold no features.
+
+    `pretrained` is what the network learned that comes with the package.
+    """
 
     learned = "learned"
+    pretrained = "pretrained"
     random = "random"
     permuted = "permuted"
 

@@ -1,8 +1,9 @@
 """`python -m ship_trl.evaluate POLICY... target=CASE`: sail any policies, and table what they reach.
 
-POLICY is random, keep_course, best_known, a safetensors file, a result folder (its best and its last
-network, beside what it claims of them), or file.py:function of your own. A result folder brings its
-target with it.
+POLICY is random, keep_course, best_known, pretrained (the networks that come with us, beside what their
+manifest claims), pretrained:CASE (that of one case), a safetensors file, a result folder (its best and
+its last network, beside what it claims of them), or file.py:function of your own. Result folders and
+pretrained networks bring their target with them. Without any word it is pretrained.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from yaml import YAMLError
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError, World, explain
+from ship_trl.pretrained import PRETRAINED, find, is_pretrained, networks
 from ship_trl.result import RESULT
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
@@ -47,7 +49,7 @@ class Entry:
 def main(arguments: list[str] | None = None) -> None:
     """Sail, print the table, write the GIF."""
     parser = make_parser("ship_trl.evaluate", __doc__)
-    parser.add_argument("words", nargs="+", metavar="POLICY | target=CASE")
+    parser.add_argument("words", nargs="*", default=[PRETRAINED], metavar="POLICY | target=CASE")
     parser.add_argument(
         "--episodes", type=int, default=1, metavar="N", help="so many at once, mean in the table"
     )
@@ -71,7 +73,7 @@ def main(arguments: list[str] | None = None) -> None:
         complain(str(error))
         sys.exit(1)
     if wrong:
-        complain(f"{len(wrong)} of {len(entries)} do not reach what their folder claims: {wrong[0]} ...")
+        complain(f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]} ...")
         sys.exit(1)
 
 
@@ -98,12 +100,31 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     for name in names:
         if Path(name).is_dir():
             entries += of_folder(Path(name), targets)
+        elif is_pretrained(name):
+            entries += packaged(name, targets, world)
         elif not targets:
             raise ConfigError(
                 f"target: none given for {name}; allowed: target=CASE, or several behind commas"
             )
         else:
             entries += [Entry(name, name, case, world, colour) for case in targets]
+    return entries
+
+
+def packaged(name: str, targets: list[Case], world: World) -> list[Entry]:
+    """Give the networks that come with us, on `targets` or each on its own case, with what they claim.
+
+    Raises:
+        ConfigError: none is of a case that was asked for.
+    """
+    if not targets:
+        chosen = networks() if name == PRETRAINED else [find(name, None)]
+        targets = [load_case(one.case, world) for one in chosen]
+    entries = []
+    for case in targets:
+        one = find(name, case)
+        claimed = one.episode_return if one.fingerprint == case.fingerprint else None
+        entries.append(Entry(str(one.file), name, case, world, colour=False, claimed=claimed))
     return entries
 
 

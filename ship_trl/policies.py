@@ -20,6 +20,7 @@ from ship_trl.config import ConfigError
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
+from ship_trl.pretrained import find, is_pretrained
 from ship_trl.sim.dynamics import STEP
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reference import best_known
@@ -68,15 +69,16 @@ POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
     "keep_course": keep_course,
     "best_known": sail_best_known,
 }
-ALLOWED = f"{', '.join(POLICIES)}, a safetensors file, or file.py:function"
+ALLOWED = f"{', '.join(POLICIES)}, pretrained, a safetensors file, or file.py:function"
 
 
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     """Give the policy that a word, a file of weights or a function of one's own stands for.
 
     Args:
-        name: a key of `POLICIES`; a safetensors file; or `file.py:function` or `module:function`, called
-            with the environment and the seed.
+        name: a key of `POLICIES`; `pretrained`, the network that comes with us for the environment's case,
+            or `pretrained:CASE`, that of another; a safetensors file; or `file.py:function` or
+            `module:function`, called with the environment and the seed.
         env: where it will sail.
         seed: of what it draws.
 
@@ -85,6 +87,8 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     """
     if name in POLICIES:
         return POLICIES[name](env, seed)
+    if is_pretrained(name):
+        name = str(find(name, env.case).file)
     if Path(name).suffix == ".safetensors":
         channels = env.rasteriser.channels
         network = DuelingNetwork(

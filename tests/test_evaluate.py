@@ -73,7 +73,7 @@ def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.Capture
         claims = json.loads(whole)
         claims["best"]["return"] += 1.0
         path.write_text(json.dumps(claims))
-        assert "1 of 2 do not reach what their folder claims: 2 scratch seed 0, best" in refused(
+        assert "1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best" in refused(
             capsys, str(trained)
         )
     finally:

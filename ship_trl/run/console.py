@@ -23,6 +23,8 @@ from ship_trl.progress import Lines, in_words
 from ship_trl.result import Result
 
 console = Console()
+# A transfer beside learning from scratch, in a run's folder.
+TRANSFER = "transfer.png"
 # Shares of a run's episodes between two lines: of a run alone, and of one of many.
 ALONE, ONE_OF_MANY = 0.05, 0.25
 # Seconds: a shorter wait for another process is not worth a line; a longer one is said again.
@@ -118,4 +120,17 @@ def show_result(result: Result, folder: Path) -> None:
         f"goal in {result.training_goal_rate:.0%} of the training episodes, "
         f"collision in {result.training_collision_rate:.0%}"
     )
-    say(f"{folder}: result.json, curve.csv, curve.png, episode.gif, policy.safetensors")
+    there = [name for name in (TRANSFER, "curve.png", "episode.gif") if (folder / name).is_file()]
+    say(f"{folder}: {', '.join([*there, 'curve.csv', 'result.json', 'policy.safetensors'])}")
+    say_next(result, folder)
+
+
+def say_next(result: Result, folder: Path) -> None:
+    """Say what to look at, and what to do with the policy."""
+    if (folder / TRANSFER).is_file():
+        say(f"  beside learning from scratch: {folder / TRANSFER}")
+    elif result.source is not None:
+        say("  no run from scratch of these settings to compare with; this trains one, then run this again:")
+        say(f"    python -m ship_trl target={result.target} method=scratch ...")
+    say(f"  see it sail: python -m ship_trl.watch {folder}")
+    say("  see a ship give way to two others: python -m ship_trl.watch pretrained target=4")

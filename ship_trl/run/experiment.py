@@ -21,10 +21,12 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Evaluated, Finished, train
+from ship_trl.pretrained import PRETRAINED
 from ship_trl.result import SCHEMA_VERSION, Evaluation, Result, write_result
 from ship_trl.run import console
 from ship_trl.run.plan import ALGORITHM_VERSION, Run
 from ship_trl.run.process import configure_process
+from ship_trl.run.scratch import scratch_returns
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.random_policy import random_return
@@ -34,6 +36,7 @@ from ship_trl.transfer.casebase import POLICY, POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights
 from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
+from ship_trl.view.transfer import draw_transfer
 
 # So many networks sail side by side before training; each takes 3 MB.
 FLEET = 25
@@ -51,13 +54,14 @@ def run_experiment(run: Run, one_of_many: bool = False) -> Result:
     device = torch.device(run.config.device)
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
-    if run.config.source_file is not None:
+    if run.config.source_file is not None or run.pretrained is not None:
         # Refused before anything is written.
         config = run.config
         network = DuelingNetwork(
             3 if config.colour else 1, len(config.world.actions), Generator(), config.network
         )
-        load_weights(Path(run.config.source_file), network)
+        path, key = source_weights(run, None)
+        load_weights(path, network, key)
     # Of two processes that are asked for the same run, as after a study was killed and started again,
     # the second waits and finds it done.
     with console.held(run.lock(), run.title):
@@ -157,6 +161,11 @@ def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many:
         )
         greedy = [(e.episode, e.sailed.episode_return, e.sailed.outcome) for e in evaluated]
         draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
+        if transfer and (scratch_curves := scratch_returns(run)) is not None:
+            returns = [f.episode_return for f in finished]
+            draw_transfer(
+                run.folder / console.TRANSFER, config.arm, returns, scratch_curves, known, run.title
+            )
         write_gif(run.folder / "episode.gif", run.target, config.world, best.sailed, draw, run.title)
         result = Result(
             pair=config.label,
@@ -199,6 +208,8 @@ def origin(run: Run, source: Entry | None) -> str:
     """Say where the weights of a transfer came from."""
     if run.config.source_weights is SourceWeights.random:
         return "random"
+    if run.pretrained:
+        return f"{PRETRAINED}:{run.pretrained.case}"
     return str(source.policy if source else run.config.source_file)
 
 
@@ -212,11 +223,20 @@ def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Tr
         drawn = copy.deepcopy(network)
         drawn.reset(Generator().manual_seed(run.stream("random source")))
         return Transfer(drawn.state_dict(), config.layers, config.method is Method.feature_extraction)
-    path = source.policy if source else Path(str(config.source_file))
-    weights = load_weights(path, network, "source_file" if source is None else "case_base")
+    path, key = source_weights(run, source)
+    weights = load_weights(path, network, key)
     if config.source_weights is SourceWeights.permuted:
         weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
     return Transfer(weights, config.layers, config.method is Method.feature_extraction)
+
+
+def source_weights(run: Run, source: Entry | None) -> tuple[Path, str]:
+    """Find the file of the source network, and the key that a complaint about it names."""
+    if run.pretrained:
+        return run.pretrained.file, "source"
+    if source:
+        return source.policy, "case_base"
+    return Path(str(run.config.source_file)), "source_file"
 
 
 def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:

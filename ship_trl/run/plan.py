@@ -11,11 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
+from omegaconf import OmegaConf
 
 from ship_trl.architecture import others
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
+from ship_trl.paths import conf_dir
+from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.sim.cases import Case, load_case
+from ship_trl.transfer.casebase import rank
 
 # Goes up with every change of what a run of the same settings learns (world, network, learner, streams),
 # so that no run of an older program is shown as one of this.
@@ -39,13 +43,14 @@ class TakenError(ConfigError):
 class Run:
     """An arm on a target case with a seed; `source` is the run that trains the source network.
 
-    `config_hash` is a digest of everything that decides what is learned: the same hash gives the same
-    network on the same machine and backend.
+    `pretrained` is that network where it comes with the package. `config_hash` is a digest of everything that
+    decides what is learned: the same hash gives the same network on the same machine and backend.
     """
 
     config: Config
     target: Case
     source: Run | None
+    pretrained: Pretrained | None
     folder: Path
     config_hash: str
 
@@ -96,10 +101,13 @@ def make_run(config: Config) -> Run:
     """
     world = config.world
     target = load_case(str(config.target), world, "target")
-    source = None
+    config = with_source(config, target)
+    source, pretrained = None, None
     if config.method is not Method.scratch:
-        load_case(str(config.source), world, "source")
-        if config.source_file is None and config.source_weights is not SourceWeights.random:
+        case = load_case(str(config.source), world, "source")
+        if config.source_weights is SourceWeights.pretrained:
+            pretrained = find(PRETRAINED, case, "source")
+        elif config.source_file is None and config.source_weights is not SourceWeights.random:
             alone = dataclasses.replace(
                 config,
                 pair=None,
@@ -121,9 +129,23 @@ def make_run(config: Config) -> Run:
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
-    run = Run(config, target, source, folder_of(config), hash_of(config, target, source))
+    digest = hash_of(config, target, source, pretrained)
+    run = Run(config, target, source, pretrained, folder_of(config), digest)
     check_folder(run)
     return run
+
+
+def with_source(config: Config, target: Case) -> Config:
+    """Find which case `source=pretrained` means: that of the pair, else the most similar to the target."""
+    if config.source != PRETRAINED or config.method is Method.scratch:
+        return config
+    if config.pair is not None:
+        source = str(OmegaConf.load(conf_dir() / "pair" / f"{config.pair}.yaml").source)
+    else:
+        cases = [load_case(one.case, config.world, "source") for one in networks()]
+        others_than = [case for case in cases if case.fingerprint != target.fingerprint]
+        source = rank(target, others_than, config.world)[0].case.name
+    return dataclasses.replace(config, source=source, source_weights=SourceWeights.pretrained)
 
 
 def folder_of(config: Config) -> Path:
@@ -131,13 +153,15 @@ def folder_of(config: Config) -> Path:
     return Path(config.output) / config.label / config.arm / f"seed={config.seed}"
 
 
-def hash_of(config: Config, target: Case, source: Run | None) -> str:
+def hash_of(config: Config, target: Case, source: Run | None, pretrained: Pretrained | None = None) -> str:
     """Twelve hex digits over all that decides the outcome; names and folders do not."""
     origin = source.config_hash if source else None
     if config.method is not Method.scratch and config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
     if config.source_weights is SourceWeights.random:
         origin = "random"
+    elif pretrained is not None:
+        origin = f"pretrained {pretrained.sha256}"
     elif config.source_weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)

@@ -1,28 +1,36 @@
-"""The best known plan of a case: it belongs to the case, so it is searched for once and kept."""
+"""The best known plan of a case: it belongs to the case, so it is searched for once and kept.
+
+`plans/` holds those of the shipped cases in the shipped world; `python -m ship_trl.sim.reference` searches
+for them anew.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import inspect
 import json
+import sys
 from pathlib import Path
 
 import torch
 
 from ship_trl.config import World, plain
-from ship_trl.paths import replacing
+from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim import reward
-from ship_trl.sim.cases import Case
+from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
 from ship_trl.sim.transition import Transition
 
 # Goes up with every change of the planner that may find another plan.
 PLANNER_VERSION = 2
+SHIPPED = Path(__file__).parent / "plans"
+# Of a raw return: by so much a plan may pay more or less on another processor, which rounds differently.
+ROUNDING = 1e-3
 _known: dict[str, Plan] = {}
 
 
 def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
-    """Return the planner's best plan, from this process's memory or from `folder` where it is there.
+    """Return the planner's best plan: from memory, from `folder`, from what is shipped, or by a search.
 
     A plan that was kept is sailed before it is believed, so that a damaged file is found out and replaced.
 
@@ -31,21 +39,31 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
         world: physics and reward.
         folder: where plans are kept, one file each; made where there is none.
     """
-    # A formula that was edited may have another best plan, even where it pays the kept one the same.
-    words = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
-    digest = hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()[:12]
-    if digest in _known:
-        return _known[digest]
-    path = None if folder is None else folder / f"{case.name}-{digest}.json"
-    plan = None if path is None else _read(path, case, world)
+    name = plan_name(case, world)
+    if name in _known:
+        return _known[name]
+    kept = [place / name for place in (folder, SHIPPED) if place is not None]
+    plan = next((plan for path in kept if (plan := _read(path, case, world)) is not None), None)
     if plan is None:
         plan = best_plan(case, world)
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as draft:
-                draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
-    _known[digest] = plan
+        if folder is not None:
+            write_plan(folder / name, plan)
+    _known[name] = plan
     return plan
+
+
+def plan_name(case: Case, world: World) -> str:
+    """Name the file of a case's plan after all that it follows from; what the case is called is not of it."""
+    # A formula that was edited may have another best plan, even where it pays the kept one the same.
+    words = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
+    return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()[:12] + ".json"
+
+
+def write_plan(path: Path, plan: Plan) -> None:
+    """Keep a plan as JSON; makes the folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as draft:
+        draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
 
 
 def _read(path: Path, case: Case, world: World) -> Plan | None:
@@ -53,7 +71,7 @@ def _read(path: Path, case: Case, world: World) -> Plan | None:
     try:
         kept = json.loads(path.read_text())
         plan = sail(case, world, [int(action) for action in kept["actions"]])
-        return plan if plan.episode_return == kept["return"] else None
+        return plan if abs(plan.episode_return - kept["return"]) < ROUNDING else None
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 
@@ -72,3 +90,19 @@ def sail(case: Case, world: World, actions: list[int]) -> Plan:
         if goal or bool(after.collision | after.truncated):
             break
     return Plan(float(total), actions, goal)
+
+
+def main() -> None:
+    """Search for the plans of all shipped cases, in place of those that are there."""
+    world = load_world()
+    for old in SHIPPED.glob("*.json"):
+        old.unlink()
+    for path in sorted((conf_dir() / "case").glob("*.yaml")):
+        case = load_case(str(path), world)
+        plan = best_plan(case, world)
+        write_plan(SHIPPED / plan_name(case, world), plan)
+        sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -52,12 +52,16 @@ def permuted(weights: Weights, generator: Generator) -> Weights:
     return found
 
 
-def save_weights(path: Path, network: DuelingNetwork, about: Mapping[str, object]) -> None:
+def save_weights(
+    path: Path, network: DuelingNetwork, about: Mapping[str, object], dtype: torch.dtype = torch.float32
+) -> None:
     """Write all weights as safetensors, with `about` and the network's layers (JSON) in the header."""
     from safetensors.torch import save
 
     # Contiguous copies: safetensors knows no channels-last.
-    tensors = {key: value.detach().cpu().contiguous() for key, value in network.state_dict().items()}
+    tensors = {
+        key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
+    }
     with replacing(path) as draft:
         about = {**about, "network": plain(network.config)}
         # Not `save_file`: its error of a full disk is no OSError.
@@ -114,6 +118,8 @@ def saved_network(path: Path, key: str) -> Network:
 def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:
     """Read weights for a network of `network`'s architecture; nothing is unpickled.
 
+    Half precision, which takes half the room in a file, is widened to float32.
+
     Raises:
         ConfigError: no such file, not safetensors (a pickle, or cut short), another architecture,
             or weights that are not finite.
@@ -130,9 +136,11 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
             raise ConfigError(f"{key}: {path} is of another architecture: {problem}")
         weights = {name: file.get_tensor(name) for name in sorted(names)}
     for name, value in weights.items():
-        if value.dtype != wanted[name].dtype or not bool(value.isfinite().all()):
-            raise ConfigError(f"{key}: {path}: {name} must hold finite {wanted[name].dtype} numbers")
-    return weights
+        if value.dtype not in (torch.float16, torch.float32) or not bool(value.isfinite().all()):
+            raise ConfigError(
+                f"{key}: {path}: {name} must hold finite torch.float32 or torch.float16 numbers"
+            )
+    return {name: value.float() for name, value in weights.items()}
 
 
 def _mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:

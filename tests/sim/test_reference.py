@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import World
+from ship_trl.paths import conf_dir
 from ship_trl.sim import reference
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
@@ -23,6 +24,7 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return best_plan(case, world, beam=50)
 
     monkeypatch.setattr(reference, "_known", {})
+    monkeypatch.setattr(reference, "SHIPPED", Path("nothing"))
     monkeypatch.setattr(reference, "best_plan", counted)
     return found
 
@@ -49,6 +51,19 @@ def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Pat
     reference._known.clear()
     assert reference.best_known(case, WORLD, tmp_path) == first and searches == ["2", "2"]
     assert json.loads(path.read_text())["actions"] == first.actions
+
+
+def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = [load_case(str(path), WORLD) for path in sorted((conf_dir() / "case").glob("*.yaml"))]
+    names = {reference.plan_name(case, WORLD) for case in cases}
+    # Where this fails, `python -m ship_trl.sim.reference` searches for them anew.
+    assert {path.name for path in reference.SHIPPED.iterdir()} == names
+    monkeypatch.setattr(reference, "_known", {})
+    monkeypatch.delattr(reference, "best_plan")
+    kept = {case.name: reference.best_known(case, WORLD) for case in cases}
+    monkeypatch.undo()
+    for name in "1", "5":
+        assert best_plan(load_case(name, WORLD), WORLD) == kept[name]
 
 
 def test_a_plan_sails_as_the_planner_says() -> None:

@@ -1,0 +1,56 @@
+"""Learning from scratch, to stand beside a transfer: runs of the same target. No torch."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ship_trl import pretrained
+from ship_trl.config import Method, SourceWeights
+from ship_trl.curve import CurveError, read_curve, split
+from ship_trl.result import ResultError, read_result
+from ship_trl.run.plan import Run, hash_of
+
+
+def scratch_returns(run: Run) -> NDArray[np.float64] | None:
+    """Find runs from scratch that differ from a transfer in nothing but the transfer and the seed.
+
+    They are those in the run's output folder, and those that come with the package (`pretrained`).
+
+    Returns:
+        Raw training returns [S, E] of S seeds, or None where there is no such run.
+    """
+    curves = dict(sailed_here(run))
+    came = pretrained.training_returns(
+        {hash_from_scratch(run, one["seed"]) for one in pretrained.read()["runs"]}
+    )
+    for digest, rows in came.groupby("config_hash", sort=False):
+        curves.setdefault(str(digest), rows["return"].to_numpy())
+    return np.stack(list(curves.values())) if curves else None
+
+
+def sailed_here(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield digest and training returns of the runs from scratch below the run's output folder."""
+    output = Path(run.config.output)
+    for label in sorted({run.config.label, run.target.name}):
+        for folder in sorted((output / label / "scratch").glob("seed=*")):
+            try:
+                result = read_result(folder)
+                if result.config_hash == hash_from_scratch(run, result.seed):
+                    yield result.config_hash, split(read_curve(folder))[0]["return"].to_numpy()
+            except (ResultError, CurveError):
+                continue
+
+
+def hash_from_scratch(run: Run, seed: int) -> str:
+    """Give the digest that the run would have without its transfer, with another seed."""
+    without: dict[str, Any] = {"source": None, "source_file": None, "layers": None, "seed": seed}
+    config = dataclasses.replace(
+        run.config, method=Method.scratch, source_weights=SourceWeights.learned, **without
+    )
+    return hash_of(config, run.target, None)

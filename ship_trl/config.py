@@ -163,6 +163,7 @@ class Config:
     target: str | None
     source_file: str | None
     source_weights: SourceWeights
+    demonstrations: str | None
     method: Method
     layers: Any
     seed: int
@@ -180,12 +181,16 @@ class Config:
 
     @property
     def arm(self) -> str:
-        """The curve's name in the figures: scratch, FE1, FT1 ... or FTW; a control's with its weights."""
+        """The curve's name in the figures: scratch, FE1, FT1 ... or FTW; a control's with its weights.
+
+        Of a run that begins with demonstrations it says so too.
+        """
+        shown = "" if self.demonstrations is None else "-demonstrations"
         if self.method is Method.scratch:
-            return "scratch"
+            return "scratch" + shown
         arm = ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))
         learned = self.source_weights is SourceWeights.learned
-        return arm if learned else f"{arm}-{self.source_weights.value}"
+        return (arm if learned else f"{arm}-{self.source_weights.value}") + shown
 
     @property
     def label(self) -> str:

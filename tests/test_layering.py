@@ -24,11 +24,12 @@ ALLOWED = {
     "view": SIM | {"curve", "learn"},
     "cli": BELOW,
     "pretrained": SIM,
+    "demonstrations": SIM,
     "pretrain": SIM | {"cli", "curve", "learn", "pretrained", "result", "run", "transfer"},
     "gym_env": SIM | {"view"},
     "vector_env": SIM,
     "run": SIM
-    | {"__version__", "architecture", "curve", "learn", "pretrained", "progress"}
+    | {"__version__", "architecture", "curve", "demonstrations", "learn", "pretrained", "progress"}
     | {"result", "transfer", "view"},
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": set(),
@@ -71,6 +72,7 @@ WITHOUT_TORCH = (
     "transfer/casebase",
     "launchers",
     "pretrained/__init__",
+    "demonstrations",
     "pretrain",
     "evaluate",
     "report",

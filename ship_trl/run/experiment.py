@@ -24,6 +24,7 @@ from ship_trl.learn.train import Evaluated, Finished, train
 from ship_trl.pretrained import PRETRAINED
 from ship_trl.result import SCHEMA_VERSION, Evaluation, Result, write_result
 from ship_trl.run import console
+from ship_trl.run.demonstrate import show_demonstrations
 from ship_trl.run.plan import ALGORITHM_VERSION, Run
 from ship_trl.run.process import configure_process
 from ship_trl.run.scratch import scratch_returns
@@ -133,6 +134,7 @@ def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many:
         run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
     )
     replay = agent.replay(learn, streams["replay"], device)
+    show_demonstrations(run, env, replay)
     draws = find_draws(run, agent, eval_env)
     known = best_known(run.target, config.world, Path(config.case_base) / PLANS).episode_return
 

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from omegaconf import OmegaConf
 
 from ship_trl.architecture import others
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
+from ship_trl.demonstrations import Demonstration, read_demonstrations
 from ship_trl.paths import conf_dir
 from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.result import RESULT, Result, ResultError, read_result
@@ -51,6 +53,7 @@ class Run:
     target: Case
     source: Run | None
     pretrained: Pretrained | None
+    demonstrations: list[Demonstration]
     folder: Path
     config_hash: str
 
@@ -116,6 +119,7 @@ def make_run(config: Config) -> Run:
                 method=Method.scratch,
                 layers=None,
                 source_weights=SourceWeights.learned,
+                demonstrations=None,
                 # It was said of the target's folder.
                 overwrite=False,
             )
@@ -129,8 +133,11 @@ def make_run(config: Config) -> Run:
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
-    digest = hash_of(config, target, source, pretrained)
-    run = Run(config, target, source, pretrained, folder_of(config), digest)
+    shown = []
+    if config.demonstrations is not None:
+        shown = read_demonstrations(Path(config.demonstrations), target, world)
+    digest = hash_of(config, target, source, pretrained, shown)
+    run = Run(config, target, source, pretrained, shown, folder_of(config), digest)
     check_folder(run)
     return run
 
@@ -153,7 +160,13 @@ def folder_of(config: Config) -> Path:
     return Path(config.output) / config.label / config.arm / f"seed={config.seed}"
 
 
-def hash_of(config: Config, target: Case, source: Run | None, pretrained: Pretrained | None = None) -> str:
+def hash_of(
+    config: Config,
+    target: Case,
+    source: Run | None,
+    pretrained: Pretrained | None = None,
+    demonstrations: Sequence[Demonstration] = (),
+) -> str:
     """Twelve hex digits over all that decides the outcome; names and folders do not."""
     origin = source.config_hash if source else None
     if config.method is not Method.scratch and config.source_file is not None:
@@ -180,6 +193,8 @@ def hash_of(config: Config, target: Case, source: Run | None, pretrained: Pretra
     }
     if (network := others(config.network)) is not None:
         values["network"] = network
+    if demonstrations:
+        values["demonstrations"] = [one.actions for one in demonstrations]
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -38,8 +38,8 @@ ALLOWED = {
     "report": {"cli", "config", "study"},
     "results": {"cli", "curve", "result", "run", "study", "view"},
     "policies": SIM | {"learn", "pretrained", "transfer"},
-    "evaluate": SIM
-    | {"cli", "learn", "policies", "pretrained", "result", "results", "run", "transfer", "view"},
+    "entries": SIM | {"cli", "learn", "policies", "pretrained", "result", "results", "transfer"},
+    "evaluate": SIM | {"cli", "demonstrations", "entries", "learn", "pretrained", "results", "run", "view"},
     "bench": SIM | {"architecture", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run"},
     "__init__": SIM | {"learn", "policies", "pretrained"},
@@ -74,6 +74,7 @@ WITHOUT_TORCH = (
     "pretrained/__init__",
     "demonstrations",
     "pretrain",
+    "entries",
     "evaluate",
     "report",
     "results",

@@ -19,6 +19,7 @@ def show_demonstrations(run: Run, env: ShipEnv, replay: StateReplay) -> None:
     Raises:
         ConfigError: one does not end as it says.
     """
+    folder = run.config.demonstrations
     for number, demonstration in enumerate(run.demonstrations, 1):
         current, total, done = env.reset(), 0.0, False
         for action in demonstration.actions:
@@ -32,6 +33,6 @@ def show_demonstrations(run: Run, env: ShipEnv, replay: StateReplay) -> None:
                 break
         if not done or abs(total - demonstration.episode_return) > ROUNDING:
             raise ConfigError(
-                f"demonstrations: number {number} of case {demonstration.case} in {run.config.demonstrations} "
+                f"demonstrations: number {number} of case {demonstration.case} in {folder} "
                 f"says a return of {demonstration.episode_return:.2f} and sails to one of {total:.2f}"
             )

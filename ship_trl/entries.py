@@ -1,0 +1,159 @@
+"""The words of a command line that name policies and cases; `evaluate`, `watch` and `record` read the same.
+
+POLICY is a word of `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
+folders and `pretrained` bring their target with them; of every other policy `target=CASE` says where it
+sails.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from ship_trl.cli import complain
+from ship_trl.config import ConfigError, World, explain
+from ship_trl.pretrained import PRETRAINED, find, is_pretrained, networks
+from ship_trl.result import RESULT
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
+
+if TYPE_CHECKING:
+    from ship_trl.learn.rollout import Episode, Policy
+    from ship_trl.sim.env import ShipEnv
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A policy by its name, on a case; `claimed` is the return that it is said to have."""
+
+    policy: str
+    label: str
+    case: Case
+    world: World
+    colour: bool
+    claimed: float | None = None
+
+
+def find_entries(words: list[str], colour: bool) -> list[Entry]:
+    """Read the command line's words: policies, and the cases that they sail in.
+
+    Raises:
+        ConfigError: a word that is neither, a folder without a result, a policy without a case.
+    """
+    # A path may hold an equals sign, as seed=0 does.
+    names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
+    given = [word.split("=", 1) for word in words if word not in names]
+    settings = {word[0]: word[1] for word in given}
+    unknown = sorted(settings.keys() - {"target"})
+    if unknown:
+        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
+    if len(given) > 1:
+        raise ConfigError("target: given twice; allowed: once, with several behind commas")
+    if not names:
+        raise ConfigError("policy: none given; see --help for what is allowed")
+    world = load_world()
+    targets = [load_case(name, world, "target") for name in settings.get("target", "").split(",") if name]
+    entries: list[Entry] = []
+    for name in names:
+        if Path(name).is_dir():
+            entries += of_folder(Path(name), targets)
+        elif is_pretrained(name):
+            entries += packaged(name, targets, world)
+        elif not targets:
+            raise ConfigError(
+                f"target: none given for {name}; allowed: target=CASE, or several behind commas"
+            )
+        else:
+            entries += [Entry(name, name, case, world, colour) for case in targets]
+    return entries
+
+
+def packaged(name: str, targets: list[Case], world: World) -> list[Entry]:
+    """Give the networks that come with us, on `targets` or each on its own case, with what they claim.
+
+    Raises:
+        ConfigError: none is of a case that was asked for.
+    """
+    if not targets:
+        chosen = networks() if name == PRETRAINED else [find(name, None)]
+        targets = [load_case(one.case, world) for one in chosen]
+    entries = []
+    for case in targets:
+        one = find(name, case)
+        claimed = one.episode_return if one.fingerprint == case.fingerprint else None
+        entries.append(Entry(str(one.file), name, case, world, colour=False, claimed=claimed))
+    return entries
+
+
+def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
+    """Give the networks of all results at and below a folder, each on its own target or on `targets`.
+
+    Raises:
+        ConfigError: there is no result, or its configuration cannot be read.
+    """
+    from ship_trl.results import collect
+
+    found: list[Entry] = []
+    whole, broken = collect(folder)
+    for path, error in broken:
+        complain(f"{path} {error}; left out")
+    for run in whole:
+        result, place = run.result, run.folder
+        world, colour = settings_of(place)
+        cases = targets or [load_case(result.target, world, f"{place / RESULT}: target")]
+        label = f"{result.pair} {result.arm} seed {result.seed}"
+        for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
+            if not (place / file).is_file():
+                complain(f"{place / file} is not there; left out")
+                continue
+            claimed = None if targets else claim.episode_return
+            name = f"{label}, {key}"
+            found += [Entry(str(place / file), name, case, world, colour, claimed) for case in cases]
+    if not found:
+        raise ConfigError(f"policy: no {RESULT} with its networks at or below {folder}")
+    return found
+
+
+def settings_of(folder: Path) -> tuple[World, bool]:
+    """Read the world and the colours of a run from its configuration.
+
+    Raises:
+        ConfigError: there is none, or it cannot be read.
+    """
+    path = folder / CONFIG
+    try:
+        values: Any = OmegaConf.load(path)
+        world: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(World), values.world))
+        return world, bool(values.colour)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"policy: {path}: {explain(error)}") from None
+    except (OSError, AttributeError, ValueError, YAMLError) as error:
+        raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None
+
+
+def sail(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipEnv, Policy, list[Episode]]:
+    """Sail so many episodes at once: returns the environment, the policy, and what was sailed.
+
+    Args:
+        entry: the policy and its case.
+        episodes: at least 1.
+        seed: of policies that draw.
+
+    Raises:
+        ConfigError: there is no such policy, or its file is not right.
+    """
+    from ship_trl.learn.rollout import rollout
+    from ship_trl.policies import POLICIES, load_policy
+    from ship_trl.sim.env import ShipEnv
+
+    # Networks from a file draw for themselves, and ours without training read the state alone.
+    pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
+    env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
+    policy = load_policy(entry.policy, env, seed)
+    return env, policy, rollout(env, policy)

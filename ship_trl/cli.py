@@ -35,7 +35,9 @@ What to run
   layers=N              1 to 4 conv layers (as many as the network has), or all (finetune only)
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file
+  source=pretrained     the trained network that comes with us, of the pair's source or the most similar case
   source_weights=NAME   learned; controls: random (has learned nothing), permuted (learned, then shuffled)
+  demonstrations=FOLDER put episodes that somebody sailed into the replay first (docs/demonstrations.md)
   seed=N                0 by default
 
 How

@@ -4,8 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from tests.test_cli import ROOT
+from tests.test_packaging import python
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 MOST_BYTES = 10_000
@@ -27,3 +29,18 @@ def test_the_index_lists_every_page() -> None:
 
 def test_the_readme_is_short() -> None:
     assert (ROOT / "README.md").stat().st_size <= MOST_BYTES
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/pretrained.md"])
+def test_the_lines_of_python_run(page: str, tmp_path: Path) -> None:
+    """The block that begins with our import, as somebody would copy it."""
+    after = (ROOT / page).read_text().partition("\n    import ship_trl\n")[2]
+    lines = ["import ship_trl"]
+    for line in after.splitlines():
+        if line and not line.startswith("    "):
+            break
+        lines.append(line.removeprefix("    "))
+    told = python("-c", "\n".join(lines), cwd=tmp_path, path=ROOT)
+    assert told.startswith("goal ")
+    with Image.open(tmp_path / "case4.gif") as film:
+        assert film.n_frames > 30  # type: ignore[attr-defined]

@@ -115,7 +115,7 @@ def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     [
         ("random", "target: none given for random"),
         ("target=2", "policy: none given"),
-        ("nobody target=2", "policy: no nobody; allowed: random, keep_course, best_known, a safetensors"),
+        ("nobody target=2", "policy: no nobody; allowed: random, keep_course, best_known, pretrained, a"),
         ("random target=99", "target: no case 99"),
         ("random seed=3 target=2", "seed: unknown key; allowed here: target"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),

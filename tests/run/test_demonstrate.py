@@ -1,0 +1,36 @@
+"""Demonstrations lie in the replay before anything is learned."""
+
+from pathlib import Path
+
+import torch
+from hydra import compose, initialize_config_dir
+from torch import Generator
+
+from ship_trl.checks import to_config
+from ship_trl.demonstrations import write_demonstration
+from ship_trl.learn.replay import StateReplay
+from ship_trl.paths import conf_dir
+from ship_trl.run.demonstrate import show_demonstrations
+from ship_trl.run.plan import make_run
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.reference import best_known
+
+
+def test_every_step_is_in_the_replay_once(tmp_path: Path) -> None:
+    world = load_world()
+    case = load_case("4", world)
+    plan = best_known(case, world)
+    for _ in range(2):
+        write_demonstration(tmp_path, case, world, plan.actions, (plan.episode_return, "goal"), "planner")
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
+        run = make_run(to_config(compose("config", words)))
+    replay = StateReplay(1000, 0.1, Generator().manual_seed(0), torch.device("cpu"))
+    # Of three ships that sail the same, one is kept.
+    show_demonstrations(run, ShipEnv(case, world, 3), replay)
+    assert len(replay) == 2 * len(plan.actions)
+    rows = replay[:]
+    assert rows["action"].tolist() == 2 * plan.actions
+    assert abs(float(rows["next", "reward"].sum()) * 10 - 2 * plan.episode_return) < 1e-2
+    assert int(rows["next", "done"].sum()) == 2

@@ -1,0 +1,62 @@
+"""What stands beside a transfer: runs from scratch of the same settings, and no others."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from PIL import Image
+
+from ship_trl import pretrained
+from ship_trl.checks import to_config
+from ship_trl.curve import read_curve, split
+from ship_trl.paths import conf_dir
+from ship_trl.run.plan import Run, make_run
+from ship_trl.run.scratch import scratch_returns
+from tests.test_cli import ship_trl
+
+SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.jumpstart_draws=0")
+
+
+def run(*words: str) -> Run:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        return make_run(to_config(compose("config", [*words])))
+
+
+@pytest.mark.parametrize("pair", ["high", "low", "lowest"])
+def test_the_shipped_settings_have_five_seeds(pair: str) -> None:
+    found = scratch_returns(run(f"+pair={pair}", "+arm=FT3"))
+    assert found is not None and found.shape == (5, 600)
+    of_case = [
+        one["config_hash"]
+        for one in pretrained.read()["runs"]
+        if one["case"] == run(f"+pair={pair}", "+arm=FT3").target.name
+    ]
+    rows = pretrained.training_returns(set(of_case))
+    assert np.isclose(found.mean(), rows["return"].mean())
+
+
+@pytest.mark.parametrize(
+    "change", ["learn.gamma=0.9", "world.safe_distance=50", "learn.episodes=300", "colour=true"]
+)
+def test_other_settings_have_none(change: str) -> None:
+    assert scratch_returns(run("+pair=high", "+arm=FT3", change)) is None
+
+
+def test_a_run_of_ones_own_stands_beside_it(tmp_path: Path) -> None:
+    ship_trl("target=2", "method=scratch", *SMOKE, "output=runs", folder=tmp_path)
+    line = ("+pair=high", "+arm=FT3", *SMOKE)
+    found = scratch_returns(run(*line, "output=runs"))
+    curve = split(read_curve(Path("runs/2/scratch/seed=0")))[0]
+    assert found is not None and found.tolist() == [curve["return"].tolist()]
+    assert scratch_returns(run(*line, "output=elsewhere")) is None
+    told = ship_trl(*line, "output=runs", folder=tmp_path)
+    picture = tmp_path / "runs" / "high" / "FT3" / "seed=0" / "transfer.png"
+    assert "beside learning from scratch: runs/high/FT3/seed=0/transfer.png" in told.stdout
+    assert Image.open(picture).size == (1200, 750)
+
+
+def test_without_one_a_run_says_how_to_get_it(tmp_path: Path) -> None:
+    told = ship_trl("+pair=high", "+arm=FT3", *SMOKE, folder=tmp_path)
+    assert "no run from scratch of these settings" in told.stdout
+    assert not list(tmp_path.rglob("transfer.png"))

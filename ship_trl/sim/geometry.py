@@ -39,3 +39,21 @@ def closest_approach(start: Tensor, end: Tensor) -> Tensor:
     share = -(start * travel).sum(-1) / torch.where(length2 > 0, length2, 1.0)
     nearest = start + share.clamp(0.0, 1.0).unsqueeze(-1) * travel
     return torch.linalg.vector_norm(nearest, dim=-1)
+
+
+def predicted_approach(away: Tensor, velocity: Tensor) -> tuple[Tensor, Tensor]:
+    """Compute DCPA (m) and TCPA (s) of points that hold their course and speed: [..., 2] to [...] each.
+
+    Args:
+        away: where they are now, relative to the origin, in metres.
+        velocity: how they move relative to it, in m/s.
+
+    Returns:
+        The least distance from the origin over all time, and when that is; negative where it has passed.
+        A point that does not move has its distance now, and 0 s.
+    """
+    speed2 = (velocity * velocity).sum(-1)
+    moving = speed2 > 0
+    time = -(away * velocity).sum(-1) / torch.where(moving, speed2, 1.0)
+    time = torch.where(moving, time, 0.0)
+    return torch.linalg.vector_norm(away + time.unsqueeze(-1) * velocity, dim=-1), time

@@ -1,0 +1,78 @@
+"""`python -m ship_trl.watch POLICY... target=CASE`: watch any policies sail, in a window.
+
+POLICY is random, keep_course, best_known, a safetensors file, a result folder (its best and its last
+network), or file.py:function of your own. A result folder brings its target with it. Without any word, the
+best known plan of case 4 is shown. H in the window lists the keys.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+
+from ship_trl.cli import complain, make_parser
+from ship_trl.config import ConfigError
+from ship_trl.entries import Entry, find_entries
+
+FIRST = ["best_known", "target=4"]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Read the words, open the window, play."""
+    parser = make_parser("ship_trl.watch", __doc__)
+    parser.add_argument("words", nargs="*", metavar="POLICY | target=CASE")
+    parser.add_argument("--compare", action="store_true", help="the first policy beside the second")
+    parser.add_argument("--seed", type=int, default=0, help="of policies that draw")
+    parser.add_argument("--colour", action="store_true", help="networks see colours")
+    parser.add_argument("--size", default="1600x900", metavar="WxH", help="of the window, in pixels")
+    options = parser.parse_args(arguments)
+    try:
+        size = read_size(options.size)
+        if not 0 <= options.seed < 2**62:
+            raise ConfigError(f"--seed: must be from 0 to 2^62 - 1, got {options.seed}")
+        entries = find_entries(options.words or FIRST, options.colour)
+        watch(entries, options.compare, options.seed, size)
+    except (ConfigError, OSError) as error:
+        complain(str(error))
+        sys.exit(1)
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """Read a size such as 1600x900.
+
+    Raises:
+        ConfigError: it is none, or one in which nothing could be read.
+    """
+    found = re.fullmatch(r"(\d{3,4})x(\d{3,4})", text)
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if size[0] < 640 or size[1] < 360:
+        raise ConfigError(f"--size: must be WIDTHxHEIGHT, at least 640x360, at most 9999x9999, got {text}")
+    return size
+
+
+def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int]) -> None:
+    """Open a window, and play in it until it is closed.
+
+    Raises:
+        ConfigError: a policy is not right, or there is no screen.
+    """
+    from ship_trl.run.process import configure_process
+    from ship_trl.viewer.playlist import Playlist
+    from ship_trl.viewer.session import Session
+    from ship_trl.viewer.window import NoScreenError, open_window
+
+    configure_process()
+    # First what is wrong with the policies: without a screen, too, this is what has to be mended.
+    session = Session(Playlist(entries, compare, seed))
+    try:
+        with open_window(size, "ship_trl") as window:
+            session.run(window)
+    except NoScreenError as error:
+        words = " ".join(sys.argv[1:] or FIRST)
+        raise ConfigError(
+            f"no screen ({error}); python -m ship_trl.record {words} --output film.gif makes a film instead"
+        ) from None
+
+
+if __name__ == "__main__":
+    main()

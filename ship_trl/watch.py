@@ -28,8 +28,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     try:
         size = read_size(options.size)
-        if not 0 <= options.seed < 2**62:
-            raise ConfigError(f"--seed: must be from 0 to 2^62 - 1, got {options.seed}")
+        check_seed(options.seed)
         entries = find_entries(options.words or FIRST, options.colour)
         watch(entries, options.compare, options.seed, size)
     except (ConfigError, OSError) as error:
@@ -48,6 +47,16 @@ def read_size(text: str) -> tuple[int, int]:
     if size[0] < 640 or size[1] < 360:
         raise ConfigError(f"--size: must be WIDTHxHEIGHT, at least 640x360, at most 9999x9999, got {text}")
     return size
+
+
+def check_seed(seed: int) -> None:
+    """Refuse a seed that generators do not take.
+
+    Raises:
+        ConfigError: it is out of range.
+    """
+    if not 0 <= seed < 2**62:
+        raise ConfigError(f"--seed: must be from 0 to 2^62 - 1, got {seed}")
 
 
 def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int]) -> None:

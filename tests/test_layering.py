@@ -43,6 +43,7 @@ ALLOWED = {
     "viewer": SIM | {"entries", "learn", "view"},
     "watch": SIM | {"cli", "entries", "run", "viewer"},
     "record": SIM | {"cli", "entries", "run", "view", "viewer"},
+    "evaluate": SIM | {"cli", "entries", "learn", "results", "run", "view"},
     "bench": SIM | {"architecture", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run"},
     "__init__": SIM | {"learn", "policies", "pretrained"},

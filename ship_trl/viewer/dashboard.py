@@ -211,7 +211,7 @@ def draw_caption(
         (scene.GOAL_CIRCLE, "disc", f"expected distance {world.goal_distance:g} m"),
         (scene.SAFE_CIRCLE, "disc", f"safe distance {world.safe_distance:g} m"),
         (scene.LINE, "line", "to the goal"),
-        (scene.OWN, "dots", f"{world.dt:g} s apart"),
+        (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
         (None, "", hulls),
     )
     x, y = float(room.left), room.top + 0.95 * size

@@ -99,7 +99,7 @@ def polyline(
             part = min(length - done, dash - walked % dash if dash else length)
             if part <= 1e-9:
                 break
-            if not dash or walked // dash % 2 == 0:
+            if not dash or (walked // dash % 2 == 0 and part > 0.5):
                 ends = [
                     (
                         start[0] + (end[0] - start[0]) * at / length,

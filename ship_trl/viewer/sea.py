@@ -155,7 +155,7 @@ def _water(side: int, frame: Projection) -> pygame.Surface:
 
 def _size(side: int, at_900: int) -> int:
     """Give the size of letters in a picture of `side` pixels."""
-    return max(10, round(at_900 * side / 900))
+    return max(12, round(at_900 * side / 900))
 
 
 def _places(picture: pygame.Surface, telemetry: Telemetry, frame: Projection) -> None:

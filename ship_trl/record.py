@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--size", default="1280x720", metavar="WxH", help="of the film, in pixels")
     parser.add_argument("--fps", type=float, metavar="N", help="frames a second: 10, of an MP4 30")
     parser.add_argument("--speed", type=float, default=5.0, metavar="X", help="times as fast as ships sail")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     try:
         rate = options.fps or (30.0 if options.output and options.output.suffix == ".mp4" else 10.0)
         size = read_size(options.size)

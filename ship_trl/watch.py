@@ -25,7 +25,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of policies that draw")
     parser.add_argument("--colour", action="store_true", help="networks see colours")
     parser.add_argument("--size", default="1600x900", metavar="WxH", help="of the window, in pixels")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     try:
         size = read_size(options.size)
         check_seed(options.seed)

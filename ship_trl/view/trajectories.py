@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +22,9 @@ from ship_trl.paths import replacing
 from ship_trl.sim.cases import Case
 from ship_trl.sim.transition import Transition
 from ship_trl.view.comparison import COLOURS, counted
+from ship_trl.view.lettering import number
 
-# Line and marker tell groups apart without colour; with the colours they repeat after 28.
+# Line and marker tell groups apart without colour.
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 ENDS = {"collision": ("x", "ends in a collision"), "timeout": ("|", "ends by the time limit")}
@@ -34,6 +36,9 @@ MARGIN = 70.0
 # Places looked at within a step for the closest approach.
 PARTS = 20
 INCHES, DOTS = 8.6, 120
+# More groups than this are not told apart in one picture.
+TOGETHER, COLUMNS, PANEL = 3, 5, 3.0
+OTHERS = "#D4D4D4"
 
 Places = NDArray[np.float64]
 
@@ -66,6 +71,8 @@ def draw_trajectories(
 ) -> None:
     """Write a PNG: north up, metres on both axes, a mark on every path each 10 s.
 
+    Up to `TOGETHER` groups are drawn over each other. More have a panel each, with the others in grey.
+
     Args:
         path: where it goes; written beside and renamed.
         case: where all was sailed.
@@ -78,35 +85,45 @@ def draw_trajectories(
     """
     motion = Transition(case, world, torch.device("cpu"))
     groups = {name: [_path(motion, episode) for episode in episodes] for name, episodes in sailed.items()}
-    figure = Figure(figsize=(INCHES + 2.6, INCHES), dpi=DOTS, layout="constrained")
-    axes = figure.subplots()
+    everything = [one for paths in groups.values() for one in paths]
+    alone = len(groups) > TOGETHER
+    columns = math.ceil(len(groups) / math.ceil(len(groups) / COLUMNS)) if alone else 1
+    rows = math.ceil(len(groups) / columns) if alone else 1
+    size = (PANEL * columns, 1.75 * PANEL * rows + 1) if alone else (INCHES, INCHES + 1.2)
+    figure = Figure(figsize=size, dpi=DOTS, layout="constrained")
+    panels = list(figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).flat)
     every = max(1, round(MARK_TIME / world.dt))
-    longest = max((one for paths in groups.values() for one in paths), key=lambda one: len(one.own))
-    _draw_ships(axes, longest, every)
+    longest = max(everything, key=lambda one: len(one.own))
+    for axes in panels[: len(groups) if alone else 1]:
+        _draw_ships(axes, longest, every, not alone)
+        _draw_places(axes, case, world, not alone)
+        _limit(axes, case, world, [one.own for one in everything], 0.5 if alone else 0.85)
+        _number_ships(axes, motion)
+    for axes in panels[len(groups) if alone else 1 :]:
+        axes.set_visible(False)
     handles = []
     for k, (name, paths) in enumerate(groups.items()):
-        colour, line = COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]
-        marker = MARKERS[k % len(MARKERS)]
-        style = {"color": colour, "linestyle": line, "marker": marker, "markersize": 5}
-        for one in paths:
-            axes.plot(*one.own.T, markevery=every, linewidth=1.8, alpha=0.9, zorder=4, **style)  # type: ignore[arg-type]
-            _draw_closest(axes, one, world, colour, line)
-            if one.outcome in ENDS:
-                axes.plot(*one.own[-1], ENDS[one.outcome][0], color=colour, markersize=13, mew=3, zorder=6)
-        handles.append(Line2D([], [], label=_name(name, sailed[name]), linewidth=1.8, **style))  # type: ignore[arg-type]
-    _draw_places(axes, case, world)
-    _limit(axes, case, world, [p.own for paths in groups.values() for p in paths])
-    _number_ships(axes, motion)
-    axes.legend(
-        handles=handles + _explained(world, bool(case.target_ships), groups),
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
-        frameon=False,
-        fontsize=9.5,
+        axes = panels[k if alone else 0]
+        words = _name(name, sailed[name], "\n" if alone else ": ")
+        if alone:
+            for one in everything:
+                axes.plot(*one.own.T, color=OTHERS, linewidth=0.8, zorder=1)
+            axes.set_title(words, fontsize=10, loc="left", parse_math=False)
+        style = _style(0 if alone else k)
+        _draw_group(axes, paths, world, style, every)
+        handles.append(Line2D([], [], label=words, linewidth=1.8, **style))
+    legend = [] if alone else handles
+    legend += _explained(world, bool(case.target_ships), groups, alone)
+    figure.legend(
+        handles=legend, loc="outside lower left", ncols=2 if columns < 3 else 3, frameon=False, fontsize=9.5
     )
-    axes.set_title(title or f"case {case.name}", fontsize=13, fontweight="bold", loc="left", parse_math=False)
-    axes.set_xlabel("east, m")
-    axes.set_ylabel("north, m")
+    figure.suptitle(
+        title or f"case {case.name}", fontsize=13, fontweight="bold", x=0.01, ha="left", parse_math=False
+    )
+    for axes in panels:
+        axes.set_xlabel("east, m")
+        axes.set_ylabel("north, m")
+        axes.label_outer()
     with replacing(path) as draft:
         figure.savefig(draft, format="png")
 
@@ -117,18 +134,46 @@ def _path(motion: Transition, episode: Episode) -> Path2D:
     return Path2D(own.double().numpy(), ships.double().numpy(), episode.outcome)
 
 
-def _name(name: str, episodes: Sequence[Episode]) -> str:
-    returns = [episode.episode_return for episode in episodes]
+def _name(name: str, episodes: Sequence[Episode], between: str) -> str:
+    mean = number(float(np.mean([episode.episode_return for episode in episodes])), ".1f")
     if len(episodes) == 1:
-        return f"{name}: return {returns[0]:.1f}, {episodes[0].outcome}"
+        return f"{name}{between}return {mean}, {episodes[0].outcome}"
     goals = sum(episode.outcome == "goal" for episode in episodes)
-    return f"{name}: {counted(len(episodes))}, mean return {np.mean(returns):.1f}, {goals} reach the goal"
+    return f"{name}{between}{counted(len(episodes))}, mean {mean}, goal {goals}"
 
 
-def _draw_ships(axes: Axes, longest: Path2D, every: int) -> None:
+def _style(group: int) -> dict[str, Any]:
+    return {
+        "color": COLOURS[group % len(COLOURS)],
+        "linestyle": LINES[group % len(LINES)],
+        "marker": MARKERS[group % len(MARKERS)],
+        "markersize": 5,
+    }
+
+
+def _draw_group(axes: Axes, paths: Sequence[Path2D], world: World, style: dict[str, Any], every: int) -> None:
+    """Draw the paths of a group, where each was closest to a ship, and those that end badly."""
+    many = len(paths) > 1
+    for one in paths:
+        width = 1.0 if many else 1.8
+        axes.plot(
+            *one.own.T,
+            markevery=every,
+            linewidth=width,
+            zorder=4,
+            **(style | {"markersize": 3 if many else 5}),
+        )
+        _draw_closest(axes, one, world, style["color"], style["linestyle"], 0.45 if many else 1.0)
+        if one.outcome in ENDS:
+            axes.plot(
+                *one.own[-1], ENDS[one.outcome][0], color=style["color"], markersize=13, mew=3, zorder=6
+            )
+
+
+def _draw_ships(axes: Axes, longest: Path2D, every: int, lettered: bool) -> None:
     for places in longest.ships.swapaxes(0, 1):
         axes.plot(*places.T, "-", color=SHIPS, lw=1.2, marker="o", ms=3.5, markevery=every, zorder=2)
-        for k in range(0, len(places), every):
+        for k in range(0, len(places), every) if lettered else ():
             axes.annotate(
                 f"{k // every * MARK_TIME:g} s",
                 places[k],
@@ -140,45 +185,37 @@ def _draw_ships(axes: Axes, longest: Path2D, every: int) -> None:
             )
 
 
-def _draw_closest(axes: Axes, one: Path2D, world: World, colour: str, line: str) -> None:
+def _draw_closest(axes: Axes, one: Path2D, world: World, colour: str, line: str, ink: float) -> None:
     found = one.nearest()
     if found is None:
         return
     own, ship = found
-    axes.add_patch(
-        Circle(
-            (own[0], own[1]),
-            world.safe_distance,
-            fill=False,
-            edgecolor=colour,
-            linestyle=line,
-            linewidth=1,
-            zorder=3,
-        )
-    )
-    axes.plot(*np.stack((own, ship)).T, "-", color=colour, linewidth=1, zorder=3)
-    axes.plot(*ship, ".", color=colour, markersize=7, zorder=5)
+    circle = Circle((own[0], own[1]), world.safe_distance, fill=False, linewidth=1, zorder=3, alpha=ink)
+    circle.set(edgecolor=colour, linestyle=line)
+    axes.add_patch(circle)
+    axes.plot(*np.stack((own, ship)).T, "-", color=colour, linewidth=1, zorder=3, alpha=ink)
+    axes.plot(*ship, ".", color=colour, markersize=7, zorder=5, alpha=ink)
 
 
-def _draw_places(axes: Axes, case: Case, world: World) -> None:
+def _draw_places(axes: Axes, case: Case, world: World, lettered: bool) -> None:
     start, goal = (case.start[0], case.start[1]), (case.goal[0], case.goal[1])
     axes.plot(*start, "o", color="black", markersize=9, fillstyle="none", mew=2, zorder=5)
-    axes.annotate("start", start, xytext=(9, -12), textcoords="offset points", fontsize=10)
     axes.plot(*goal, "*", color=GOAL, markersize=15, zorder=5)
-    axes.annotate("goal", goal, xytext=(10, 6), textcoords="offset points", fontsize=10)
+    for place, word, beside in ((start, "start", (9, -12)), (goal, "goal", (10, 6))) if lettered else ():
+        axes.annotate(word, place, xytext=beside, textcoords="offset points", fontsize=10)
     axes.add_patch(Circle(goal, world.goal_distance, facecolor=GOAL, alpha=0.12, zorder=1))
     axes.add_patch(Circle(goal, world.goal_distance, fill=False, edgecolor=GOAL, zorder=1))
 
 
-def _limit(axes: Axes, case: Case, world: World, own: Sequence[Places]) -> None:
+def _limit(axes: Axes, case: Case, world: World, own: Sequence[Places], least: float) -> None:
     """Show own ship's paths whole; target ships sail on out of the picture."""
     above = np.array([[0.0, world.goal_distance], [0.0, -world.goal_distance]])
     around = [np.array([case.start]), np.array([case.goal]) + above]
     places = np.concatenate([*own, *around])
     low, high = places.min(0) - MARGIN, places.max(0) + MARGIN
-    # At least two thirds as wide as high, and the other way round, so that the ships are seen to come.
+    # At least so wide for its height, and the other way round, so that the ships are seen to come.
     sides = high - low
-    more = np.maximum(0, 2 / 3 * sides[::-1] - sides) / 2
+    more = np.maximum(0, least * sides[::-1] - sides) / 2
     axes.set_xlim(low[0] - more[0], high[0] + more[0])
     axes.set_ylim(low[1] - more[1], high[1] + more[1])
     axes.set_aspect("equal")
@@ -192,7 +229,7 @@ def _number_ships(axes: Axes, motion: Transition) -> None:
     (west, east), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     inset = 0.04 * (top - bottom)
     start, velocity = motion.ship_start.double().numpy(), motion.ship_velocity.double().numpy()
-    for number, (place, way) in enumerate(zip(start, velocity, strict=True), 1):
+    for k, (place, way) in enumerate(zip(start, velocity, strict=True), 1):
         course = place + np.arange(0, 600, 0.5)[:, None] * way
         inside = (course > (west + inset, bottom + inset)) & (course < (east - inset, top - inset))
         rows = inside.all(1).nonzero()[0]
@@ -202,7 +239,7 @@ def _number_ships(axes: Axes, motion: Transition) -> None:
         axes.text(
             right,
             up,
-            f"{number}",
+            f"{k}",
             ha="center",
             va="center",
             fontsize=10,
@@ -213,17 +250,28 @@ def _number_ships(axes: Axes, motion: Transition) -> None:
         )
 
 
-def _explained(world: World, ships: bool, groups: Mapping[str, Sequence[Path2D]]) -> list[Line2D]:
+def _explained(
+    world: World, ships: bool, groups: Mapping[str, Sequence[Path2D]], alone: bool
+) -> list[Line2D]:
     """Say what is drawn once for all."""
-    marks = [_entry(f"on each path: a mark every {MARK_TIME:g} s")]
-    if ships:
-        closest = f"safe distance of {world.safe_distance:g} m at the\nclosest approach, line to the ship"
-        marks += [
-            _entry("target ship, numbered", "o", linestyle="-", markersize=3.5),
-            _entry(closest, "o", fillstyle="none", markersize=13),
-        ]
+    marks = (
+        [_entry("start", "o", color="black", fillstyle="none", markersize=9, markeredgewidth=2)]
+        if alone
+        else []
+    )
     goal = f"goal and expected distance, {world.goal_distance:g} m"
     marks.append(_entry(goal, "*", color=GOAL, markersize=13))
+    if alone:
+        marks.append(_entry("the other policies", linestyle="-", color=OTHERS))
+    if ships:
+        closest = f"safe distance, {world.safe_distance:g} m, at the closest approach"
+        marks.append(_entry("target ship, numbered", "o", linestyle="-", markersize=3.5))
+        marks.append(_entry(closest, "o", fillstyle="none", markersize=13))
+    marks.append(
+        _entry(
+            f"a mark on each path every {MARK_TIME:g} s", **({"marker": "o"} | (_style(0) if alone else {}))
+        )
+    )
     ended = {one.outcome for paths in groups.values() for one in paths}
     for outcome, (marker, label) in ENDS.items():
         if outcome in ended:

@@ -120,7 +120,8 @@ class Panel:
         left = self.room.left + (190 if self.wide else 46) * unit
         right = self.room.right - (150 if self.wide else 64) * unit
         end = self.room.right - (84 * unit if self.wide else 0)
-        self.head("Q of each action" if numbers.q_values is not None else "actions (no Q-values)")
+        title = "Q of each action" if self.wide else "actions"
+        self.head(title if numbers.q_values is not None else "actions (no Q-values)")
         head = self.down - 13 * unit
         if q is not None:
             pen.write(surface, "value V", ((left + right) / 2, head), pen.SKY, size, across=0.5)

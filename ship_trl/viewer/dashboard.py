@@ -22,6 +22,8 @@ from ship_trl.viewer.show import Show
 
 # The size for which everything is laid out; other windows have the same, larger or smaller.
 SIZE = (1600, 900)
+# A window narrower than this many times its height.
+NARROW = 1.3
 
 
 @dataclass(frozen=True)
@@ -72,13 +74,16 @@ class Dashboard:
             help_lines: keys and what they do; drawn over everything where there are any.
         """
         size = surface.get_size()
-        unit = max(0.3, min(size[0] / SIZE[0], size[1] / SIZE[1]))
-        lanes, strip = layout(size, unit, len(shows))
+        # In a window that is not wide one episode is shown as each of two is in a wide one.
+        narrow = len(shows) > 1 or size[0] < NARROW * size[1]
+        across = SIZE[0] * (0.5 if narrow and len(shows) == 1 else 1.0)
+        unit = max(0.3, min(size[0] / across, size[1] / SIZE[1]))
+        lanes, strip = layout(size, unit, len(shows), narrow)
         steps = tuple(min(int(position), show.telemetry.steps) for show in shows)
         kept = (size, tuple(map(id, shows)), steps, look.to_scale, look.saliency, status)
         if kept != self._kept:
             self._still = pygame.Surface(size, depth=32)
-            self._draw_still(shows, steps, look, status, unit, lanes)
+            self._draw_still(shows, steps, look, status, unit, lanes, narrow)
             self._kept = kept
         surface.blit(self._still, (0, 0))
         together = tuple(show.telemetry for show in shows)
@@ -105,6 +110,7 @@ class Dashboard:
         status: str,
         unit: float,
         lanes: Sequence[Lane],
+        narrow: bool,
     ) -> None:
         surface = self._still
         surface.fill(PAPER)
@@ -125,7 +131,7 @@ class Dashboard:
                 words = pen.cut(f"{'AB'[k]}  {show.title}", lane.title.width, size, True)
                 pen.write(surface, words, lane.title.midleft, LANES[k][0], size, True)
             draw_caption(surface, lane.caption, show.telemetry.world, look.to_scale, unit)
-            if len(shows) > 1:
+            if narrow:
                 below = pygame.Rect(lane.caption.bottomleft, lane.caption.size)
                 Panel(surface, below, unit).numbers(show, step, columns=6)
                 one = Panel(surface, lane.panel, unit)
@@ -157,15 +163,16 @@ class Dashboard:
             graph.draw(surface, corner, position)
 
 
-def layout(size: tuple[int, int], unit: float, count: int) -> tuple[list[Lane], pygame.Rect]:
+def layout(size: tuple[int, int], unit: float, count: int, narrow: bool) -> tuple[list[Lane], pygame.Rect]:
     """Divide a window between `count` episodes: their lanes, and the strip of the graphs."""
     width, height = size
     pad, head, graphs = round(14 * unit), round(46 * unit), round(166 * unit)
     title = round(30 * unit) if count > 1 else 0
-    caption = round((66 if count > 1 else 44) * unit)
-    least = round((284 if count > 1 else 840) * unit)
+    caption = round((66 if narrow else 44) * unit)
+    numbers = round(58 * unit) if narrow else 0
+    least = round((284 if narrow else 840) * unit)
     lane_width = (width - pad * (count + 1)) // count
-    side = min(height - head - graphs - title - caption - 2 * pad, lane_width - least - pad)
+    side = min(height - head - graphs - title - caption - numbers - pad - pad // 2, lane_width - least - pad)
     strip = pygame.Rect(pad, height - graphs - pad // 2, width - 2 * pad, graphs)
     lanes = []
     for k in range(count):

@@ -108,10 +108,10 @@ class Graph:
             colour = blend(line.colour, PAPER, share)
             places = [self.place(step, float(value)) for step, value in enumerate(line.values)]
             pen.polyline(drawn, colour, places, line.width, line.dash)
-            sample = [(x, 0.7 * size), (x + 3 * size, 0.7 * size)]
+            sample = [(x, 0.7 * size), (x + 2.6 * size, 0.7 * size)]
             pen.polyline(drawn, line.colour, sample, line.width, line.dash)
             name = pen.cut(line.name, 0.4 * self.size[0], size)
-            x = pen.write(drawn, name, (x + 3.4 * size, 0.7 * size), line.colour, size) + size
+            x = pen.write(drawn, name, (x + 3 * size, 0.7 * size), line.colour, size) + size
         return drawn
 
 
@@ -136,7 +136,8 @@ def graphs_of(shows: Sequence[Show], size: tuple[int, int], letters: int) -> lis
             returns.append(Line(name, values, pen.SERIES[k % len(pen.SERIES)], DASHES[k % len(DASHES)]))
         distances.append(Line("goal", first.goal_distance, INK, width=3))
         for k, values in enumerate(first.apart.T):
-            distances.append(Line(f"ship {k + 1}", values, pen.SERIES[k % 6], DASHES[k % 6]))
+            name = f"ship {k + 1}" if first.apart.shape[1] < 5 else f"{k + 1}"
+            distances.append(Line(name, values, pen.SERIES[k % 6], DASHES[k % 6]))
     else:
         for show, name, (colour, dash) in zip(shows, "AB", LANES, strict=True):
             numbers = show.telemetry

@@ -95,7 +95,7 @@ class Panel:
             ("step", f"{step} of {numbers.world.max_steps}"),
             ("time", f"{step * numbers.world.dt:g} s"),
             ("value V", "\N{EN DASH}" if q is None else number(float(split(q)[0]), ".3f")),
-            ("return so far", number(float(numbers.total[step]), ".1f")),
+            ("return so far" if columns == 3 else "return", number(float(numbers.total[step]), ".1f")),
             ("to the goal", f"{numbers.goal_distance[step]:.0f} m"),
             ("episode", show.episode or "1"),
         )

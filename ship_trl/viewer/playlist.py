@@ -12,6 +12,9 @@ from ship_trl.viewer.saliency import network_of
 from ship_trl.viewer.show import Show, make_show
 from ship_trl.viewer.telemetry import of_episode
 
+# Letters of a policy's name; of a path its end tells more than its beginning.
+LONGEST = 44
+
 
 class Playlist:
     """Goes through policies and cases, one policy at a time or two beside each other.
@@ -84,9 +87,16 @@ def sail_show(entry: Entry, seed: int, episode: str = "1") -> Show:
     """
     env, policy, sailed = sail(entry, seed=seed)
     numbers = of_episode(entry.case, entry.world, sailed[0])
-    return make_show(entry.label, numbers, env.rasteriser, network_of(policy), episode)
+    return make_show(short(entry.label), numbers, env.rasteriser, network_of(policy), episode)
 
 
 def distinct(cases: Sequence[Case]) -> list[Case]:
     """Leave out cases that have been there before, whatever they are called."""
     return list({case.fingerprint: case for case in reversed(cases)}.values())[::-1]
+
+
+def short(label: str) -> str:
+    """Leave out the first folders of a long path."""
+    while len(label) > LONGEST and "/" in label:
+        label = label.split("/", 1)[1]
+    return label

@@ -125,7 +125,7 @@ def _rings(side: int, goal_distance: float, safe_distance: float) -> pygame.Surf
         pen.circle(picture, GRID, middle, radius * scale, 1)
         size = _size(side, 15)
         at = (side / 2 + 0.6 * radius * scale, side / 2 + 0.8 * radius * scale)
-        pen.write(picture, f"{radius:.0f} m", at, FAINT_LINE, size)
+        pen.write(picture, f"{radius:.0f} m", at, FAINT_LINE, size, across=1.1)
     pen.circle(picture, scene.GOAL_CIRCLE, middle, goal_distance * scale)
     pen.circle(picture, scene.SAFE_CIRCLE, middle, safe_distance * scale)
     return picture

@@ -30,7 +30,8 @@ def main(arguments: list[str] | None = None) -> None:
         size = read_size(options.size)
         check_seed(options.seed)
         entries = find_entries(options.words or FIRST, options.colour)
-        watch(entries, options.compare, options.seed, size)
+        words = " ".join([*options.words, *["--compare"] * options.compare])
+        watch(entries, options.compare, options.seed, size, words)
     except (ConfigError, OSError) as error:
         complain(str(error))
         sys.exit(1)
@@ -59,8 +60,8 @@ def check_seed(seed: int) -> None:
         raise ConfigError(f"--seed: must be from 0 to 2^62 - 1, got {seed}")
 
 
-def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int]) -> None:
-    """Open a window, and play in it until it is closed.
+def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int], words: str) -> None:
+    """Open a window, and play in it until it is closed; `words` are those of the command line.
 
     Raises:
         ConfigError: a policy is not right, or there is no screen.
@@ -77,9 +78,8 @@ def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int])
         with open_window(size, "ship_trl") as window:
             session.run(window)
     except NoScreenError as error:
-        words = " ".join(sys.argv[1:] or FIRST)
         raise ConfigError(
-            f"no screen ({error}); python -m ship_trl.record {words} --output film.gif makes a film instead"
+            f"no screen ({error}); python -m ship_trl.record {words} --output film.gif makes a film"
         ) from None
 
 

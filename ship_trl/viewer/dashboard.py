@@ -168,7 +168,7 @@ def layout(size: tuple[int, int], unit: float, count: int, narrow: bool) -> tupl
     width, height = size
     pad, head, graphs = round(14 * unit), round(46 * unit), round(166 * unit)
     title = round(30 * unit) if count > 1 else 0
-    caption = round((66 if narrow else 44) * unit)
+    caption = round((66 if narrow or unit < 0.75 else 44) * unit)
     numbers = round(58 * unit) if narrow else 0
     least = round((284 if narrow else 840) * unit)
     lane_width = (width - pad * (count + 1)) // count

@@ -101,17 +101,20 @@ class Graph:
             pen.line(drawn, RULE, (right, down), (right, down + 4))
             pen.write(drawn, f"{step}", (right, down + 0.5 * size + 5), FAINT, size, across=0.5)
         pen.write(drawn, "step", (room.right, room.bottom + 0.5 * size + 5), FAINT, size, across=1)
-        x = pen.write(drawn, title, (0, 0.7 * size), INK, size, True) + size
         if level:
             lines = [*lines, Line(level[0], np.full(self.steps + 1, level[1]), pen.VERMILION, 3.0, 1)]
-        for line in lines:
+        x = pen.write(drawn, title, (0, 0.7 * size), INK, size, True) + size
+        # A legend that is too long for a narrow graph has smaller letters.
+        names = [pen.cut(line.name, 0.4 * self.size[0], size) for line in lines]
+        long = sum(pen.width_of(name, size) + 4 * size for name in names)
+        small = max(8, min(size, int(size * (self.size[0] - x) / long)))
+        for line, name in zip(lines, names, strict=True):
             colour = blend(line.colour, PAPER, share)
             places = [self.place(step, float(value)) for step, value in enumerate(line.values)]
             pen.polyline(drawn, colour, places, line.width, line.dash)
-            sample = [(x, 0.7 * size), (x + 2.6 * size, 0.7 * size)]
+            sample = [(x, 0.7 * size), (x + 2.6 * small, 0.7 * size)]
             pen.polyline(drawn, line.colour, sample, line.width, line.dash)
-            name = pen.cut(line.name, 0.4 * self.size[0], size)
-            x = pen.write(drawn, name, (x + 3 * size, 0.7 * size), line.colour, size) + size
+            x = pen.write(drawn, name, (x + 3 * small, 0.7 * size), line.colour, small) + small
         return drawn
 
 

@@ -7,15 +7,12 @@ on a small surface and averaged, so that it glides.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
-
-os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 import pygame
 
 Colour = tuple[int, int, int]

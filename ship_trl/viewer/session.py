@@ -56,7 +56,7 @@ class Session:
         self.player = Player(self._steps, self.shows[0].telemetry.world.dt)
         self.dashboard = Dashboard()
         self._message, self._message_left = "", 0.0
-        self._does: dict[str, Callable[[], None]] = {
+        self.keys: dict[str, Callable[[], None]] = {
             "space": self.player.pause,
             "right": self.player.step,
             "left": lambda: self.player.step(-1),
@@ -117,8 +117,8 @@ class Session:
             self.save_picture(surface)
         elif press.key == "m":
             self.say("making the film ...")
-        elif press.key in self._does:
-            self._does[press.key]()
+        elif press.key in self.keys:
+            self.keys[press.key]()
 
     def draw(self, surface: pygame.Surface) -> None:
         """Draw what is to be seen now."""

@@ -8,11 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from ship_trl.sim.geometry import angle_off_bow, closest_approach, unit_vector, wrap_angle
+from ship_trl.sim.geometry import (
+    angle_off_bow,
+    closest_approach,
+    predicted_approach,
+    unit_vector,
+    wrap_angle,
+)
 
 angles = st.floats(-50.0, 50.0)
 metres = st.floats(-1000.0, 1000.0)
 points = st.tuples(metres, metres)
+speeds = st.floats(0.1, 40.0)
 
 
 def exact(*values: float) -> Tensor:
@@ -93,3 +100,33 @@ def test_unit_vectors_point_along_the_heading(heading: float) -> None:
     x, y = unit_vector(exact(heading))[0].tolist()
     assert math.hypot(x, y) == pytest.approx(1.0)
     assert apart(math.atan2(y, x), heading) < 1e-9
+
+
+@given(points, speeds, angles, st.floats(-500.0, 500.0))
+def test_nobody_comes_nearer_than_the_predicted_approach(
+    away: tuple[float, float], speed: float, course: float, time: float
+) -> None:
+    place, way = exact(*away), speed * unit_vector(exact(course)[0])
+    dcpa, tcpa = predicted_approach(place, way)
+    assert float(dcpa) <= float((place + time * way).norm()) + 1e-6
+    assert float((place + tcpa * way).norm()) == pytest.approx(float(dcpa), abs=1e-6)
+
+
+@given(points, speeds, angles, angles)
+def test_the_predicted_approach_knows_no_direction(
+    away: tuple[float, float], speed: float, course: float, by: float
+) -> None:
+    place, way = exact(*away), speed * unit_vector(exact(course)[0])
+    straight = predicted_approach(place, way)
+    for one, other in zip(straight, predicted_approach(turned(place, by), turned(way, by)), strict=True):
+        assert float(one) == pytest.approx(float(other), abs=1e-5)
+
+
+def test_the_predicted_approach_of_whom_one_can_work_out() -> None:
+    away = exact(100.0, -30.0, 40.0, -100.0, 30.0, 40.0).reshape(3, 2)
+    velocity = exact(-10.0, 0.0, 0.0, 10.0, 0.0, 0.0).reshape(3, 2)
+    dcpa, tcpa = predicted_approach(away, velocity)
+    # One comes from ahead, one from abeam, one lies still.
+    assert dcpa.tolist() == [30.0, 40.0, 50.0] and tcpa.tolist() == [10.0, 10.0, 0.0]
+    _, passed = predicted_approach(away, -velocity)
+    assert passed.tolist() == [-10.0, -10.0, 0.0]

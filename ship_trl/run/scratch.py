@@ -26,9 +26,8 @@ def scratch_returns(run: Run) -> NDArray[np.float64] | None:
         Raw training returns [S, E] of S seeds, or None where there is no such run.
     """
     curves = dict(sailed_here(run))
-    came = pretrained.training_returns(
-        {hash_from_scratch(run, one["seed"]) for one in pretrained.read()["runs"]}
-    )
+    seeds = {one["seed"] for one in pretrained.read()["runs"]}
+    came = pretrained.training_returns({hash_from_scratch(run, seed) for seed in seeds})
     for digest, rows in came.groupby("config_hash", sort=False):
         curves.setdefault(str(digest), rows["return"].to_numpy())
     return np.stack(list(curves.values())) if curves else None

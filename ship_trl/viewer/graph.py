@@ -99,7 +99,9 @@ class Graph:
         for step in range(0, self.steps + 1, 10 if self.steps <= 100 else 100):
             right, down = self.place(step, self.low)
             pen.line(drawn, RULE, (right, down), (right, down + 4))
-            pen.write(drawn, f"{step}", (right, down + 0.5 * size + 5), FAINT, size, across=0.5)
+            # The word below ends where the axis does.
+            if right < room.right - 3.5 * size:
+                pen.write(drawn, f"{step}", (right, down + 0.5 * size + 5), FAINT, size, across=0.5)
         pen.write(drawn, "step", (room.right, room.bottom + 0.5 * size + 5), FAINT, size, across=1)
         if level:
             lines = [*lines, Line(level[0], np.full(self.steps + 1, level[1]), pen.VERMILION, 3.0, 1)]

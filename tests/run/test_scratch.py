@@ -53,7 +53,8 @@ def test_a_run_of_ones_own_stands_beside_it(tmp_path: Path) -> None:
     told = ship_trl(*line, "output=runs", folder=tmp_path)
     picture = tmp_path / "runs" / "high" / "FT3" / "seed=0" / "transfer.png"
     assert "beside learning from scratch: runs/high/FT3/seed=0/transfer.png" in told.stdout
-    assert Image.open(picture).size == (1200, 750)
+    with Image.open(picture) as drawn:
+        assert drawn.size == (1200, 750)
 
 
 def test_without_one_a_run_says_how_to_get_it(tmp_path: Path) -> None:

@@ -11,7 +11,9 @@ from ship_trl.view.transfer import SCRATCH, draw_transfer
 
 
 def colours(path: Path) -> set[tuple[int, ...]]:
-    return {tuple(pixel) for pixel in np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).tolist()}
+    with Image.open(path) as drawn:
+        assert drawn.size == (1200, 750)
+        return {tuple(pixel) for pixel in np.asarray(drawn.convert("RGB")).reshape(-1, 3).tolist()}
 
 
 def rgb(colour: str) -> tuple[int, ...]:
@@ -23,7 +25,6 @@ def test_both_lines_are_drawn(tmp_path: Path, seeds: int) -> None:
     path = tmp_path / "transfer.png"
     scratch = np.linspace(-300, 50, 100) + np.zeros((seeds, 1)) + np.arange(seeds)[:, None]
     draw_transfer(path, "FT3", list(np.linspace(-200, 80, 120)), scratch, 83.9, "case $1 -> case 2_")
-    assert Image.open(path).size == (1200, 750)
     assert {rgb(MEAN), rgb(SCRATCH)} <= colours(path)
 
 

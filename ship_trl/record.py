@@ -41,7 +41,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--speed", type=float, default=5.0, metavar="X", help="times as fast as ships sail")
     options = parser.parse_intermixed_args(arguments)
     try:
-        rate = options.fps or (30.0 if options.output and options.output.suffix == ".mp4" else 10.0)
+        usual = 30.0 if options.output and options.output.suffix == ".mp4" else 10.0
+        rate = usual if options.fps is None else options.fps
         size = read_size(options.size)
         check_seed(options.seed)
         if options.output is None and options.trajectories is None:
@@ -51,6 +52,8 @@ def main(arguments: list[str] | None = None) -> None:
         if options.trajectories is not None:
             check_chart(options.trajectories)
         entries = best_of_folders(find_entries(options.words or FIRST, options.colour))
+        if options.trajectories is not None:
+            need_one_case(entries)
         if options.output is not None:
             look = {"absolute": options.absolute, "to_scale": options.to_scale, "saliency": options.saliency}
             film(options.output, entries, options.compare, look, size, rate, options.speed, options.seed)
@@ -102,6 +105,15 @@ def need_parent(key: str, path: Path) -> None:
         raise ConfigError(f"{key}: no folder {path.absolute().parent}")
 
 
+def need_one_case(entries: list[Entry]) -> None:
+    """Refuse a chart of several cases."""
+    cases = {entry.case.fingerprint: entry.case.name for entry in entries}
+    if len(cases) > 1:
+        raise ConfigError(
+            f"--trajectories: one case, got {', '.join(cases.values())}; target=CASE chooses it"
+        )
+
+
 def best_of_folders(entries: list[Entry]) -> list[Entry]:
     """Leave out the last network of a result, of which the best is there too; a file that was named stays."""
     return [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
@@ -134,10 +146,10 @@ def film(
 
 
 def chart(path: Path, entries: list[Entry], seed: int) -> None:
-    """Draw what all entries sailed; the seeds of an arm are one group.
+    """Draw what all entries sailed, of one case; the seeds of an arm are one group.
 
     Raises:
-        ConfigError: they are of different cases, or a policy is not right.
+        ConfigError: a policy is not right.
     """
     from ship_trl.entries import sail
     from ship_trl.run.process import configure_process
@@ -145,11 +157,6 @@ def chart(path: Path, entries: list[Entry], seed: int) -> None:
 
     configure_process()
     case, world = entries[0].case, entries[0].world
-    cases = sorted({entry.case.name for entry in entries})
-    if len({entry.case.fingerprint for entry in entries}) > 1:
-        raise ConfigError(
-            f"--trajectories: one case at a time; these are of {', '.join(cases)}; give target=CASE"
-        )
     groups: dict[str, list[Episode]] = {}
     for entry in entries:
         _, _, sailed = sail(entry, seed=seed)

@@ -34,8 +34,8 @@ def test_frames_are_what_the_window_shows(world: World, tmp_path: Path) -> None:
     assert files == [f"{k:05d}.png" for k in range(count(world))]
     one = show(load_case("2", world), world, (3,))
     for k in (0, 3):
-        saved = np.asarray(Image.open(tmp_path / "frames" / f"{k:05d}.png"))
-        assert (saved == drawn([one], 2 * k, size=SIZE)).all()
+        with Image.open(tmp_path / "frames" / f"{k:05d}.png") as saved:
+            assert (np.asarray(saved) == drawn([one], 2 * k, size=SIZE)).all()
 
 
 def test_a_gif(world: World, tmp_path: Path) -> None:
@@ -51,6 +51,8 @@ def test_a_gif(world: World, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["film.gif"]
 
 
+# imageio-ffmpeg leaves it to the garbage collector to close its pipes.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore::ResourceWarning")
 def test_an_mp4(world: World, tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     path = tmp_path / "film.mp4"

@@ -34,6 +34,11 @@ def session(tmp_path: Path) -> Session:
     return made
 
 
+def read(path: Path) -> NDArray[np.uint8]:
+    with Image.open(path) as opened:
+        return np.asarray(opened).copy()
+
+
 def press(window: Window, session: Session, *keys: str) -> NDArray[np.uint8]:
     """Put keys into the queue, let the session take them out, and return what the window shows."""
     for key in keys:
@@ -124,7 +129,7 @@ def test_the_saved_picture_is_what_is_drawn_for_that_step(window: Window, sessio
         "case4-keep_course-step04-2.png",
         "case4-keep_course-step04.png",
     ]
-    third, again, fourth = (np.asarray(Image.open(path)) for path in saved)
+    third, again, fourth = (read(path) for path in saved)
     assert (fourth == again).all() and (third != fourth).any()
     expected = pygame.Surface(SIZE, depth=32)
     session.dashboard.draw(expected, session.shows, 4, session.look)

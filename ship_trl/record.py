@@ -110,7 +110,7 @@ def need_one_case(entries: list[Entry]) -> None:
     cases = {entry.case.fingerprint: entry.case.name for entry in entries}
     if len(cases) > 1:
         raise ConfigError(
-            f"--trajectories: one case, got {', '.join(cases.values())}; target=CASE chooses it"
+            f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE"
         )
 
 

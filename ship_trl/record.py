@@ -109,9 +109,7 @@ def need_one_case(entries: list[Entry]) -> None:
     """Refuse a chart of several cases."""
     cases = {entry.case.fingerprint: entry.case.name for entry in entries}
     if len(cases) > 1:
-        raise ConfigError(
-            f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE"
-        )
+        raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
 
 
 def best_of_folders(entries: list[Entry]) -> list[Entry]:

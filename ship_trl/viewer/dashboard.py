@@ -51,6 +51,7 @@ class Dashboard:
     def __init__(self) -> None:
         self._kept: tuple[object, ...] = ()
         self._still = pygame.Surface((1, 1))
+        self._drawn_on: pygame.Surface | None = None
         self._of_graphs: tuple[object, ...] = ()
         self._placed: list[tuple[Graph, tuple[int, int]]] = []
 
@@ -62,11 +63,13 @@ class Dashboard:
         look: Look,
         status: str = "",
         help_lines: Sequence[tuple[str, str]] = (),
-    ) -> None:
-        """Draw one episode, or two beside each other.
+    ) -> list[pygame.Rect]:
+        """Draw one episode, or two beside each other; returns the parts of the surface that have changed.
+
+        On the surface that it drew on last it draws no more than these.
 
         Args:
-            surface: all of it is drawn over.
+            surface: all of it is drawn over; nobody else may draw on it between two calls.
             shows: one, or two of the same case.
             position: steps from the start, whole or between two.
             look: how.
@@ -85,7 +88,12 @@ class Dashboard:
             self._still = pygame.Surface(size, depth=32)
             self._draw_still(shows, steps, look, status, unit, lanes, narrow)
             self._kept = kept
-        surface.blit(self._still, (0, 0))
+            self._drawn_on = None
+        whole = surface is not self._drawn_on or bool(help_lines)
+        if whole:
+            surface.blit(self._still, (0, 0))
+        # What lies over everything has to be wiped out next time.
+        self._drawn_on = None if help_lines else surface
         together = tuple(show.telemetry for show in shows)
         for show, lane in zip(shows, lanes, strict=True):
             frame = absolute_frame(together, lane.sea.width) if look.absolute else None
@@ -93,6 +101,7 @@ class Dashboard:
         self._draw_graphs(surface, shows, strip, position, unit)
         if help_lines:
             draw_help(surface, help_lines, unit)
+        return [surface.get_rect()] if whole else [*(lane.sea for lane in lanes), strip]
 
     def step_at(self, place: tuple[int, int]) -> int | None:
         """Tell which step a place in a graph stands for; None outside the graphs."""

@@ -94,8 +94,7 @@ class Session:
                     window.present()
                     self.save_film(window.surface.get_size())
             if changed or window.stale:
-                self.draw(window.surface)
-                window.present()
+                window.present(self.draw(window.surface))
 
     def tick(self, seconds: float) -> bool:
         """Let time pass; returns whether the picture has changed."""
@@ -120,10 +119,10 @@ class Session:
         elif press.key in self.keys:
             self.keys[press.key]()
 
-    def draw(self, surface: pygame.Surface) -> None:
-        """Draw what is to be seen now."""
+    def draw(self, surface: pygame.Surface) -> list[pygame.Rect]:
+        """Draw what is to be seen now; returns the parts that have changed."""
         keys = KEYS if self.help else ()
-        self.dashboard.draw(surface, self.shows, self.player.position, self.look, self.status, keys)
+        return self.dashboard.draw(surface, self.shows, self.player.position, self.look, self.status, keys)
 
     @property
     def status(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -65,9 +65,12 @@ class Window:
         """Tell whether a key is down now."""
         return bool(pygame.key.get_pressed()[pygame.key.key_code(key)])
 
-    def present(self) -> None:
-        """Show what has been drawn on the surface."""
-        pygame.display.flip()
+    def present(self, parts: Sequence[pygame.Rect] = ()) -> None:
+        """Show what has been drawn on the surface, or only parts of it where the rest is shown already."""
+        if parts and not self.stale:
+            pygame.display.update(list(parts))
+        else:
+            pygame.display.flip()
         self.stale = False
 
     def wait(self) -> float:
@@ -90,6 +93,9 @@ def open_window(size: tuple[int, int], title: str) -> Iterator[Window]:
         if given == ["DISPLAY"]:
             # SDL would try Wayland first, and complain in words of its own.
             os.environ[DRIVER] = "x11"
+    # SDL would copy each frame into a texture, which takes four times as long as drawing it where OpenGL
+    # computes on the CPU; pixels that are drawn here go to the screen as they are.
+    os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
     try:
         pygame.display.init()
         driver = pygame.display.get_driver()

@@ -21,7 +21,6 @@ from ship_trl.viewer.show import Show
 
 # Seconds for which the last picture of an episode stays.
 LAST = 2.0
-SUFFIXES = (".gif", ".mp4")
 # Frames by whose colours a GIF is coloured: in the first ones all lines of the graphs are there already.
 LOOKED_AT = 20
 

@@ -163,8 +163,6 @@ def test_the_window_may_change_its_size(window: Window, session: Session) -> Non
 
 
 def test_two_policies_go_in_step(tmp_path: Path) -> None:
-    policies = [entry("keep_course"), entry("random"), entry("best_known", "1")]
-    policies[2] = entry("keep_course", "1")
     pair = Session(Playlist([entry("keep_course"), entry("random")], compare=True), tmp_path)
     assert [show.title for show in pair.shows] == ["keep_course", "random"]
     steps = [show.telemetry.steps for show in pair.shows]

@@ -108,6 +108,18 @@ class DuelingNetwork(nn.Module):
         # Both sides lie channels last, so these are views.
         return self._linear(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 
+    def activations(self, pixels: Tensor) -> dict[str, Tensor]:
+        """Compute what each layer gives after its ReLU: uint8 [B, C, 84, 84] to float32 by name of the layer.
+
+        The conv layers are [B, filters, side, side] each, from the image on, and `shared` is [B, hidden].
+        """
+        x = self._first(pixels)
+        found = {}
+        for name, conv in zip(self.conv_names, self.convs, strict=True):
+            x = F.relu(conv(x) if found else x)
+            found[name] = x
+        return found | {"shared": F.relu(self.shared(x.flatten(1)))}
+
     def convolve_from(self, kept: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones, `linear_from` or more: [B, K] to [B, F]."""
         return self._linear(kept, self.convs[self.frozen :])

@@ -285,7 +285,9 @@ def neighbours(weight: Tensor, generator: np.random.Generator) -> Estimate:
     return interval(value, sums[:, 0] / sums[:, 1])
 
 
-def erased_rows(shown: tuple[Shown, ...], drawn: StateSet, erased: list[Erased], seed: int) -> list[ErasedRow]:
+def erased_rows(
+    shown: tuple[Shown, ...], drawn: StateSet, erased: list[Erased], seed: int
+) -> list[ErasedRow]:
     """Ask every network for its action with each thing erased, on held-out states."""
     held = torch.from_numpy(drawn.held_out)
     pixels, episode = drawn.pixels[held], drawn.episode[drawn.held_out]

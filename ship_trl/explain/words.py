@@ -80,7 +80,9 @@ def on_probes(measured: Measured) -> Answer:
         ]
         words = f"better than from {listed(better)}" if better else "no better than from either control"
         if len(better) == 1:
-            words += f", no better than from {'untrained networks' if better[0] == 'raw pixels' else 'raw pixels'}"
+            words += (
+                f", no better than from {'untrained networks' if better[0] == 'raw pixels' else 'raw pixels'}"
+            )
         assert row.over_pixels is not None and row.over_untrained is not None
         long.append(
             f"The {row.quantity}: R² {number(row.r2)} from {row.layer}, {words} (difference to pixels "
@@ -224,7 +226,9 @@ def on_actions(measured: Measured) -> Answer:
     )
     long = []
     for row in rows:
-        blank = [r.changed.value for r in measured.erased if r.thing == row.thing and r.role == Role.untrained]
+        blank = [
+            r.changed.value for r in measured.erased if r.thing == row.thing and r.role == Role.untrained
+        ]
         apart = "more" if above(row.over_untrained) else "less" if below(row.over_untrained) else None
         verdict = f"{apart} often than" if apart else "as often as"
         long.append(
@@ -240,7 +244,9 @@ def on_filters(measured: Measured) -> Answer:
     question = "Do the filters of the first layer differ from drawn weights?"
     rows = [row for row in measured.by_layer if row.network == measured.explained.name]
     first = next(row.neighbours for row in rows if row.neighbours is not None)
-    blank = [row.neighbours.value for row in measured.by_layer if row.role == Role.untrained and row.neighbours]
+    blank = [
+        row.neighbours.value for row in measured.by_layer if row.role == Role.untrained and row.neighbours
+    ]
     outside = first.low > max(blank) or first.high < min(blank)
     short = (
         f"{'Yes' if outside else 'Not by this measure'}: neighbouring weights of conv1 correlate by {number(first)}, "
@@ -248,7 +254,9 @@ def on_filters(measured: Measured) -> Answer:
     )
     long = []
     for row in rows:
-        words = f"{row.layer}: {row.silent} of {row.filters} filters or units fire on no state; the others and "
+        words = (
+            f"{row.layer}: {row.silent} of {row.filters} filters or units fire on no state; the others and "
+        )
         words += f"they fire in {row.active:.0%} of all places and states"
         if row.changed is not None:
             words += f"; training moved its weights by {row.changed:.0%} of their norm"

@@ -1,0 +1,87 @@
+"""`python -m ship_trl.explain POLICY... target=CASE`: what networks have learned to see, on one page.
+
+POLICY is a result folder (its best network; it brings its target, its source and its own beginning with it)
+or a safetensors file. The first is explained; the others, as other seeds, stand beside it.
+"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+from ship_trl.cli import complain, explain_file, make_parser
+from ship_trl.config import ConfigError
+from ship_trl.evaluate import Entry, find_entries
+from ship_trl.transfer.casebase import POLICY_LAST
+
+LEAST_EPISODES = 60
+MOST_EPISODES = 600
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Read the command line, and write page, figures and tables."""
+    parser = make_parser("ship_trl.explain", __doc__)
+    parser.add_argument("words", nargs="+", metavar="POLICY | target=CASE")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("outputs/explain"),
+        metavar="FOLDER",
+        help="default: outputs/explain",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of states, untrained networks and resamples")
+    parser.add_argument(
+        "--episodes", type=int, default=120, metavar="N", help="ten states are taken of each (default 120)"
+    )
+    parser.add_argument("--colour", action="store_true", help="networks from files see colours")
+    options = parser.parse_args(arguments)
+    try:
+        if not LEAST_EPISODES <= options.episodes <= MOST_EPISODES:
+            raise ConfigError(
+                f"--episodes: must be from {LEAST_EPISODES} to {MOST_EPISODES}, got {options.episodes}"
+            )
+        if not 0 <= options.seed < 2**63:
+            raise ConfigError(f"--seed: must be from 0 to 2^63 - 1, got {options.seed}")
+        entries = choose_entries(options.words, options.colour)
+        from ship_trl.explain.write import write
+
+        given = sys.argv[1:] if arguments is None else arguments
+        command = shlex.join(["python", "-m", "ship_trl.explain", *given])
+        write(entries, options.output, options.episodes, options.seed, command)
+    except ConfigError as error:
+        complain(str(error))
+        sys.exit(1)
+    except OSError as error:
+        complain(explain_file(error))
+        sys.exit(1)
+
+
+def choose_entries(words: list[str], colour: bool) -> list[Entry]:
+    """Find the networks that are meant: of a result folder its best one.
+
+    Raises:
+        ConfigError: there is none, or they are not of one case, one world and one way of seeing.
+    """
+    found = find_entries(words, colour)
+    entries = [e for e in found if e.policy in words or Path(e.policy).name != POLICY_LAST]
+    if not entries:
+        raise ConfigError(
+            f"policy: {found[0].policy} is the last network of a result; its best one is missing"
+        )
+    first = entries[0]
+    for other in entries[1:]:
+        if other.case.fingerprint != first.case.fingerprint:
+            raise ConfigError(
+                f"target: {first.label} is of case {first.case.name} and {other.label} of case "
+                f"{other.case.name}; allowed: one, given as target=CASE"
+            )
+        if other.world != first.world or other.colour != first.colour:
+            raise ConfigError(
+                f"policy: {first.label} and {other.label} are of different worlds or colours; allowed: the same"
+            )
+    return entries
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,231 @@
+"""The whole of it: networks, states, measurements, figures, tables and page."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Generator, Tensor
+
+from ship_trl.evaluate import Entry
+from ship_trl.explain import figures, pictures
+from ship_trl.explain.measure import Measured, cast, measure
+from ship_trl.explain.networks import Subject, load_subjects, untrained
+from ship_trl.explain.page import Drawn, render, write_figure, write_table
+from ship_trl.explain.saliency import choose, things
+from ship_trl.explain.states import StateSet, draw_states
+from ship_trl.explain.words import answers, listed
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import rollout
+from ship_trl.paths import replacing
+from ship_trl.run.process import configure_process
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.render import Rasteriser
+
+PAGE = "index.html"
+
+
+def write(entries: list[Entry], output: Path, episodes: int, seed: int, command: str) -> None:
+    """Explain the first of the entries beside the others, and write everything into a folder, the page last.
+
+    Raises:
+        ConfigError: networks that cannot be read, or a case in which no states can be drawn.
+    """
+    configure_process()
+    begun = time.monotonic()
+
+    def say(line: str) -> None:
+        sys.stdout.write(f"{time.monotonic() - begun:5.0f} s  {line}\n")
+        sys.stdout.flush()
+
+    case, world, colour = entries[0].case, entries[0].world, entries[0].colour
+    subjects = load_subjects(entries)
+    network = subjects[0].network
+    say(f"{len(subjects)} networks, case {case.name}")
+    # A stream for each purpose.
+    streams = [Generator().manual_seed(seed + k) for k in range(2)]
+    draw = Rasteriser(case, world, colour=colour)
+    drawn = draw_states(case, world, draw, lambda pixels: choose(network, pixels), episodes, streams[0])
+    say(f"{len(drawn.states)} states of {episodes} episodes")
+    shown = cast(subjects, untrained(network, streams[1]))
+    erased = things(case, world, draw, drawn.states[torch.from_numpy(drawn.held_out)])
+    measured = measure(shown, drawn, erased, seed, say)
+    env = ShipEnv(case, world, 1, colour=colour)
+    sailed = rollout(env, greedy_policy(network, draw))[0]
+    states, titles = pictures.moments(network, draw, sailed.states)
+    looked = pictures.look(network, shown[-1].network, draw, states, titles)
+    said = answers(measured)
+    output.mkdir(parents=True, exist_ok=True)
+    tables(output, measured, drawn, looked)
+    made = draw_all(entries[0], measured, drawn, looked, draw(states[1:2])[0], output, say)
+    page = render(measured, said, made, about(entries[0], subjects[0], drawn, measured, command))
+    with replacing(output / PAGE) as draft:
+        draft.write_text(page)
+    for answer in said:
+        sys.stdout.write(f"{answer.question}\n  {answer.short}\n")
+    sys.stdout.write(f"{output / PAGE}\n")
+
+
+def tables(output: Path, measured: Measured, drawn: StateSet, looked: list[pictures.Looked]) -> None:
+    """Write the numbers behind the figures."""
+    for name, rows in (
+        ("probes", measured.probes),
+        ("cka", measured.alike),
+        ("layers", measured.by_layer),
+        ("erased", measured.erased),
+    ):
+        write_table(output / f"{name}.csv", rows)
+    columns: dict[str, Any] = dict(zip(("x", "y", "heading", "step"), drawn.states.numpy().T, strict=True))
+    columns |= {"episode": drawn.episode, "held_out": drawn.held_out, "random": drawn.random}
+    for quantity in drawn.quantities:
+        parts = ("sin", "cos") if quantity.kind == "bearing" else ("m",)
+        for part, values in zip(parts, quantity.values.T, strict=True):
+            columns[f"{quantity.name}, {part}"] = np.where(quantity.seen, values, np.nan)
+    write_table(
+        output / "states.csv",
+        [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
+    )
+    write_table(
+        output / "saliency.csv",
+        [
+            {
+                "state": one.title,
+                "row": row,
+                "column": column,
+                "gradient": one.gradient[row, column],
+                "gradient_untrained": one.control[row, column],
+                "occlusion": one.fall[row, column],
+            }
+            for one in looked
+            for row, column in np.ndindex(*one.fall.shape)
+        ],
+    )
+    write_table(
+        output / "filters.csv",
+        [
+            {"network": one.name, "filter": f, "channel": c, "row": y, "column": x, "weight": value}
+            for one in measured.shown
+            for (f, c, y, x), value in np.ndenumerate(
+                one.network.get_parameter("conv1.weight").detach().numpy()
+            )
+        ],
+    )
+
+
+def spreads(network: DuelingNetwork, pixels: Tensor) -> dict[str, Tensor]:
+    """Say by layer how much each filter varies over pictures: its standard deviation, [filters]."""
+    with torch.no_grad():
+        given = network.activations(pixels)
+    return {name: value.transpose(0, 1).flatten(1).std(1) for name, value in given.items()}
+
+
+def draw_all(
+    entry: Entry,
+    measured: Measured,
+    drawn: StateSet,
+    looked: list[pictures.Looked],
+    picture: Tensor,
+    output: Path,
+    say: Callable[[str], None],
+) -> list[Drawn]:
+    """Draw and write every figure."""
+    network = measured.explained.network
+    made = []
+    for name, title, caption, figure in (
+        ("probes", "What can be read from each layer", PROBES, figures.draw_probes(measured)),
+        ("change", "What training changed, layer by layer", CHANGE, figures.draw_change(measured)),
+        ("matrix", "Every two networks, layer by layer", MATRIX, figures.draw_matrix(measured)),
+        ("erased", "What moves the chosen action: things erased", ERASED, figures.draw_erased(measured)),
+        (
+            "saliency",
+            "What moves the chosen action: pixel by pixel",
+            SALIENCY,
+            pictures.draw_saliency(looked),
+        ),
+        ("filters", "Filters of the first layer", FILTERS, pictures.draw_filters(measured)),
+        (
+            "maps",
+            "What each layer gives for one picture",
+            MAPS,
+            pictures.draw_maps(network, picture, spreads(network, drawn.pixels)),
+        ),
+        ("states", "The states", STATES, figures.draw_places(entry.case, entry.world, drawn)),
+    ):
+        made.append(Drawn(title, caption, write_figure(output / f"{name}.png", figure)))
+    say(f"{len(made)} figures")
+    return made
+
+
+def about(
+    entry: Entry, subject: Subject, drawn: StateSet, measured: Measured, command: str
+) -> dict[str, Any]:
+    """Say what the page is about."""
+    result = subject.result
+    origin = f"{entry.policy}."
+    if result is not None:
+        origin = f"It was trained on case {result.target} (arm {result.arm}, seed {result.seed})."
+    if subject.copied:
+        fate = "frozen, so that CKA with the source is 1 by construction, before and after"
+        if not subject.frozen:
+            fate = "left to train; before training their CKA with the source is 1 by construction"
+        assert result is not None
+        origin += f" Of its source, trained on case {result.source}, {listed(list(subject.copied))} were copied and {fate}."
+    judged = sum(row.network == measured.explained.name for row in measured.probes)
+    return {
+        "case": entry.case.name,
+        "origin": origin,
+        "states": len(drawn.states),
+        "episodes": len(set(drawn.episode)),
+        "held_out": len(set(drawn.episode[drawn.held_out])),
+        "judged": judged,
+        # One end of a 95 % interval.
+        "by_chance": max(1, round(0.025 * judged)),
+        "command": command,
+    }
+
+
+PROBES = (
+    "Ridge regression on what a layer gives, judged on held-out episodes; bars are 95 % intervals of the explained "
+    "network. A layer has features of its own only where its line is above both the dashed line (raw pixels) and "
+    "the dotted one (untrained networks). Below the first layer everything can still be seen, so that first layers "
+    "read well without training; the last ones must choose what they keep. Bearings are those from the bow."
+)
+CHANGE = (
+    "Debiased linear CKA on held-out states, with 95 % intervals (jackknife over episodes). Copied layers start at 1 "
+    "with the source by construction. A layer that training left as it was stays at 1 with itself before; one "
+    "below the band of other seeds changed by more than two seeds differ. The dotted line is what architecture and "
+    "picture alone make alike."
+)
+MATRIX = "Debiased linear CKA of all pairs on held-out states. Dark is unrelated, light is alike."
+ERASED = (
+    "The picture is drawn again without the thing. Left: how often the network then chooses another action, with "
+    "95 % intervals over episodes. Right: the mean gradient on the thing's pixels, 1 (dashed) being that of the "
+    "whole picture. Untrained networks are the control: they, too, see the picture change. A picture without the "
+    "line never occurs in training."
+)
+SALIENCY = (
+    "States at a sixth, a half and five sixths of the greedy episode. Gradient: how strongly the chosen action's "
+    "advantage answers to each pixel; one that looks like that of an untrained network shows the picture's edges "
+    "and not what was learned. Occlusion: how far the advantage falls when a square of 7 x 7 pixels around the "
+    "place shows the sea alone; orange speaks for the action, blue against it; where nothing is drawn it is zero by "
+    "construction. Actions are numbered as in table 1."
+)
+FILTERS = (
+    "Each square is a filter of conv1, 8 x 8 pixels in the paper's network. All panels have one scale. Filters that "
+    "look like those of an untrained network were hardly changed by training, and can serve all the same."
+)
+MAPS = (
+    "The picture of the middle state above, and what the layers give for it, after ReLU: of conv layers the 16 maps "
+    "that vary most over all states, each scaled by its own largest value; of the others every unit."
+)
+STATES = (
+    "Half of the episodes take random actions, half those of the explained network with a quarter of random ones, "
+    "from starts shifted by up to 300 m and turned by up to 90 degrees at any time, so that bearings and distances "
+    "do not follow from one another. Training and held-out states are of different episodes."
+)

@@ -1,10 +1,10 @@
 """How alike what two layers say of the same states is: centred kernel alignment.
 
-Linear CKA (Kornblith, Norouzi, Lee and Hinton 2019, Similarity of Neural Network Representations Revisited,
-equation 4) is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)) with K = X X' and L = Y Y' of the activations X [N, P],
-Y [N, Q]. It is 1 where Y is X turned and scaled. Here HSIC is the unbiased estimator (Song et al. 2012, Feature
-Selection via Dependence Maximization, equation 5): with more features than states, as in the first layers, the
-biased one calls independent noise alike.
+Linear CKA (Kornblith, Norouzi, Lee and Hinton 2019, Similarity of Neural Network Representations Revisited)
+is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)) with K = X X' and L = Y Y' of the activations X [N, P], Y [N, Q].
+It is 1 where Y is X turned and scaled. Here HSIC is the unbiased estimator (Song et al. 2012, Feature Selection
+via Dependence Maximization): with more features than states, as in the first layers, the biased one calls
+independent noise alike.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def hsic(k: Floats, l: Floats) -> float:  # noqa: E741 (the names of the paper)
 
 
 def cka(k: Floats, l: Floats) -> float:  # noqa: E741
-    """Compute debiased linear CKA of two Gram matrices [N, N]: 1 alike, 0 unrelated; NaN if one is constant."""
+    """Compute debiased linear CKA of two Gram matrices [N, N]: 1 alike, 0 unrelated, NaN of a constant."""
     scale = hsic(k, k) * hsic(l, l)
     return hsic(k, l) / math.sqrt(scale) if scale > 0 else math.nan
 

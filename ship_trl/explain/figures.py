@@ -116,7 +116,7 @@ def draw_change(measured: Measured) -> Figure:
         ("source and network before training", Role.source, Role.before, LOOKS[Role.before]),
         ("source and network after training", Role.source, Role.explained, LOOKS[Role.source]),
     ]
-    shift = -0.12
+    shift = -0.05
     for label, first, second, look in lines:
         found = [pairs(measured, first, second, layer) for layer in measured.layers]
         if all(found):
@@ -124,12 +124,13 @@ def draw_change(measured: Measured) -> Figure:
             axis.plot(x + shift, [one.value for one in each], label=label, **look)
             for at, one in zip(x + shift, each, strict=True):
                 bars(axis, at, one, look["color"])
-        shift += 0.12
+        shift += 0.05
     between = [seeds(measured, layer) for layer in measured.layers]
     if all(rows for rows, _ in between):
         values = [[row.cka.value for row in rows] for rows, _ in between]
         low, high = [min(each) for each in values], [max(each) for each in values]
-        label = f"two networks of {between[0][1]}, other seeds ({len(values[0])} pairs: mean, range)"
+        count = f"{len(values[0])} pairs: mean, range" if len(values[0]) > 1 else "one pair"
+        label = f"two networks of {between[0][1]}, other seeds ({count})"
         look = LOOKS[Role.beside]
         axis.fill_between(x, low, high, color=look["color"], alpha=0.18, linewidth=0)
         axis.plot(x, [float(np.mean(each)) for each in values], label=label, **look)
@@ -145,7 +146,6 @@ def draw_change(measured: Measured) -> Figure:
     )
     axis.set_xticks(x, measured.layers, fontsize=11)
     axis.set_ylabel("CKA: 1 alike, 0 unrelated", fontsize=11)
-    axis.set_ylim(min(0.0, *(v for each in floor for v in each)) - 0.03, 1.03)
     tidy(axis)
     drawn.legend(loc="outside lower center", ncols=2, fontsize=10, frameon=False)
     return drawn
@@ -189,8 +189,8 @@ def draw_matrix(measured: Measured) -> Figure:
 def draw_erased(measured: Measured) -> Figure:
     """How often the action is another one with a thing erased, and how large the gradient on it is."""
     names = list(dict.fromkeys(row.thing for row in measured.erased))
-    drawn = figure(0.9 + 1.15 * len(names))
-    axes = drawn.subplots(1, 2, sharey=True)
+    drawn = figure(1.1 + 1.05 * len(names))
+    axes = drawn.subplots(1, 3, sharey=True)
     offsets = np.linspace(-0.3, 0.3, len(measured.shown))
     for one, offset in zip(measured.shown, offsets, strict=True):
         look = {**LOOKS[one.role], "linestyle": "none"}
@@ -198,15 +198,18 @@ def draw_erased(measured: Measured) -> Figure:
             (row,) = (r for r in measured.erased if r.network == one.name and r.thing == name)
             axes[0].plot([row.changed.low, row.changed.high], [k + offset] * 2, color=look["color"])
             axes[0].plot(row.changed.value, k + offset, **look)
-            axes[1].plot(row.gradient, k + offset, **look)
+            axes[1].plot(row.moved, k + offset, **look)
+            axes[2].plot(row.gradient, k + offset, **look)
     axes[0].set_yticks(range(len(names)), names, fontsize=11)
     axes[0].invert_yaxis()
-    axes[0].set_xlabel("share of states with another action when it is erased", fontsize=11)
-    axes[0].set_xlim(0, 1)
-    axes[1].set_xlabel("gradient on its pixels, over that of a mean pixel", fontsize=11)
-    axes[1].axvline(1.0, color="#666666", linestyle="--", linewidth=1)
-    axes[1].set_xlim(left=0)
+    axes[0].set_xlabel("erased: share of states\nwith another action", fontsize=11)
+    axes[0].set_xlim(-0.03, 1.0)
+    axes[1].set_xlabel("erased: advantages move, over how\nthey vary between states", fontsize=11)
+    axes[2].set_xlabel("gradient on its pixels,\nover that of a mean pixel", fontsize=11)
+    axes[2].axvline(1.0, color="#666666", linestyle="--", linewidth=1)
     for axis in axes:
+        if axis is not axes[0]:
+            axis.set_xlim(left=0)
         axis.spines[["top", "right"]].set_visible(False)
         axis.grid(axis="x", color="#8888", linewidth=0.5)
     present = [role for role in LABELS if measured.role(role)]

@@ -18,7 +18,7 @@ from ship_trl.explain.bootstrap import Estimate, interval, per_episode, resample
 from ship_trl.explain.cka import estimate, gram
 from ship_trl.explain.networks import Subject
 from ship_trl.explain.probes import Reading, read
-from ship_trl.explain.saliency import Erased, choose, gradient
+from ship_trl.explain.saliency import Erased, choose, gradient, moved
 from ship_trl.explain.states import StateSet
 from ship_trl.learn.network import DuelingNetwork
 
@@ -48,7 +48,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class ProbeRow:
-    """How well a quantity is read from a layer of a network; differences are None where there is no control."""
+    """How well a quantity is read from a layer of a network; a difference is None without its control."""
 
     network: str
     role: str
@@ -98,7 +98,8 @@ class LayerRow:
 class ErasedRow:
     """How often the chosen action is another one with a thing erased, over states in which it is seen.
 
-    `gradient` is the mean gradient on its pixels over that of all pixels.
+    `moved` is how far the advantages of all actions move, over how far they vary between states, and
+    `gradient` the mean gradient on its pixels over that of all pixels.
     """
 
     network: str
@@ -107,6 +108,7 @@ class ErasedRow:
     states: int
     changed: Estimate
     over_untrained: Estimate | None
+    moved: float
     gradient: float
 
 
@@ -319,6 +321,7 @@ def erased_rows(
                     int(seen.sum()),
                     changed,
                     None if one.role is Role.untrained else over,
+                    moved(one.network, pixels[seen], thing.pixels[seen]),
                     float(slope[thing.where].mean() / slope[seen].mean()),
                 )
             )

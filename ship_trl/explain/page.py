@@ -112,7 +112,14 @@ def in_numbers(measured: Measured) -> list[list[str]]:
 def moved(measured: Measured) -> list[list[str]]:
     """Things erased, of every network, as words."""
     return [
-        [row.thing, row.network, str(row.states), percent(row.changed), f"{row.gradient:.1f}"]
+        [
+            row.thing,
+            row.network,
+            str(row.states),
+            percent(row.changed),
+            f"{row.moved:.2f}",
+            f"{row.gradient:.1f}",
+        ]
         for row in measured.erased
     ]
 

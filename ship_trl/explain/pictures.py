@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ship_trl.config import World
 from ship_trl.explain.figures import figure
 from ship_trl.explain.measure import Measured, Role
 from ship_trl.explain.saliency import choose, gradient, occlusion
@@ -27,7 +28,7 @@ SIGNED = LinearSegmentedColormap.from_list("signed", ["#0072B2", "#F2F2F2", "#D5
 
 @dataclass(frozen=True)
 class Looked:
-    """Saliency of one state: what was asked for, picture [84, 84] in grey, gradient and fall [84, 84]."""
+    """Saliency of a state, each [84, 84]: the picture, gradients of network and control, fall by occlusion."""
 
     title: str
     picture: Floats
@@ -61,7 +62,7 @@ def bare(axis: Axes) -> None:
 
 
 def draw_filters(measured: Measured) -> Figure:
-    """Filters of the first layer, of the network, of itself before training or its source, and drawn ones."""
+    """Draw the filters of the first layer: the network's, its source's or first ones, and untrained ones."""
     wanted = [
         *measured.role(Role.explained),
         *measured.role(Role.source),
@@ -70,8 +71,8 @@ def draw_filters(measured: Measured) -> Figure:
     ]
     weights = [one.network.get_parameter("conv1.weight").detach().double().mean(1).numpy() for one in wanted]
     columns = 8 if len(weights[0]) > 16 else 4
-    drawn = figure(13.0 / len(wanted) * -(-len(weights[0]) // columns) / columns + 1.1)
-    axes = drawn.subplots(1, len(wanted), squeeze=False)[0]
+    drawn = figure(11.6 / len(wanted) * -(-len(weights[0]) // columns) / columns + 1.0)
+    axes = drawn.subplots(1, len(wanted), squeeze=False, gridspec_kw={"wspace": 0.06})[0]
     # One scale for all, so that strengths can be compared.
     most = max(float(np.abs(each).max()) for each in weights)
     for axis, one, each in zip(axes, wanted, weights, strict=True):
@@ -97,8 +98,9 @@ def draw_maps(network: DuelingNetwork, picture: Tensor, spread: dict[str, Tensor
         }
     maps = [name for name, value in given.items() if value.ndim == 3 and value.shape[-1] > 1]
     rows = [name for name in given if name not in maps]
-    drawn = figure(4.0 + 0.85 * len(rows))
-    above, below = drawn.subfigures(2, 1, height_ratios=(4.0, 0.85 * max(1, len(rows))))
+    height = 11.0 / (1 + len(maps)) + 0.4
+    drawn = figure(height + 1.05 * len(rows))
+    above, below = drawn.subfigures(2, 1, height_ratios=(height, 1.05 * max(1, len(rows))))
     axes = above.subplots(1, 1 + len(maps), squeeze=False)[0]
     axes[0].imshow(grey(picture), cmap="gray", vmin=0, vmax=1, interpolation="nearest")
     axes[0].set_title("what it sees", fontsize=11)
@@ -153,8 +155,11 @@ def look(
 
 def draw_saliency(looked: list[Looked]) -> Figure:
     """Draw each state large: the picture, the gradient, that of an untrained network, occlusion."""
-    drawn = figure(3.35 * len(looked) + 0.7)
-    axes = drawn.subplots(len(looked), 4, squeeze=False)
+    count = len(looked)
+    drawn = figure(3.02 * count + 0.9)
+    # The last row is of the scales.
+    places = drawn.add_gridspec(count + 1, 4, height_ratios=[*[1.0] * count, 0.05])
+    axes = np.array([[drawn.add_subplot(places[k, column]) for column in range(4)] for k in range(count)])
     heads = ("what it sees", "gradient", "gradient, untrained (control)", "occlusion")
     most = max(float(np.abs(one.fall).max()) for one in looked) or 1.0
     for row, one in zip(axes, looked, strict=True):
@@ -170,12 +175,12 @@ def draw_saliency(looked: list[Looked]) -> Figure:
             bare(axis)
     for axis, head in zip(axes[0], heads, strict=True):
         axis.set_title(head, fontsize=12)
-    drawn.colorbar(
-        slope, ax=list(axes[:, 1:3].flatten()), orientation="horizontal", shrink=0.5, aspect=40, pad=0.02
-    ).set_label("share of the largest (99.8th percentile) of that picture", fontsize=10)
-    drawn.colorbar(
-        fall, ax=list(axes[:, 3]), orientation="horizontal", shrink=0.9, aspect=25, pad=0.02
-    ).set_label("fall of the action's advantage, in Q", fontsize=10)
+    for place, image, label in (
+        (places[count, 1:3], slope, "share of the largest (99.8th percentile) of that picture"),
+        (places[count, 3], fall, "fall of the action's advantage, in Q"),
+    ):
+        bar = drawn.colorbar(image, cax=drawn.add_subplot(place), orientation="horizontal")
+        bar.set_label(label, fontsize=10)
     return drawn
 
 
@@ -186,13 +191,23 @@ def outline(axis: Axes, picture: Floats) -> None:
     axis.contour(lines, levels=[0.5], colors="#000000", linewidths=0.7)
 
 
-def moments(network: DuelingNetwork, draw: Rasteriser, states: Tensor) -> tuple[Tensor, list[str]]:
+def moments(
+    network: DuelingNetwork, world: World, draw: Rasteriser, states: Tensor
+) -> tuple[Tensor, list[str]]:
     """Take the states at a sixth, a half and five sixths of an episode [T + 1, 4], and name them.
 
     Fixed shares of the way, so that nobody chooses the pictures that look best.
     """
     places = [round((len(states) - 1) * share) for share in (1 / 6, 1 / 2, 5 / 6)]
     actions = choose(network, draw(states[places])).tolist()
-    return states[places], [
-        f"step {place}, action {action + 1}" for place, action in zip(places, actions, strict=True)
+    titles = [
+        f"step {place}: {in_words(world, action)}" for place, action in zip(places, actions, strict=True)
     ]
+    return states[places], titles
+
+
+def in_words(world: World, action: int) -> str:
+    """Say what an action does."""
+    speed, turn = world.actions[action]
+    side = "port" if turn > 0 else "starboard"
+    return f"{speed:g} m/s, " + (f"{abs(np.degrees(turn)):.1f}°/s to {side}" if turn else "straight on")

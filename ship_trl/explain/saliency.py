@@ -36,7 +36,7 @@ class Erased:
 
 
 def things(case: Case, world: World, draw: Rasteriser, states: Tensor) -> list[Erased]:
-    """Erase the line to the goal, each target ship, and all target ships from the pictures of states [N, 4]."""
+    """Erase the line to the goal, each target ship, and all of them from the pictures of states [N, 4]."""
     whole = draw(states)
     colour = draw.channels == 3
 
@@ -76,6 +76,16 @@ def advantage(network: DuelingNetwork, pixels: Tensor, action: Tensor) -> Tensor
     return q.gather(1, action[:, None])[:, 0] - q.mean(1)
 
 
+@torch.no_grad()
+def moved(network: DuelingNetwork, pixels: Tensor, other: Tensor) -> float:
+    """Compute how far other pictures move the advantages, over how far they vary between the pictures.
+
+    Both are root mean squares over pictures and actions: pixels and other [N, C, 84, 84].
+    """
+    before, after = (q - q.mean(1, keepdim=True) for q in (network(pixels), network(other)))
+    return float(((after - before) ** 2).mean().sqrt() / before.std(0).square().mean().sqrt())
+
+
 def gradient(network: DuelingNetwork, pixels: Tensor) -> Tensor:
     """Compute how strongly the chosen action's advantage answers to each pixel (Simonyan et al. 2014).
 
@@ -90,10 +100,10 @@ def gradient(network: DuelingNetwork, pixels: Tensor) -> Tensor:
 
 @torch.no_grad()
 def occlusion(network: DuelingNetwork, picture: Tensor, background: Tensor) -> Tensor:
-    """Compute how far the chosen action's advantage falls when a square shows the sea alone (Zeiler, Fergus 2014).
+    """Compute how far the chosen action's advantage falls when a square is hidden (Zeiler, Fergus 2014).
 
-    The square shows what is there without line and ships, so that the picture stays one that could be; where
-    nothing is drawn nothing can change.
+    The square shows what is there without line and ships, so that it has no edges of its own; where nothing
+    is drawn nothing can change.
 
     Args:
         network: whose advantage.
@@ -101,7 +111,7 @@ def occlusion(network: DuelingNetwork, picture: Tensor, background: Tensor) -> T
         background: the picture without line and ships, of the same shape.
 
     Returns:
-        The fall with the square around each pixel, in Q: float [84, 84]; below zero where the advantage rises.
+        The fall with the square around each pixel, in Q: float [84, 84]; below zero where it rises.
     """
     side, half = picture.shape[-1], PATCH // 2
     covered = picture.repeat(side * side, 1, 1, 1)

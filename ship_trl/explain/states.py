@@ -1,4 +1,4 @@
-"""The states on which networks are looked at, split by whole episodes, and what there is to be read from them."""
+"""The states on which networks are looked at, split by whole episodes, and what is to be read from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ from ship_trl.sim.transition import Transition
 STATES_PER_EPISODE = 10
 # Steps that an episode is sailed from its shifted start.
 LENGTH = 30
-# The start is shifted by up to so many metres on each axis, and turned by up to so many radians.
+# An episode starts anywhere on the way from start to goal but its last part, shifted by up to so many
+# metres on each axis, and turned by up to so many radians.
+ON_THE_WAY = 0.8
 SHIFT, TURN = 300.0, math.pi / 2
 # Random actions are held for so many steps, for a ship that turns to and fro goes straight on.
 HOLD = 5
@@ -87,7 +89,7 @@ def draw_states(
     episodes: int,
     generator: Generator,
 ) -> StateSet:
-    """Sail episodes from shifted starts, half of them at random, and take some states of each.
+    """Sail episodes from anywhere around the way to the goal, half of them at random, and take some states of each.
 
     Args:
         case: where.
@@ -140,9 +142,10 @@ def sail(
 ) -> list[tuple[Tensor, bool]]:
     """Sail `count` episodes at once; returns the states of each that is long enough, and if it is random."""
     motion = Transition(case, world, torch.device("cpu"))
+    along = ON_THE_WAY * torch.rand(count, 1, generator=generator)
     shift = 2.0 * torch.rand(count, 3, generator=generator) - 1.0
     state = motion.start.repeat(count, 1)
-    state[:, :2] += SHIFT * shift[:, :2]
+    state[:, :2] += along * (motion.goal - motion.start[:2]) + SHIFT * shift[:, :2]
     state[:, HEADING] += TURN * shift[:, 2]
     latest = max(0, world.max_steps - LENGTH)
     state[:, STEP] = torch.randint(latest + 1, (count,), generator=generator).float()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.measure import CKARow, Measured, ProbeRow, Role
+from ship_trl.explain.measure import CKARow, ErasedRow, Measured, ProbeRow, Role
 
 # What is alike to this is not told apart from 1.
 SAME = 0.9995
@@ -38,7 +38,7 @@ def listed(names: list[str]) -> str:
 
 
 def of_explained(measured: Measured) -> list[ProbeRow]:
-    """Readings of the explained network."""
+    """Take the readings of the explained network."""
     return [row for row in measured.probes if row.network == measured.explained.name]
 
 
@@ -182,7 +182,7 @@ def on_change(measured: Measured) -> Answer:
         )
     verdicts: dict[str, list[str]] = {"less": [], "more": [], "about as much": []}
     change: dict[str, Estimate] = {}
-    long, arms = [], ""
+    long, arms, count = [], "", 0
     for layer in measured.layers:
         (kept,) = pairs(measured, Role.explained, Role.before, layer)
         change[layer] = kept.cka
@@ -190,7 +190,9 @@ def on_change(measured: Measured) -> Answer:
         words = f"{layer}: CKA of before and after {number(kept.cka)}"
         if others:
             values = [row.cka.value for row in others]
-            less, more = kept.cka.low > max(values), kept.cka.high < min(values)
+            count = len(values)
+            less = kept.cka.low > max(row.cka.high for row in others)
+            more = kept.cka.high < min(row.cka.low for row in others)
             verdict = "less" if less else "more" if more else "about as much"
             verdicts[verdict].append(layer)
             spread = f"{min(values):.2f}" if len(values) == 1 else f"{min(values):.2f} to {max(values):.2f}"
@@ -209,10 +211,16 @@ def on_change(measured: Measured) -> Answer:
             for verdict, names in verdicts.items()
             if names
         ]
-        short += f" Beside networks of the arm {arms} and other seeds, training changed {'; '.join(told)}."
+        beside = "two networks" if count == 1 else f"{count} pairs of networks"
+        short += f" Beside {beside} of the arm {arms} and other seeds, training changed {'; '.join(told)}."
     else:
         short += " No two networks of one arm and other seeds were given, so nothing says how much that is."
     return Answer(question, short, long)
+
+
+def sizes(row: ErasedRow) -> tuple[float, float, float]:
+    """Take what a row of a thing erased measures."""
+    return row.changed.value, row.moved, row.gradient
 
 
 def on_actions(measured: Measured) -> Answer:
@@ -226,15 +234,15 @@ def on_actions(measured: Measured) -> Answer:
     )
     long = []
     for row in rows:
-        blank = [
-            r.changed.value for r in measured.erased if r.thing == row.thing and r.role == Role.untrained
-        ]
+        control = [r for r in measured.erased if r.thing == row.thing and r.role == Role.untrained]
         apart = "more" if above(row.over_untrained) else "less" if below(row.over_untrained) else None
         verdict = f"{apart} often than" if apart else "as often as"
+        blank = [float(np.mean(each)) for each in zip(*map(sizes, control), strict=True)]
         long.append(
             f"{row.thing.capitalize()} erased: another action in {percent(row.changed)} of {row.states} states, "
-            f"{verdict} in untrained networks ({np.mean(blank):.0%}). Its pixels have {row.gradient:.1f} times the "
-            "gradient of a mean pixel."
+            f"{verdict} in untrained networks ({blank[0]:.0%}). The advantages move by {row.moved:.2f} of how "
+            f"they vary from state to state (untrained {blank[1]:.2f}), and its pixels have {row.gradient:.1f} "
+            f"times the gradient of a mean pixel (untrained {blank[2]:.1f})."
         )
     return Answer(question, short, long)
 

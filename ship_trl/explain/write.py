@@ -13,7 +13,7 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.evaluate import Entry
-from ship_trl.explain import figures, pictures
+from ship_trl.explain import captions, figures, pictures
 from ship_trl.explain.measure import Measured, cast, measure
 from ship_trl.explain.networks import Subject, load_subjects, untrained
 from ship_trl.explain.page import Drawn, render, write_figure, write_table
@@ -58,7 +58,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     measured = measure(shown, drawn, erased, seed, say)
     env = ShipEnv(case, world, 1, colour=colour)
     sailed = rollout(env, greedy_policy(network, draw))[0]
-    states, titles = pictures.moments(network, draw, sailed.states)
+    states, titles = pictures.moments(network, world, draw, sailed.states)
     looked = pictures.look(network, shown[-1].network, draw, states, titles)
     said = answers(measured)
     output.mkdir(parents=True, exist_ok=True)
@@ -138,24 +138,29 @@ def draw_all(
     network = measured.explained.network
     made = []
     for name, title, caption, figure in (
-        ("probes", "What can be read from each layer", PROBES, figures.draw_probes(measured)),
-        ("change", "What training changed, layer by layer", CHANGE, figures.draw_change(measured)),
-        ("matrix", "Every two networks, layer by layer", MATRIX, figures.draw_matrix(measured)),
-        ("erased", "What moves the chosen action: things erased", ERASED, figures.draw_erased(measured)),
+        ("probes", "What can be read from each layer", captions.PROBES, figures.draw_probes(measured)),
+        ("change", "What training changed, layer by layer", captions.CHANGE, figures.draw_change(measured)),
+        ("matrix", "Every two networks, layer by layer", captions.MATRIX, figures.draw_matrix(measured)),
+        (
+            "erased",
+            "What moves the chosen action: things erased",
+            captions.ERASED,
+            figures.draw_erased(measured),
+        ),
         (
             "saliency",
             "What moves the chosen action: pixel by pixel",
-            SALIENCY,
+            captions.SALIENCY,
             pictures.draw_saliency(looked),
         ),
-        ("filters", "Filters of the first layer", FILTERS, pictures.draw_filters(measured)),
+        ("filters", "Filters of the first layer", captions.FILTERS, pictures.draw_filters(measured)),
         (
             "maps",
             "What each layer gives for one picture",
-            MAPS,
+            captions.MAPS,
             pictures.draw_maps(network, picture, spreads(network, drawn.pixels)),
         ),
-        ("states", "The states", STATES, figures.draw_places(entry.case, entry.world, drawn)),
+        ("states", "The states", captions.STATES, figures.draw_places(entry.case, entry.world, drawn)),
     ):
         made.append(Drawn(title, caption, write_figure(output / f"{name}.png", figure)))
     say(f"{len(made)} figures")
@@ -188,44 +193,3 @@ def about(
         "by_chance": max(1, round(0.025 * judged)),
         "command": command,
     }
-
-
-PROBES = (
-    "Ridge regression on what a layer gives, judged on held-out episodes; bars are 95 % intervals of the explained "
-    "network. A layer has features of its own only where its line is above both the dashed line (raw pixels) and "
-    "the dotted one (untrained networks). Below the first layer everything can still be seen, so that first layers "
-    "read well without training; the last ones must choose what they keep. Bearings are those from the bow."
-)
-CHANGE = (
-    "Debiased linear CKA on held-out states, with 95 % intervals (jackknife over episodes). Copied layers start at 1 "
-    "with the source by construction. A layer that training left as it was stays at 1 with itself before; one "
-    "below the band of other seeds changed by more than two seeds differ. The dotted line is what architecture and "
-    "picture alone make alike."
-)
-MATRIX = "Debiased linear CKA of all pairs on held-out states. Dark is unrelated, light is alike."
-ERASED = (
-    "The picture is drawn again without the thing. Left: how often the network then chooses another action, with "
-    "95 % intervals over episodes. Right: the mean gradient on the thing's pixels, 1 (dashed) being that of the "
-    "whole picture. Untrained networks are the control: they, too, see the picture change. A picture without the "
-    "line never occurs in training."
-)
-SALIENCY = (
-    "States at a sixth, a half and five sixths of the greedy episode. Gradient: how strongly the chosen action's "
-    "advantage answers to each pixel; one that looks like that of an untrained network shows the picture's edges "
-    "and not what was learned. Occlusion: how far the advantage falls when a square of 7 x 7 pixels around the "
-    "place shows the sea alone; orange speaks for the action, blue against it; where nothing is drawn it is zero by "
-    "construction. Actions are numbered as in table 1."
-)
-FILTERS = (
-    "Each square is a filter of conv1, 8 x 8 pixels in the paper's network. All panels have one scale. Filters that "
-    "look like those of an untrained network were hardly changed by training, and can serve all the same."
-)
-MAPS = (
-    "The picture of the middle state above, and what the layers give for it, after ReLU: of conv layers the 16 maps "
-    "that vary most over all states, each scaled by its own largest value; of the others every unit."
-)
-STATES = (
-    "Half of the episodes take random actions, half those of the explained network with a quarter of random ones, "
-    "from starts shifted by up to 300 m and turned by up to 90 degrees at any time, so that bearings and distances "
-    "do not follow from one another. Training and held-out states are of different episodes."
-)

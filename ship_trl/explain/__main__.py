@@ -66,9 +66,7 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
     found = find_entries(words, colour)
     entries = [e for e in found if e.policy in words or Path(e.policy).name != POLICY_LAST]
     if not entries:
-        raise ConfigError(
-            f"policy: {found[0].policy} is the last network of a result; its best one is missing"
-        )
+        raise ConfigError(f"policy: {found[0].policy} has no best network beside it")
     first = entries[0]
     for other in entries[1:]:
         if other.case.fingerprint != first.case.fingerprint:
@@ -77,9 +75,7 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
                 f"{other.case.name}; allowed: one, given as target=CASE"
             )
         if other.world != first.world or other.colour != first.colour:
-            raise ConfigError(
-                f"policy: {first.label} and {other.label} are of different worlds or colours; allowed: the same"
-            )
+            raise ConfigError(f"policy: {first.label} and {other.label} are of different worlds or colours")
     return entries
 
 

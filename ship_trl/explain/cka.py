@@ -2,9 +2,9 @@
 
 Linear CKA (Kornblith, Norouzi, Lee and Hinton 2019, Similarity of Neural Network Representations Revisited)
 is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)) with K = X X' and L = Y Y' of the activations X [N, P], Y [N, Q].
-It is 1 where Y is X turned and scaled. Here HSIC is the unbiased estimator (Song et al. 2012, Feature Selection
-via Dependence Maximization): with more features than states, as in the first layers, the biased one calls
-independent noise alike.
+It is 1 where Y is X turned and scaled. Here HSIC is the unbiased estimator (Song et al. 2012, Feature
+Selection via Dependence Maximization): with more features than states, as in the first layers, the biased one
+calls independent noise alike.
 """
 
 from __future__ import annotations

@@ -12,15 +12,17 @@ from matplotlib.lines import Line2D
 
 from ship_trl.config import World
 from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.measure import PIXELS, Measured, Role
-from ship_trl.explain.states import StateSet
+from ship_trl.explain.measure import PIXELS
+from ship_trl.explain.rows import Measured, Role
+from ship_trl.explain.states import Bools, StateSet
 from ship_trl.explain.words import pairs, seeds
 from ship_trl.sim.cases import Case
 
+Look = dict[str, Any]
 # Inches across, and dots an inch: a page shows it at 1,200 pixels, so that 9 points are 12 pixels.
 WIDTH, DPI = 12.0, 150
 # Okabe and Ito's colours, which are told apart without colour vision; shapes and dashes do it in print.
-LOOKS: dict[Role, dict[str, Any]] = {
+LOOKS: dict[Role, Look] = {
     Role.explained: {"color": "#000000", "marker": "o", "linestyle": "-", "linewidth": 2.2, "markersize": 8},
     Role.before: {"color": "#D55E00", "marker": "^", "linestyle": "--", "linewidth": 1.6, "markersize": 7},
     Role.source: {"color": "#0072B2", "marker": "s", "linestyle": "-.", "linewidth": 1.6, "markersize": 6},
@@ -33,8 +35,8 @@ LABELS = {
     Role.beside: "other networks named",
     Role.untrained: "untrained networks (control)",
 }
-PIXEL_LOOK = {"color": "#E69F00", "linestyle": (0, (6, 2)), "linewidth": 2.0}
-SHUFFLED_LOOK = {"color": "#666666", "marker": "+", "linestyle": "none", "markersize": 7}
+PIXEL_LOOK: Look = {"color": "#E69F00", "linestyle": (0, (6, 2)), "linewidth": 2.0}
+SHUFFLED_LOOK: Look = {"color": "#666666", "marker": "+", "linestyle": "none", "markersize": 7}
 # R^2 below this is drawn here.
 LEAST_R2 = -0.15
 
@@ -111,7 +113,7 @@ def draw_change(measured: Measured) -> Figure:
     axis = drawn.subplots()
     x = np.arange(len(measured.layers))
     name = measured.explained.name
-    lines: list[tuple[str, Role, Role, dict[str, Any]]] = [
+    lines: list[tuple[str, Role, Role, Look]] = [
         (f"{name}: before and after training", Role.before, Role.explained, LOOKS[Role.explained]),
         ("source and network before training", Role.source, Role.before, LOOKS[Role.before]),
         ("source and network after training", Role.source, Role.explained, LOOKS[Role.source]),
@@ -155,11 +157,11 @@ def draw_matrix(measured: Measured) -> Figure:
     """CKA of every two networks, a square a layer."""
     names = [one.name for one in measured.shown]
     count = len(names)
-    across = 3 if count <= 8 else 2
+    across = 3 if count <= 10 else 2
     down = -(-(len(measured.layers) + 1) // across)
     drawn = figure(down * WIDTH / across * 0.94)
     axes = drawn.subplots(down, across, squeeze=False).flatten()
-    size = 10 if count <= 6 else 9 if count <= 9 else 8
+    size = 10 if count <= 6 else 9 if count <= 8 else 8
     for axis, layer in zip(axes, measured.layers, strict=False):
         values = np.eye(count)
         for row in measured.alike:
@@ -225,14 +227,16 @@ def draw_places(case: Case, world: World, drawn: StateSet) -> Figure:
     axes: Sequence[Axes] = found.subplots(1, 2)
     at = drawn.states.numpy()
     goal = [q for q in drawn.quantities if q.thing == "the goal"]
-    parts = (
+    parts: tuple[tuple[str, Bools, Look], ...] = (
         ("probes are fitted on", ~drawn.held_out, {"color": "#56B4E9", "marker": "o", "s": 9}),
         ("held out", drawn.held_out, {"color": "#D55E00", "marker": "x", "s": 16, "linewidths": 0.9}),
     )
     for name, part, look in parts:
         axes[0].scatter(at[part, 0], at[part, 1], label=f"{name} ({int(part.sum())})", **look)
-    axes[0].scatter(*case.start, color="#000000", marker="s", s=60, label="start of the case", zorder=3)
-    axes[0].scatter(*case.goal, color="#000000", marker="*", s=130, label="goal", zorder=3)
+    axes[0].scatter(
+        case.start[0], case.start[1], color="#000000", marker="s", s=60, label="start of the case", zorder=3
+    )
+    axes[0].scatter(case.goal[0], case.goal[1], color="#000000", marker="*", s=130, label="goal", zorder=3)
     for k, ship in enumerate(case.target_ships):
         course, way = np.radians(ship.heading), ship.speed * world.max_steps * world.dt
         end = (ship.x + way * np.cos(course), ship.y + way * np.sin(course))

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import pandas as pd
 from matplotlib.figure import Figure
 
-from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.measure import Measured, Role
+from ship_trl.explain.rows import Measured, Role
 from ship_trl.explain.words import Answer, layer_readings, number, pairs, percent, seeds
 from ship_trl.paths import replacing
 
@@ -33,28 +30,6 @@ def write_figure(path: Path, figure: Figure) -> Path:
     with replacing(path) as draft:
         figure.savefig(draft, format="png", metadata={"Software": None})
     return path
-
-
-def flat(row: Any) -> dict[str, Any]:
-    """Give a row as columns; an estimate is three of them."""
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(row):
-        value = getattr(row, field.name)
-        if isinstance(value, Estimate):
-            values |= {
-                field.name: value.value,
-                f"{field.name}_low": value.low,
-                f"{field.name}_high": value.high,
-            }
-        else:
-            values[field.name] = value
-    return values
-
-
-def write_table(path: Path, rows: Sequence[Any]) -> None:
-    """Write rows as CSV."""
-    with replacing(path) as draft:
-        pd.DataFrame([row if isinstance(row, dict) else flat(row) for row in rows]).to_csv(draft, index=False)
 
 
 def readings(measured: Measured) -> list[list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +15,7 @@ from torch import Tensor
 
 from ship_trl.config import World
 from ship_trl.explain.figures import figure
-from ship_trl.explain.measure import Measured, Role
+from ship_trl.explain.rows import Measured, Role
 from ship_trl.explain.saliency import choose, gradient, occlusion
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.render import Rasteriser
@@ -28,7 +29,7 @@ SIGNED = LinearSegmentedColormap.from_list("signed", ["#0072B2", "#F2F2F2", "#D5
 
 @dataclass(frozen=True)
 class Looked:
-    """Saliency of a state, each [84, 84]: the picture, gradients of network and control, fall by occlusion."""
+    """Saliency of a state, each [84, 84]: the picture, gradients of network and control, occlusion."""
 
     title: str
     picture: Floats
@@ -100,7 +101,8 @@ def draw_maps(network: DuelingNetwork, picture: Tensor, spread: dict[str, Tensor
     rows = [name for name in given if name not in maps]
     height = 11.0 / (1 + len(maps)) + 0.4
     drawn = figure(height + 1.05 * len(rows))
-    above, below = drawn.subfigures(2, 1, height_ratios=(height, 1.05 * max(1, len(rows))))
+    parts: Any = drawn.subfigures(2, 1, height_ratios=(height, 1.05 * max(1, len(rows))))
+    above, below = parts
     axes = above.subplots(1, 1 + len(maps), squeeze=False)[0]
     axes[0].imshow(grey(picture), cmap="gray", vmin=0, vmax=1, interpolation="nearest")
     axes[0].set_title("what it sees", fontsize=11)

@@ -1,8 +1,8 @@
 """Linear probes: how well a quantity can be read from a layer by ridge regression (Alain and Bengio 2016).
 
 A probe that reads well shows that a layer holds a quantity, not that training put it there: pixels hold it
-too, and so does a layer of random weights. So each probe stands beside one on raw pixels, one on the same layer
-of untrained networks, and one whose labels are shuffled.
+too, and so does a layer of random weights. So each probe stands beside one on raw pixels, one on the same
+layer of untrained networks, and one whose labels are shuffled.
 """
 
 from __future__ import annotations

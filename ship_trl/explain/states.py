@@ -89,7 +89,7 @@ def draw_states(
     episodes: int,
     generator: Generator,
 ) -> StateSet:
-    """Sail episodes from anywhere around the way to the goal, half of them at random, and take some states of each.
+    """Sail episodes from around the way to the goal, half of them at random, and take some states of each.
 
     Args:
         case: where.
@@ -112,7 +112,8 @@ def draw_states(
         if len(rows) >= episodes:
             break
     else:
-        raise ConfigError(f"target: in case {case.name} most episodes end before {STATES_PER_EPISODE} steps")
+        shortest = f"ends before {STATES_PER_EPISODE} steps"
+        raise ConfigError(f"target: case {case.name} cannot be looked at: nearly every episode {shortest}")
     states = torch.cat(rows[:episodes])
     order = torch.randperm(episodes, generator=generator).numpy()
     held, checked = np.zeros((2, episodes), dtype=bool)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.measure import CKARow, ErasedRow, Measured, ProbeRow, Role
+from ship_trl.explain.rows import CKARow, ErasedRow, Measured, ProbeRow, Role
 
 # What is alike to this is not told apart from 1.
 SAME = 0.9995
@@ -24,7 +24,8 @@ class Answer:
 
 def number(found: Estimate, digits: int = 2) -> str:
     """Write an estimate with its interval."""
-    return f"{found.value:.{digits}f} ({found.low:.{digits}f} to {found.high:.{digits}f})"
+    value, low, high = (f"{one:z.{digits}f}" for one in found)
+    return f"{value} ({low} to {high})"
 
 
 def percent(found: Estimate) -> str:
@@ -68,9 +69,10 @@ def on_probes(measured: Measured) -> Answer:
     question = "Can bearings and distances be read from the layers, and did training put them there?"
     both = [row for row in best if above(row.over_pixels) and above(row.over_untrained)]
     short = (
-        f"{len(both)} of {len(best)} quantities are read from their best layer better than from raw pixels and "
-        "from the same layer of untrained networks."
+        f"{len(both)} of {len(best)} quantities are read from their best layer better than from raw pixels "
+        "and better than from the same layer of untrained networks"
     )
+    short += f": the {listed([f'{row.quantity} ({row.layer})' for row in both])}." if both else "."
     long = []
     for row in best:
         better = [
@@ -93,7 +95,7 @@ def on_probes(measured: Measured) -> Answer:
 
 @dataclass(frozen=True)
 class LayerReading:
-    """A layer over all quantities: mean R² of the network and its controls, and how many are surely above."""
+    """A layer over all quantities: mean R² of the network and its controls, how many surely differ."""
 
     layer: str
     explained: float
@@ -146,9 +148,9 @@ def on_training(measured: Measured) -> Answer:
             f"untrained networks there, mean R² {most.explained:.2f} against {most.untrained:.2f}."
         )
     long = [
-        f"{row.layer}: mean R² {row.explained:.2f}, untrained {row.untrained:.2f}, pixels {row.pixels:.2f}; better "
-        f"than untrained in {row.above_untrained} and worse in {row.below_untrained} of {row.of} quantities, "
-        f"better than pixels in {row.above_pixels} and worse in {row.below_pixels}."
+        f"{row.layer}: mean R² {row.explained:.2f}, untrained {row.untrained:.2f}, pixels {row.pixels:.2f}; "
+        f"of {row.of} {row.above_untrained} better and {row.below_untrained} worse than untrained, "
+        f"{row.above_pixels} better and {row.below_pixels} worse than pixels."
         for row in rows
     ]
     return Answer(question, short, long)
@@ -163,7 +165,7 @@ def pairs(measured: Measured, first: Role, second: Role, layer: str) -> list[CKA
 
 
 def seeds(measured: Measured, layer: str) -> tuple[list[CKARow], str]:
-    """CKA of networks that were trained alike but for the seed, those of the explained one's arm if there are."""
+    """Find CKA of networks trained alike but for the seed, of the explained one's arm if there are."""
     alike = [row for row in measured.alike if row.layer == layer and row.alike]
     kin = measured.explained.kin
     own = {one.name for one in measured.shown if one.kin is not None and one.kin == kin}
@@ -200,7 +202,7 @@ def on_change(measured: Measured) -> Answer:
         long.append(words + ".")
     least = min(change, key=lambda layer: change[layer].value)
     same = [layer for layer in measured.layers if change[layer].value >= SAME]
-    short = f"{least} changed most, to a CKA of {number(change[least])} with itself before training."
+    short = f"Most of all {least}, to a CKA of {number(change[least])} with itself before training."
     if same:
         short += f" {listed(same)} stayed as {'it was' if len(same) == 1 else 'they were'}."
     if arms:
@@ -229,8 +231,8 @@ def on_actions(measured: Measured) -> Answer:
     rows = [row for row in measured.erased if row.network == measured.explained.name]
     most = max(rows, key=lambda row: row.changed.value)
     short = (
-        f"{most.thing.capitalize()}, most of all: erased, it changes the action in {percent(most.changed)} of the "
-        "states in which it is seen."
+        f"{most.thing.capitalize()}, most of all: erased, it changes the action in "
+        f"{percent(most.changed)} of the states in which it is seen."
     )
     long = []
     for row in rows:
@@ -239,10 +241,10 @@ def on_actions(measured: Measured) -> Answer:
         verdict = f"{apart} often than" if apart else "as often as"
         blank = [float(np.mean(each)) for each in zip(*map(sizes, control), strict=True)]
         long.append(
-            f"{row.thing.capitalize()} erased: another action in {percent(row.changed)} of {row.states} states, "
-            f"{verdict} in untrained networks ({blank[0]:.0%}). The advantages move by {row.moved:.2f} of how "
-            f"they vary from state to state (untrained {blank[1]:.2f}), and its pixels have {row.gradient:.1f} "
-            f"times the gradient of a mean pixel (untrained {blank[2]:.1f})."
+            f"{row.thing.capitalize()} erased: another action in {percent(row.changed)} of {row.states} "
+            f"states, {verdict} in untrained networks ({blank[0]:.0%}). The advantages move by "
+            f"{row.moved:.2f} of how they vary from state to state (untrained {blank[1]:.2f}), and its pixels "
+            f"have {row.gradient:.1f} times the gradient of a mean pixel (untrained {blank[2]:.1f})."
         )
     return Answer(question, short, long)
 
@@ -257,8 +259,8 @@ def on_filters(measured: Measured) -> Answer:
     ]
     outside = first.low > max(blank) or first.high < min(blank)
     short = (
-        f"{'Yes' if outside else 'Not by this measure'}: neighbouring weights of conv1 correlate by {number(first)}, "
-        f"those of untrained networks by {min(blank):.2f} to {max(blank):.2f}."
+        f"{'Yes' if outside else 'Not by this measure'}: neighbouring weights of conv1 correlate by "
+        f"{number(first)}, those of untrained networks by {min(blank):z.2f} to {max(blank):z.2f}."
     )
     long = []
     for row in rows:

@@ -8,18 +8,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Generator, Tensor
 
 from ship_trl.evaluate import Entry
 from ship_trl.explain import captions, figures, pictures
-from ship_trl.explain.measure import Measured, cast, measure
+from ship_trl.explain.measure import cast, measure
 from ship_trl.explain.networks import Subject, load_subjects, untrained
-from ship_trl.explain.page import Drawn, render, write_figure, write_table
+from ship_trl.explain.page import Drawn, render, write_figure
+from ship_trl.explain.rows import Measured
 from ship_trl.explain.saliency import choose, things
 from ship_trl.explain.states import StateSet, draw_states
-from ship_trl.explain.words import answers, listed
+from ship_trl.explain.tables import write_tables
+from ship_trl.explain.words import answers, listed, seeds
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
@@ -62,60 +63,15 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     looked = pictures.look(network, shown[-1].network, draw, states, titles)
     said = answers(measured)
     output.mkdir(parents=True, exist_ok=True)
-    tables(output, measured, drawn, looked)
-    made = draw_all(entries[0], measured, drawn, looked, draw(states[1:2])[0], output, say)
+    middle = draw(states[1:2])[0]
+    write_tables(output, measured, drawn, looked, middle)
+    made = draw_all(entries[0], measured, drawn, looked, middle, output, say)
     page = render(measured, said, made, about(entries[0], subjects[0], drawn, measured, command))
     with replacing(output / PAGE) as draft:
         draft.write_text(page)
     for answer in said:
         sys.stdout.write(f"{answer.question}\n  {answer.short}\n")
     sys.stdout.write(f"{output / PAGE}\n")
-
-
-def tables(output: Path, measured: Measured, drawn: StateSet, looked: list[pictures.Looked]) -> None:
-    """Write the numbers behind the figures."""
-    for name, rows in (
-        ("probes", measured.probes),
-        ("cka", measured.alike),
-        ("layers", measured.by_layer),
-        ("erased", measured.erased),
-    ):
-        write_table(output / f"{name}.csv", rows)
-    columns: dict[str, Any] = dict(zip(("x", "y", "heading", "step"), drawn.states.numpy().T, strict=True))
-    columns |= {"episode": drawn.episode, "held_out": drawn.held_out, "random": drawn.random}
-    for quantity in drawn.quantities:
-        parts = ("sin", "cos") if quantity.kind == "bearing" else ("m",)
-        for part, values in zip(parts, quantity.values.T, strict=True):
-            columns[f"{quantity.name}, {part}"] = np.where(quantity.seen, values, np.nan)
-    write_table(
-        output / "states.csv",
-        [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
-    )
-    write_table(
-        output / "saliency.csv",
-        [
-            {
-                "state": one.title,
-                "row": row,
-                "column": column,
-                "gradient": one.gradient[row, column],
-                "gradient_untrained": one.control[row, column],
-                "occlusion": one.fall[row, column],
-            }
-            for one in looked
-            for row, column in np.ndindex(*one.fall.shape)
-        ],
-    )
-    write_table(
-        output / "filters.csv",
-        [
-            {"network": one.name, "filter": f, "channel": c, "row": y, "column": x, "weight": value}
-            for one in measured.shown
-            for (f, c, y, x), value in np.ndenumerate(
-                one.network.get_parameter("conv1.weight").detach().numpy()
-            )
-        ],
-    )
 
 
 def spreads(network: DuelingNetwork, pixels: Tensor) -> dict[str, Tensor]:
@@ -180,8 +136,11 @@ def about(
         if not subject.frozen:
             fate = "left to train; before training their CKA with the source is 1 by construction"
         assert result is not None
-        origin += f" Of its source, trained on case {result.source}, {listed(list(subject.copied))} were copied and {fate}."
-    judged = sum(row.network == measured.explained.name for row in measured.probes)
+        names = listed(list(subject.copied))
+        origin += f" Of its source, trained on case {result.source}, {names} were copied and {fate}."
+    # With pixels and with untrained networks.
+    judged = 2 * sum(row.network == measured.explained.name for row in measured.probes)
+    _, arms = seeds(measured, measured.layers[0])
     return {
         "case": entry.case.name,
         "origin": origin,
@@ -191,5 +150,6 @@ def about(
         "judged": judged,
         # One end of a 95 % interval.
         "by_chance": max(1, round(0.025 * judged)),
+        "arms": f" of {arms}" if arms else "",
         "command": command,
     }

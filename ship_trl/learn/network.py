@@ -114,7 +114,7 @@ class DuelingNetwork(nn.Module):
         The conv layers are [B, filters, side, side] each, from the image on, and `shared` is [B, hidden].
         """
         x = self._first(pixels)
-        found = {}
+        found: dict[str, Tensor] = {}
         for name, conv in zip(self.conv_names, self.convs, strict=True):
             x = F.relu(conv(x) if found else x)
             found[name] = x

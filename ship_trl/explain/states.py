@@ -34,7 +34,7 @@ EXPLORE = 0.25
 # Shares of the episodes: probes are fitted on the rest, their penalty is chosen on the second.
 HELD_OUT, CHECKED = 1 / 3, 1 / 6
 # With less of them in view there is nothing to judge a probe by.
-LEAST_EPISODES = 10
+LEAST_EPISODES = 5
 MOST_BATCHES = 20
 
 Bools = NDArray[np.bool_]

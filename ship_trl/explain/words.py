@@ -243,8 +243,8 @@ def on_actions(measured: Measured) -> Answer:
         long.append(
             f"{row.thing.capitalize()} erased: another action in {percent(row.changed)} of {row.states} "
             f"states, {verdict} in untrained networks ({blank[0]:.0%}). The advantages move by "
-            f"{row.moved:.2f} of how they vary from state to state (untrained {blank[1]:.2f}), and its pixels "
-            f"have {row.gradient:.1f} times the gradient of a mean pixel (untrained {blank[2]:.1f})."
+            f"{row.moved:.2f} of how they vary from state to state (untrained {blank[1]:.2f}), and its "
+            f"pixels have {row.gradient:.1f} times the gradient of a mean pixel (untrained {blank[2]:.1f})."
         )
     return Answer(question, short, long)
 

@@ -47,6 +47,8 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
 
     case, world, colour = entries[0].case, entries[0].world, entries[0].colour
     subjects = load_subjects(entries)
+    # At once: what cannot be written need not be computed.
+    output.mkdir(parents=True, exist_ok=True)
     network = subjects[0].network
     say(f"{len(subjects)} networks, case {case.name}")
     # A stream for each purpose.
@@ -62,7 +64,6 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     states, titles = pictures.moments(network, world, draw, sailed.states)
     looked = pictures.look(network, shown[-1].network, draw, states, titles)
     said = answers(measured)
-    output.mkdir(parents=True, exist_ok=True)
     middle = draw(states[1:2])[0]
     write_tables(output, measured, drawn, looked, middle)
     made = draw_all(entries[0], measured, drawn, looked, middle, output, say)

@@ -91,3 +91,17 @@ def test_it_goes_on_from_what_its_frozen_layers_gave(name: str) -> None:
                 net.freeze(layers)
                 kept = x.permute(0, 2, 3, 1).flatten(1)
                 torch.testing.assert_close(net(kept), plain_forward(net, images), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", [*NETWORKS, *ODD])
+def test_activations_are_what_the_next_layer_reads(name: str) -> None:
+    net = networks.network(name)
+    images = pixels(4)
+    given = net.activations(images)
+    assert list(given) == [*net.conv_names, "shared"]
+    for conv, layer in zip(net.conv_names, net.geometry, strict=True):
+        assert given[conv].shape == (4, layer.filters, layer.side, layer.side)
+        assert bool((given[conv] >= 0).all())
+    advantage = net.advantage(given["shared"])
+    q = net.value(given["shared"]) + advantage - advantage.mean(1, keepdim=True)
+    torch.testing.assert_close(q, net(images), rtol=1e-5, atol=5e-6)

@@ -172,11 +172,12 @@ def neighbours(weight: Tensor, generator: np.random.Generator) -> Estimate:
     across, down = values[..., 1:] * values[..., :-1], values[..., 1:, :] * values[..., :-1, :]
     pairs = 0.5 * (across.mean((1, 2, 3)) + down.mean((1, 2, 3)))
     both = torch.stack((pairs, (values**2).mean((1, 2, 3))), 1).numpy()
-    sums = resamples(len(both), generator) @ both
     whole = both.sum(0)
-    # Filters without any weight vary in nothing.
-    value = float(whole[0] / whole[1]) if whole[1] > 0 else math.nan
-    return interval(value, sums[:, 0] / sums[:, 1])
+    if whole[1] == 0:
+        # Filters that are the same everywhere have no neighbours to speak of.
+        return Estimate(math.nan, math.nan, math.nan)
+    sums = resamples(len(both), generator) @ both
+    return interval(float(whole[0] / whole[1]), sums[:, 0] / sums[:, 1])
 
 
 def erased_rows(

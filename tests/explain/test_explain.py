@@ -124,7 +124,9 @@ def test_the_network_before_training_is_the_one_that_training_began_with(
     (first,) = load_subjects(choose_entries(["runs/1/scratch/seed=0"], False))
     assert first.before is not None and first.source is None and first.copied == ()
     drawn = untrained(first.network, Generator().manual_seed(0))
-    assert len({float(one.conv1.weight.detach().sum()) for one in (first.before, *drawn)}) == 1 + len(drawn)
+    assert len(
+        {float(one.get_parameter("conv1.weight").detach().sum()) for one in (first.before, *drawn)}
+    ) == 1 + len(drawn)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:

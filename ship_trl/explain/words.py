@@ -148,9 +148,9 @@ def on_training(measured: Measured) -> Answer:
             f"untrained networks there, mean R² {most.explained:.2f} against {most.untrained:.2f}."
         )
     long = [
-        f"{row.layer}: mean R² {row.explained:.2f}, untrained {row.untrained:.2f}, pixels {row.pixels:.2f}; "
-        f"of {row.of} {row.above_untrained} better and {row.below_untrained} worse than untrained, "
-        f"{row.above_pixels} better and {row.below_pixels} worse than pixels."
+        f"{row.layer}: mean R² {row.explained:.2f}, untrained {row.untrained:.2f}, pixels {row.pixels:.2f}. "
+        f"Of {row.of} quantities, {row.above_untrained} are read better and {row.below_untrained} worse than "
+        f"from untrained networks, {row.above_pixels} better and {row.below_pixels} worse than from pixels."
         for row in rows
     ]
     return Answer(question, short, long)
@@ -270,9 +270,9 @@ def on_filters(measured: Measured) -> Answer:
     long = []
     for row in rows:
         words = (
-            f"{row.layer}: {row.silent} of {row.filters} filters or units fire on no state; the others and "
+            f"{row.layer}: {row.silent} of {row.filters} filters or units fire on no state, and the mean one "
         )
-        words += f"they fire in {row.active:.0%} of all places and states"
+        words += f"fires in {row.active:.0%} of places and states"
         if row.changed is not None:
             words += f"; training moved its weights by {row.changed:.0%} of their norm"
         long.append(words + ".")

@@ -83,7 +83,7 @@ def test_a_filter_that_never_fires_is_silent() -> None:
     drawn = some_states()
     net = network("single")
     with torch.no_grad():
-        net.conv1.bias[0] = -1e6
+        net.get_parameter("conv1.bias")[0] = -1e6
     shown = cast([Subject("mine", net)], untrained(net, Generator().manual_seed(1)))
     held = drawn.states[torch.from_numpy(drawn.held_out)]
     erased = things(case_of(), load_world(), Rasteriser(case_of(), load_world()), held)

@@ -60,15 +60,13 @@ def bars(axis: Axes, x: float, found: Estimate, colour: str) -> None:
 def draw_probes(measured: Measured) -> Figure:
     """R^2 of each quantity by layer, of every network and control."""
     quantities = list(dict.fromkeys(row.quantity for row in measured.probes))
-    columns = max(2, (len(quantities) + 1) // 2)
-    drawn = figure(7.4)
-    axes = drawn.subplots(2, columns, sharex=True, sharey=True, squeeze=False)
-    # Bearings above, distances below.
-    order = (
-        [q for q in quantities if q.startswith("bearing")],
-        [q for q in quantities if q.startswith("distance")],
-    )
-    for side, names in zip(axes, order, strict=True):
+    # Bearings above, distances below; of a case without ships side by side.
+    bearings, distances = ([q for q in quantities if q.startswith(kind)] for kind in ("bearing", "distance"))
+    columns = max(len(bearings), len(distances))
+    rows = [bearings, distances] if columns > 1 else [bearings + distances]
+    drawn = figure(1.0 + 3.2 * len(rows))
+    axes = drawn.subplots(len(rows), max(2, columns), sharex=True, sharey=True, squeeze=False)
+    for side, names in zip(axes, rows, strict=True):
         for axis, name in zip(side, names, strict=False):
             panel(axis, measured, name)
         for axis in side[len(names) :]:
@@ -191,7 +189,7 @@ def draw_matrix(measured: Measured) -> Figure:
 def draw_erased(measured: Measured) -> Figure:
     """How often the action is another one with a thing erased, and how large the gradient on it is."""
     names = list(dict.fromkeys(row.thing for row in measured.erased))
-    drawn = figure(1.1 + 1.05 * len(names))
+    drawn = figure(1.3 + 1.05 * len(names))
     axes = drawn.subplots(1, 3, sharey=True)
     offsets = np.linspace(-0.3, 0.3, len(measured.shown))
     for one, offset in zip(measured.shown, offsets, strict=True):
@@ -203,7 +201,7 @@ def draw_erased(measured: Measured) -> Figure:
             axes[1].plot(row.moved, k + offset, **look)
             axes[2].plot(row.gradient, k + offset, **look)
     axes[0].set_yticks(range(len(names)), names, fontsize=11)
-    axes[0].invert_yaxis()
+    axes[0].set_ylim(len(names) - 0.55, -0.45)
     axes[0].set_xlabel("erased: share of states\nwith another action", fontsize=11)
     axes[0].set_xlim(-0.03, 1.0)
     axes[1].set_xlabel("erased: advantages move, over how\nthey vary between states", fontsize=11)
@@ -211,7 +209,7 @@ def draw_erased(measured: Measured) -> Figure:
     axes[2].axvline(1.0, color="#666666", linestyle="--", linewidth=1)
     for axis in axes:
         if axis is not axes[0]:
-            axis.set_xlim(left=0)
+            axis.set_xlim(0, 1.06 * axis.get_xlim()[1])
         axis.spines[["top", "right"]].set_visible(False)
         axis.grid(axis="x", color="#8888", linewidth=0.5)
     present = [role for role in LABELS if measured.role(role)]

@@ -259,10 +259,10 @@ def on_filters(measured: Measured) -> Answer:
     question = "Do the filters of the first layer differ from drawn weights?"
     rows = [row for row in measured.by_layer if row.network == measured.explained.name]
     first = next(row.neighbours for row in rows if row.neighbours is not None)
-    blank = [
-        row.neighbours.value for row in measured.by_layer if row.role == Role.untrained and row.neighbours
-    ]
-    outside = first.low > max(blank) or first.high < min(blank)
+    drawn = [row.neighbours for row in measured.by_layer if row.role == Role.untrained and row.neighbours]
+    blank = [one.value for one in drawn]
+    # Both have an interval: of three untrained networks one may lie far out by chance.
+    outside = first.low > max(one.high for one in drawn) or first.high < min(one.low for one in drawn)
     short = (
         f"{'Yes' if outside else 'Not by this measure'}: neighbouring weights of conv1 correlate by "
         f"{number(first)}, those of untrained networks by {min(blank):z.2f} to {max(blank):z.2f}."

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
 
+# What a table shows of a return; a claim that is farther off than this is another one.
+SHOWN = 0.05
+
 
 @dataclass(frozen=True)
 class Entry:

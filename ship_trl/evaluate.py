@@ -15,15 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError
-from ship_trl.entries import Entry, find_entries, sail
+from ship_trl.entries import SHOWN, Entry, find_entries, sail
 from ship_trl.pretrained import PRETRAINED
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
 
 HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m", "steps", "claimed")
-# What a table shows of a return; a claim that is farther off than this is another one.
-SHOWN = 0.05
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -44,7 +44,7 @@ ALLOWED = {
     "play": SIM | {"cli", "demonstrations", "run", "viewer", "watch"},
     "watch": SIM | {"cli", "entries", "run", "viewer"},
     "record": SIM | {"cli", "entries", "run", "view", "viewer"},
-    "explain": SIM | {"architecture", "cli", "evaluate", "learn", "policies", "result", "run", "transfer"},
+    "explain": SIM | {"architecture", "cli", "entries", "learn", "policies", "result", "run", "transfer"},
     "bench": SIM | {"architecture", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run"},
     "__init__": SIM | {"learn", "policies", "pretrained"},

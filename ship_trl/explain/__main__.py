@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ship_trl.cli import complain, explain_file, make_parser
 from ship_trl.config import ConfigError
-from ship_trl.evaluate import Entry, find_entries
+from ship_trl.entries import Entry, find_entries
 from ship_trl.transfer.casebase import POLICY_LAST
 
 LEAST_EPISODES = 60

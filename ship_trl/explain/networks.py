@@ -16,7 +16,7 @@ from yaml import YAMLError
 from ship_trl.architecture import load_network
 from ship_trl.cli import complain
 from ship_trl.config import Config, ConfigError, Method, explain, plain
-from ship_trl.evaluate import SHOWN, Entry
+from ship_trl.entries import SHOWN, Entry
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.evaluate import Entry
+from ship_trl.entries import Entry
 from ship_trl.explain import captions, figures, pictures
 from ship_trl.explain.measure import cast, measure
 from ship_trl.explain.networks import Subject, load_subjects, untrained

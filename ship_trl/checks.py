@@ -6,6 +6,7 @@ Every complaint is a `ConfigError` whose one line names the key and what is allo
 from __future__ import annotations
 
 import dataclasses
+import importlib.util
 import math
 from typing import Any
 
@@ -17,6 +18,7 @@ from ship_trl.config import (
     BackendName,
     Config,
     ConfigError,
+    Logger,
     Method,
     Reward,
     SourceWeights,
@@ -142,7 +144,14 @@ def check(config: Config) -> None:
         f"auto or dense with network.conv={config.network.conv}",
         learn.backend.value,
     )
+    check_logger(config.logger)
     check_arm(config)
+
+
+def check_logger(logger: Logger) -> None:
+    """Check that TensorBoard, an extra, is installed where it is asked for."""
+    if logger.includes(Logger.tensorboard) and importlib.util.find_spec("tensorboard") is None:
+        raise ConfigError(f"logger: {logger.name} needs TensorBoard; ship_trl[tensorboard] brings it")
 
 
 def check_arm(config: Config) -> None:

@@ -45,7 +45,8 @@ How
   learn.KEY=VALUE       any value of conf/learn/paper.yaml, as learn.episodes=1000
   network=NAME          {networks} (default paper)
   device=cpu|cuda       colour=true|false
-  logger=csv|wandb      wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
+  logger=NAME           csv (always written), wandb, tensorboard, or all
+                        wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
   overwrite=true        replace a finished run of other settings there, or a damaged one
 

@@ -30,6 +30,19 @@ class Method(StrEnum):
     finetune = "finetune"
 
 
+class Logger(Enum):
+    """Where a run's numbers go beside `curve.csv`, which is always written."""
+
+    csv = "csv"
+    wandb = "wandb"
+    tensorboard = "tensorboard"
+    all = "all"
+
+    def includes(self, other: Logger) -> bool:
+        """Whether the numbers go to `other`, which `all` includes."""
+        return self in (other, Logger.all)
+
+
 class SourceWeights(StrEnum):
     """What is copied of the source: what it learned or, in a control, weights that hold no features.
 
@@ -43,7 +56,6 @@ class SourceWeights(StrEnum):
 
 
 Loss = Enum("Loss", ["l2", "huber"])
-Logger = Enum("Logger", ["csv", "wandb"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
 ARM_PREFIX = {Method.feature_extraction: "FE", Method.finetune: "FT"}
 

@@ -1,5 +1,6 @@
 """Every group of conf/ composes, and every wrong value is refused with its key and what is allowed."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from ship_trl.checks import to_config
 from ship_trl.config import BFLOAT16, Config, ConfigError, Method, plain
 from ship_trl.paths import conf_dir
 from ship_trl.run.plan import make_run
+from ship_trl.study.plan.config import to_study
 
 HIGH = ["+pair=high", "method=finetune", "layers=3"]
 
@@ -125,7 +127,7 @@ WRONG = {
     "+pair=high layers=3 source_weights=banana": "source_weights: Invalid value 'banana', expected one of [",
     "target=2 layers=2": "source: must be a case",
     "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
-    "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb]",
+    "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb,",
     "+pair=high layers=3 wandb.mode=banana": "wandb.mode: Invalid value 'banana', expected one of",
     "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, huber]",
     "+pair=high layers=3 learn.precision=fp8": "learn.precision: Invalid value 'fp8', expected one of [auto,",
@@ -195,6 +197,20 @@ def test_wrong_values_are_refused(line: str) -> None:
     message = str(caught.value)
     assert message.startswith(WRONG[line])
     assert "\n" not in message
+
+
+@pytest.mark.parametrize("logger", ["tensorboard", "all"])
+def test_tensorboard_is_refused_where_it_is_not_installed(
+    logger: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    composed(*HIGH, f"logger={logger}")
+    monkeypatch.setitem(sys.modules, "tensorboard", None)
+    composed(*HIGH, "logger=wandb")
+    message = rf"^logger: {logger} needs TensorBoard; ship_trl\[tensorboard\] brings it$"
+    with pytest.raises(ConfigError, match=message):
+        composed(*HIGH, f"logger={logger}")
+    with pytest.raises(ConfigError, match=message):
+        to_study([f"logger={logger}"])
 
 
 def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

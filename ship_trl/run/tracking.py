@@ -1,48 +1,25 @@
-"""Where a run's numbers go: CSV always, wandb beside it."""
+"""Where a run's numbers go: CSV always, wandb and TensorBoard beside it where they are asked for."""
 
 from __future__ import annotations
 
 import csv
-import dataclasses
-import math
-import os
 import shutil
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
 
 from omegaconf import OmegaConf
 
-from ship_trl.config import ConfigError, Logger, WandbMode, plain
+from ship_trl.config import ConfigError, Logger
 from ship_trl.curve import COLUMNS, CURVE
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import replacing, writing
 from ship_trl.result import Result
 from ship_trl.run.plan import Run
+from ship_trl.run.rows import row
+from ship_trl.run.tensorboard_tracker import TensorboardTracker
+from ship_trl.run.wandb_tracker import WandbTracker
 from ship_trl.transfer.casebase import CONFIG
-
-
-def row(event: Finished | Evaluated) -> dict[str, Any]:
-    """Write an event as columns of `curve.csv`; a greedy evaluation fills its own columns only."""
-    if isinstance(event, Finished):
-        values = dataclasses.asdict(event)
-        values["return"] = values.pop("episode_return")
-        return known(values)
-    sailed = event.sailed
-    values = {
-        "episode": event.episode,
-        "steps": event.steps,
-        "greedy_return": sailed.episode_return,
-        "greedy_length": sailed.length,
-        "greedy_outcome": sailed.outcome,
-        "greedy_dcpa": sailed.dcpa,
-    }
-    return known(values)
-
-
-def known(values: dict[str, Any]) -> dict[str, Any]:
-    """Without what there is not: a loss before the first update, a DCPA without target ships."""
-    return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 
 def open_folder(run: Run) -> None:
@@ -81,102 +58,40 @@ class CsvTracker:
             self._file.close()
 
 
-class WandbTracker:
-    """One wandb run: group = pair, job type = arm, curves over episodes, config, GIF, summary."""
-
-    def __init__(self, run: Run) -> None:
-        os.environ.setdefault("WANDB_SILENT", "true")
-        import wandb
-
-        config = run.config
-        folder = Path(config.wandb.folder)
-        mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
-        folder.mkdir(parents=True, exist_ok=True)
-        try:
-            self._wandb = wandb.init(
-                project=config.wandb.project,
-                entity=config.wandb.entity,
-                mode=mode,
-                dir=str(folder),
-                group=config.wandb.group or config.label,
-                job_type=config.arm,
-                name=f"{config.label}/{config.arm}/seed={config.seed}",
-                tags=[config.profile],
-                config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
-                reinit="finish_previous",
-            )
-        except (wandb.Error, OSError) as error:
-            reason = " ".join(str(error).split())
-            raise ConfigError(f"wandb: {reason}; wandb.mode=offline needs no account") from None
-        self._wandb.define_metric("episode", hidden=True)
-        for name in ("train/*", "greedy/*"):
-            self._wandb.define_metric(name, step_metric="episode")
-
-    def log(self, event: Finished | Evaluated) -> None:
-        """Log one event under train/ or greedy/, with the episode as horizontal axis."""
-        kind = "train" if isinstance(event, Finished) else "greedy"
-        values = {"episode": event.episode}
-        for key, value in row(event).items():
-            name = key.removeprefix("greedy_")
-            if name == "outcome":
-                values |= {
-                    f"{kind}/goal": int(value == "goal"),
-                    f"{kind}/collision": int(value == "collision"),
-                }
-            elif key != "episode":
-                values[f"{kind}/{name}"] = value
-        self._wandb.log(values)
-
-    def finish(self, result: Result, folder: Path) -> None:
-        """Log the pictures and put the result into the summary."""
-        import wandb
-
-        self._wandb.log(
-            {
-                "episode": result.episodes,
-                "greedy episode": wandb.Video(str(folder / "episode.gif"), format="gif"),
-                "learning curve": wandb.Image(str(folder / "curve.png")),
-            }
-        )
-        values = result.to_json()
-        for key in ("scratch", "before", "best", "final"):
-            self._wandb.summary.update({f"{key}/{name}": value for name, value in values[key].items()})
-        self._wandb.summary.update({key: values[key] for key in ("best_known_return", "steps", "seconds")})
-
-    def close(self, failed: bool) -> None:
-        """End the run, so that the next one of a sweep is a run of its own."""
-        self._wandb.finish(exit_code=int(failed))
-
-
 class Tracker:
-    """CSV and, with `logger=wandb`, wandb; a context that ends both however the run ends."""
+    """CSV and what `logger` asks for beside it; a context that ends them all however the run ends."""
 
     def __init__(self, run: Run) -> None:
         self._run = run
+        self._beside: list[WandbTracker | TensorboardTracker] = []
 
     def __enter__(self) -> Tracker:
+        logger = self._run.config.logger
         # wandb first: it can refuse, and then no file of an earlier run has been touched.
-        self._wandb = WandbTracker(self._run) if self._run.config.logger is Logger.wandb else None
+        if logger.includes(Logger.wandb):
+            self._beside.append(WandbTracker(self._run))
         open_folder(self._run)
         self._csv = CsvTracker(self._run.folder)
+        if logger.includes(Logger.tensorboard):
+            self._beside.append(TensorboardTracker(self._run))
         return self
 
     def log(self, event: Finished | Evaluated) -> None:
         """Log one event everywhere."""
         self._csv.log(event)
-        if self._wandb:
-            self._wandb.log(event)
+        for tracker in self._beside:
+            tracker.log(event)
 
     def finish(self, result: Result) -> None:
         """Report the result."""
-        if self._wandb:
-            self._wandb.finish(result, self._run.folder)
+        for tracker in self._beside:
+            tracker.finish(result, self._run.folder)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            self._csv.close()
-        finally:
-            if self._wandb:
-                self._wandb.close(failed=kind is not None)
+        # A stack ends the others where one fails.
+        with ExitStack() as stack:
+            for tracker in self._beside:
+                stack.callback(tracker.close, failed=kind is not None)
+            stack.callback(self._csv.close)

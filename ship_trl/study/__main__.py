@@ -34,7 +34,8 @@ Stopped and started again it goes on where it was. Keys, with their values in co
   processes=N       runs at once, of joblib
   launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster
   overrides=[..]    of every run, as overrides=[learn.episodes=1000]
-  logger=csv|wandb  wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
+  logger=NAME       csv, wandb, tensorboard or all
+                    wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
 
 The report follows: <output>/report/index.html.
 """

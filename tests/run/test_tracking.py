@@ -1,4 +1,4 @@
-"""What goes into the CSV and into wandb, and what is said when the disk is full."""
+"""What goes into the CSV, and under which names into wandb and TensorBoard."""
 
 import csv
 import math
@@ -9,7 +9,8 @@ import torch
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.plan import make_run
-from ship_trl.run.tracking import COLUMNS, CsvTracker, Tracker, row
+from ship_trl.run.rows import numbers, row
+from ship_trl.run.tracking import COLUMNS, CsvTracker, Tracker
 from tests.test_config import composed
 
 SAILED = Episode(
@@ -28,6 +29,14 @@ def test_rows_have_the_columns_of_the_file() -> None:
     assert set(row(FINISHED)) == {"episode", "steps", "epsilon", "return", "length", "outcome"}
     assert set(row(Evaluated(3, 90, SAILED))) < set(COLUMNS)
     assert row(Evaluated(3, 90, SAILED))["greedy_return"] == -3.5
+
+
+def test_numbers_have_the_names_of_a_chart() -> None:
+    trained, greedy = numbers(FINISHED), numbers(Evaluated(3, 90, SAILED))
+    assert (trained["train/return"], trained["train/goal"], trained["train/collision"]) == (0.1 + 0.2, 1, 0)
+    assert (greedy["greedy/return"], greedy["greedy/goal"], greedy["greedy/collision"]) == (-3.5, 0, 1)
+    assert all(name.startswith("train/") for name in trained) and "train/loss" not in trained
+    assert all(name.startswith("greedy/") for name in greedy) and "greedy/episode" not in greedy
 
 
 def test_csv_keeps_every_digit_and_grows_as_it_goes(tmp_path: Path) -> None:

@@ -74,12 +74,13 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
 
 
 def logging(config: StudyConfig) -> list[str]:
-    """Make the overrides that send the runs to the study's wandb project."""
-    if config.logger is not Logger.wandb:
-        return []
+    """Make the overrides that say where the runs' numbers go, wandb's into the study's project."""
+    if not config.logger.includes(Logger.wandb):
+        return [f"logger={config.logger.name}"]
     wandb = config.wandb
     entity = [f"wandb.entity={wandb.entity}"] if wandb.entity else []
-    return ["logger=wandb", f"wandb.project={wandb.project}", f"wandb.mode={wandb.mode.name}", *entity]
+    project = [f"wandb.project={wandb.project}", f"wandb.mode={wandb.mode.name}", *entity]
+    return [f"logger={config.logger.name}", *project]
 
 
 @contextmanager

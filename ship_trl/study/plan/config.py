@@ -15,6 +15,7 @@ import yaml
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.checks import check_logger
 from ship_trl.config import ConfigError, Logger, WandbMode, explain
 from ship_trl.paths import conf_dir
 
@@ -132,6 +133,7 @@ def check(config: StudyConfig) -> None:
     one_of("pairs", config.pairs, names("pair"))
     one_of("arms", config.arms, names("arm"))
     one_of("launcher", [config.launcher], list(LAUNCHERS))
+    check_logger(config.logger)
     plugin = LAUNCHERS[config.launcher]
     if find_spec(f"hydra_plugins.{plugin}") is None:
         extra = config.launcher.split("_")[0]

@@ -21,7 +21,7 @@ def check_account(config: StudyConfig) -> None:
     Raises:
         ConfigError: wandb is to be online, and has no key.
     """
-    if config.logger is not Logger.wandb or config.wandb.mode is not WandbMode.online:
+    if not config.logger.includes(Logger.wandb) or config.wandb.mode is not WandbMode.online:
         return
     os.environ.setdefault("WANDB_SILENT", "true")
     import wandb
@@ -36,7 +36,7 @@ def log_summary(config: StudyConfig) -> None:
     Raises:
         ConfigError: wandb refuses.
     """
-    if config.logger is not Logger.wandb:
+    if not config.logger.includes(Logger.wandb):
         return
     os.environ.setdefault("WANDB_SILENT", "true")
     import wandb

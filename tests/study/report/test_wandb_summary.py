@@ -1,5 +1,6 @@
 """A study in wandb: its runs lie together, grouped, and one of them is the report."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from ship_trl.config import Logger
 from ship_trl.study.launch.launch import command
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
@@ -57,6 +59,9 @@ def test_the_runs_get_the_studys_project() -> None:
     line = command(plan_jobs(config)[:1], config)
     wanted = {"logger=wandb", "wandb.project=ship_trl_study", "wandb.mode=online", "wandb.entity=us"}
     assert wanted < set(line)
+    assert {*wanted, "logger=all"} - {"logger=wandb"} < set(
+        command(plan_jobs(config)[:1], dataclasses.replace(config, logger=Logger.all))
+    )
     assert not any("wandb" in word for word in command(plan_jobs(to_study([]))[:1], to_study([])))
 
 

@@ -1,0 +1,69 @@
+"""A run's numbers and pictures as event files of TensorBoard, in the run's own folder."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import yaml
+from PIL import Image
+
+from ship_trl.config import plain
+from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.paths import writing
+from ship_trl.result import Result
+from ship_trl.run import console
+from ship_trl.run.plan import Run
+from ship_trl.run.rows import numbers
+
+
+class TensorboardTracker:
+    """Event files in the run's folder, so that TensorBoard names the run by pair, arm and seed."""
+
+    def __init__(self, run: Run) -> None:
+        # Not at the top: an extra may not be installed (checks.py says so before anything is written).
+        from torch.utils.tensorboard import SummaryWriter
+
+        self._folder, self._output = run.folder, run.config.output
+        self._writer: Any = SummaryWriter(str(run.folder))
+        values = plain(run.config) | {"arm": run.config.arm, "config_hash": run.config_hash}
+        self._writer.add_text("config", fenced(yaml.safe_dump(values, sort_keys=False)))
+
+    def log(self, event: Finished | Evaluated) -> None:
+        """Log one event, with the episode as horizontal axis."""
+        with writing(self._folder):
+            for name, value in numbers(event).items():
+                self._writer.add_scalar(name, value, event.episode)
+
+    def finish(self, result: Result, folder: Path) -> None:
+        """Log the pictures and the result."""
+        with writing(self._folder):
+            self._picture("learning curve", folder / "curve.png", result.episodes)
+            self._picture("greedy episode", folder / "episode.gif", result.episodes)
+            self._writer.add_text("result", fenced(json.dumps(result.to_json(), indent=1)), result.episodes)
+
+    def _picture(self, name: str, path: Path, step: int) -> None:
+        """Log a file as it is: a GIF moves in TensorBoard too, and `add_video` would ask for moviepy."""
+        from tensorboard.compat.proto.summary_pb2 import Summary
+
+        with Image.open(path) as picture:
+            width, height = picture.size
+        image = Summary.Image(
+            encoded_image_string=path.read_bytes(), width=width, height=height, colorspace=3
+        )
+        self._writer.file_writer.add_summary(Summary(value=[Summary.Value(tag=name, image=image)]), step)
+
+    def close(self, failed: bool) -> None:
+        """End the files, and say what shows them."""
+        with writing(self._folder):
+            self._writer.close()
+        console.say(
+            f"tensorboard: {self._folder}; to see it: tensorboard --logdir {shlex.quote(self._output)}"
+        )
+
+
+def fenced(text: str) -> str:
+    """Text as it is, in TensorBoard's Markdown."""
+    return f"```\n{text}\n```"

@@ -1,0 +1,61 @@
+"""`logger=all`: wandb and TensorBoard hold what the CSV and the pictures hold, and a run says where."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from tests.test_cli import ship_trl
+
+LINE = ("profile=smoke", "target=1", "method=scratch", "logger=all")
+RUN = "1/scratch/seed=0"
+
+
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The output of a run that logs to all, and what it said."""
+    folder = tmp_path_factory.mktemp("logged")
+    said = ship_trl(*LINE, folder=folder).stdout
+    return folder / "outputs/smoke", said
+
+
+@pytest.fixture(scope="module")
+def events(logged: tuple[Path, str]) -> EventAccumulator:
+    """What TensorBoard reads in the run's folder."""
+    found = EventAccumulator(str(logged[0] / RUN), size_guidance={"scalars": 0, "images": 0, "tensors": 0})
+    return found.Reload()
+
+
+def test_tensorboard_has_the_numbers_of_the_csv(logged: tuple[Path, str], events: EventAccumulator) -> None:
+    with (logged[0] / RUN / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for column, name in (
+        ("return", "train/return"),
+        ("loss", "train/loss"),
+        ("greedy_return", "greedy/return"),
+    ):
+        written = {int(row["episode"]): float(row[column]) for row in rows if row[column]}
+        shown = {scalar.step: scalar.value for scalar in events.Scalars(name)}
+        assert written and shown == {step: np.float32(value) for step, value in written.items()}
+
+
+def test_tensorboard_has_the_pictures_and_the_configuration(
+    logged: tuple[Path, str], events: EventAccumulator
+) -> None:
+    for name, file in (("learning curve", "curve.png"), ("greedy episode", "episode.gif")):
+        (image,) = events.Images(name)
+        assert image.encoded_image_string == (logged[0] / RUN / file).read_bytes()
+    (text,) = events.Tensors("config/text_summary")
+    shown = yaml.safe_load(text.tensor_proto.string_val[0].decode().strip("`"))
+    assert (shown["arm"], shown["learn"]["episodes"]) == ("scratch", 6)
+
+
+def test_a_run_says_where_it_was_logged(logged: tuple[Path, str]) -> None:
+    output, said = logged
+    (run,) = (output / "wandb").glob("offline-run-*")
+    name = f"outputs/smoke/wandb/{run.name}"
+    assert f"wandb: {name}; to upload it: wandb sync {name}\n" in said
+    assert f"tensorboard: outputs/smoke/{RUN}; to see it: tensorboard --logdir outputs/smoke\n" in said

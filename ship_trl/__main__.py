@@ -21,16 +21,19 @@ def main() -> None:
     from ship_trl.checks import to_config
     from ship_trl.cli import job_errors
     from ship_trl.launchers import die_with_launcher, launches
+    from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
-    def entry(values: DictConfig) -> None:
+    def entry(values: DictConfig) -> float:
+        """Run, and return what a sweeper maximises."""
         die_with_launcher()
         with job_errors():
             run = make_run(to_config(values))
             from ship_trl.run.experiment import run_experiment
 
-            run_experiment(run, one_of_many=HydraConfig.get().mode is RunMode.MULTIRUN)
+            result = run_experiment(run, one_of_many=HydraConfig.get().mode is RunMode.MULTIRUN)
+            return objective(run, result)
 
     launches()
     with hydra_errors():

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 # The disk is full, a quota or a limit is reached, or it is broken; an error of writing may name no file.
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
+# What Hydra finds only if an extra is installed.
+EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
 HELP_FLAGS = {"--help", "-h"}
 
 HELP = """\
@@ -51,6 +53,8 @@ How
   overwrite=true        replace a finished run of other settings there, or a damaged one
 
   -m, --multirun        a grid: several values behind a comma
+  +sweep=NAME           look for good settings, by Optuna: {sweeps}
+  objective=NAME        what a sweep maximises: late (greedy return after exploration), final, best
   --cfg job             print the configuration and stop
   --hydra-help          what Hydra adds
 
@@ -66,7 +70,7 @@ def names(group: str) -> str:
 
 def print_help() -> None:
     """Print the help; imports nothing but the standard library."""
-    values = {key: names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles", "networks")}
+    values = {key: names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles", "networks", "sweeps")}
     print(HELP.format(**values), end="")
 
 
@@ -176,6 +180,11 @@ def explain_hydra(error: Exception) -> str:
     text = str(error)
     if found := re.match(r"(?:In '.*?': )?Could not find '([\w-]+)/(.*?)'", text):
         group, name = found.groups()
+        if group == "hydra":
+            kind, _, name = name.partition("/")
+            group = f"hydra/{kind}"
+        if name in EXTRAS:
+            return f"{group}: {name} is not installed; ship_trl[{EXTRAS[name]}] brings it"
         allowed = names(group)
         return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
     if found := re.match(

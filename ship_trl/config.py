@@ -43,6 +43,17 @@ class Logger(Enum):
         return self in (other, Logger.all)
 
 
+class Objective(Enum):
+    """What of a run a sweeper maximises: a greedy return.
+
+    `late` is the mean of the evaluations after exploration, `final` the last one, `best` the highest.
+    """
+
+    late = "late"
+    final = "final"
+    best = "best"
+
+
 class SourceWeights(StrEnum):
     """What is copied of the source: what it learned or, in a control, weights that hold no features.
 
@@ -182,6 +193,7 @@ class Config:
     device: str
     colour: bool
     logger: Logger
+    objective: Objective
     output: str
     case_base: str
     overwrite: bool

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 import torch
+from hydra.errors import HydraException
 
+from ship_trl.cli import explain_hydra
 from ship_trl.config import Precision
 from ship_trl.learn.backend import computing
 
@@ -247,6 +249,8 @@ REFUSED = {
     "+pair=banana layers=3": "pair: no banana; allowed: high, low, lowest",
     "pair=high layers=3": "pair: write +pair=NAME; allowed: high, low, lowest",
     "+arm=FE9": "arm: no FE9; allowed: FE1,",
+    "hydra/launcher=banana": "hydra/launcher: no banana; allowed: ray_cluster",
+    "+sweep=banana": "sweep: no banana; allowed: learning_rate",
     "profile=banana": "profile: no banana; allowed: paper, quick, smoke",
     "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all with method=finetune, got 5",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch, got 2",
@@ -281,3 +285,12 @@ def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) 
     assert done.stderr.startswith(f"ship_trl: {REFUSED[line]}")
     assert done.stderr.count("\n") == 1
     assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("plugin", "extra"), [("sweeper/optuna", "optuna"), ("launcher/submitit_slurm", "slurm")]
+)
+def test_a_plugin_that_is_not_installed_is_named_with_its_extra(plugin: str, extra: str) -> None:
+    kind, name = plugin.split("/")
+    error = HydraException(f"In 'sweep/learning_rate': Could not find 'hydra/{plugin}'\n\nAvailable options")
+    assert explain_hydra(error) == f"hydra/{kind}: {name} is not installed; ship_trl[{extra}] brings it"

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import DictConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
 
 from ship_trl.checks import to_config
 from ship_trl.config import BFLOAT16, Config, ConfigError, Method, plain
@@ -93,7 +94,28 @@ def test_every_launcher_composes(launcher: str) -> None:
 
 def test_every_group_is_covered() -> None:
     groups = {str(path.parent.relative_to(conf_dir())) for path in conf_dir().glob("*/**/*.yaml")}
-    assert groups == {"pair", "arm", "case", "profile", "world", "learn", "network", "hydra/launcher"}
+    assert groups == {
+        "pair",
+        "arm",
+        "case",
+        "profile",
+        "world",
+        "learn",
+        "network",
+        "sweep",
+        "hydra/launcher",
+    }
+
+
+@pytest.mark.parametrize("sweep", options("sweep"))
+def test_every_sweep_composes(sweep: str) -> None:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        found = compose("config", [*HIGH, f"+sweep={sweep}"], return_hydra_config=True)
+    sweeper = found.hydra.sweeper
+    assert sweeper._target_.endswith("OptunaSweeper") and sweeper.direction == "maximize"
+    assert found.hydra.mode is RunMode.MULTIRUN
+    for key in sweeper.params:
+        assert OmegaConf.select(found, key) is not None, key
 
 
 def test_any_two_cases_are_a_pair() -> None:
@@ -103,8 +125,6 @@ def test_any_two_cases_are_a_pair() -> None:
 
 def test_config_survives_yaml() -> None:
     config = composed(*HIGH)
-    from omegaconf import OmegaConf
-
     assert to_config(OmegaConf.create(plain(config))) == config
 
 
@@ -128,6 +148,7 @@ WRONG = {
     "target=2 layers=2": "source: must be a case",
     "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
     "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb,",
+    "+pair=high layers=3 objective=banana": "objective: Invalid value 'banana', expected one of [late,",
     "+pair=high layers=3 wandb.mode=banana": "wandb.mode: Invalid value 'banana', expected one of",
     "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, huber]",
     "+pair=high layers=3 learn.precision=fp8": "learn.precision: Invalid value 'fp8', expected one of [auto,",

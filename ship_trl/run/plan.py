@@ -40,6 +40,10 @@ class TakenError(ConfigError):
         )
         self.folder, self.held = folder, held
 
+    def __reduce__(self) -> tuple[type[TakenError], tuple[Path, str]]:
+        """Let a process of a grid send it to the launcher: by itself it would be made of its text alone."""
+        return TakenError, (self.folder, self.held)
+
 
 @dataclass(frozen=True)
 class Run:

@@ -78,6 +78,7 @@ def test_config_hash_tells_runs_apart(change: str) -> None:
     [
         "output=elsewhere",
         "logger=wandb",
+        "objective=best",
         "wandb.project=x",
         "overwrite=true",
         "learn.jumpstart_draws=0",

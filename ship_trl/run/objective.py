@@ -1,0 +1,29 @@
+"""What a sweeper maximises: one number of a finished run. No torch."""
+
+from __future__ import annotations
+
+from ship_trl.config import ConfigError, Objective
+from ship_trl.curve import CurveError, read_curve, split
+from ship_trl.result import Result
+from ship_trl.run.plan import Run
+
+
+def objective(run: Run, result: Result) -> float:
+    """Give the run's greedy return, as `objective` in its configuration chooses it.
+
+    Raises:
+        ConfigError: its curve is asked for and is damaged.
+    """
+    if run.config.objective is Objective.best:
+        return result.best.episode_return
+    if run.config.objective is Objective.final:
+        return result.final.episode_return
+    try:
+        _, greedy = split(read_curve(run.folder))
+    except CurveError as error:
+        raise ConfigError(
+            f"objective: {run.folder}: {error}; allowed without it: objective=final or objective=best"
+        ) from None
+    explored = run.config.learn.epsilon_fraction * run.config.learn.episodes
+    # A run ends with an evaluation, so that there is always one.
+    return float(greedy["return"][greedy["episode"] >= explored].mean())

@@ -59,6 +59,7 @@ How
   --hydra-help          what Hydra adds
 
   python -m ship_trl.evaluate --help  what policies reach: networks, random, the planner's, your own
+  python -m ship_trl.export --help    a network as an ONNX file
   python -m ship_trl.cases --help     the cases, their similarity, a picture of them all
 """
 

@@ -1,4 +1,4 @@
-# make run    the main job; make run ARGS="+pair=low method=scratch" another one
+# make run    the main job, and a film of a ship that gives way; make run ARGS="target=4 method=scratch" another one
 # make test   style, types and tests; those that precision touches once more without bfloat16
 # Both install into .venv first, once for each change of pyproject.toml.
 
@@ -18,6 +18,7 @@ check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python
 
 run: $(VENV)/.run
 	$(BIN)/python -m ship_trl $(ARGS)
+	$(BIN)/python -m ship_trl.record pretrained target=4 --size 960x540 --output outputs/give_way.gif
 
 test: $(VENV)/.test
 	$(BIN)/ruff check .

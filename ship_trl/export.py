@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from ship_trl import __version__
 from ship_trl.cli import complain, explain_file, make_parser
 from ship_trl.config import PICTURE, ConfigError
-from ship_trl.evaluate import Entry, find_entries
+from ship_trl.entries import Entry, find_entries
 from ship_trl.paths import replacing
 
 if TYPE_CHECKING:

@@ -1,8 +1,9 @@
 """`python -m ship_trl.watch POLICY... target=CASE`: watch any policies sail, in a window.
 
-POLICY is random, keep_course, best_known, a safetensors file, a result folder (its best and its last
-network), or file.py:function of your own. A result folder brings its target with it. Without any word, the
-best known plan of case 4 is shown. H in the window lists the keys.
+POLICY is random, keep_course, best_known, pretrained, a safetensors file, a result folder (its best and
+its last network), or file.py:function of your own. Result folders and pretrained networks bring their
+target with them. Without any word, the pretrained network of case 4 is shown. H in the window lists the
+keys.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from ship_trl.cli import complain, make_parser
 from ship_trl.config import ConfigError
 from ship_trl.entries import Entry, find_entries
 
-FIRST = ["best_known", "target=4"]
+FIRST = ["pretrained", "target=4"]
 
 
 def main(arguments: list[str] | None = None) -> None:

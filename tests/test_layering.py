@@ -43,9 +43,10 @@ ALLOWED = {
     "viewer": SIM | {"demonstrations", "entries", "learn", "view"},
     "play": SIM | {"cli", "demonstrations", "run", "viewer", "watch"},
     "watch": SIM | {"cli", "entries", "run", "viewer"},
-    "record": SIM | {"cli", "entries", "run", "view", "viewer"},
-    "explain": SIM | {"architecture", "cli", "entries", "learn", "policies", "result", "run", "transfer"},
-    "export": SIM | {"__version__", "cli", "evaluate", "learn", "policies", "run", "transfer"},
+    "record": SIM | {"cli", "entries", "learn", "run", "transfer", "view", "viewer", "watch"},
+    "explain": SIM
+    | {"architecture", "cli", "entries", "learn", "policies", "pretrained", "result", "run", "transfer"},
+    "export": SIM | {"__version__", "cli", "entries", "learn", "policies", "pretrained", "run", "transfer"},
     "bench": SIM | {"architecture", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run"},
     "__init__": SIM | {"learn", "policies", "pretrained"},

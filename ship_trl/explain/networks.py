@@ -21,6 +21,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies import load_policy
+from ship_trl.pretrained import find, is_pretrained
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.experiment import find_transfer
 from ship_trl.run.plan import Run
@@ -124,10 +125,11 @@ def with_origin(entry: Entry, subject: Subject) -> Subject:
     try:
         config = read_config(folder / CONFIG)
         given = result.source_network
-        if given is not None and given != "random":
+        pretrained = find(given, None) if given is not None and is_pretrained(given) else None
+        if given is not None and given != "random" and pretrained is None:
             config = dataclasses.replace(config, source_file=given)
         case = load_case(result.target, entry.world, f"{folder / RESULT}: target")
-        run = Run(config, case, None, folder, result.config_hash)
+        run = Run(config, case, None, folder, result.config_hash, pretrained)
         channels, actions = (3 if entry.colour else 1), len(entry.world.actions)
         # As train_run begins.
         before = DuelingNetwork(

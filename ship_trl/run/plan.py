@@ -56,10 +56,10 @@ class Run:
     config: Config
     target: Case
     source: Run | None
-    pretrained: Pretrained | None
-    demonstrations: list[Demonstration]
     folder: Path
     config_hash: str
+    pretrained: Pretrained | None = None
+    demonstrations: tuple[Demonstration, ...] = ()
 
     @property
     def title(self) -> str:
@@ -137,11 +137,11 @@ def make_run(config: Config) -> Run:
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
-    shown = []
+    shown: tuple[Demonstration, ...] = ()
     if config.demonstrations is not None:
-        shown = read_demonstrations(Path(config.demonstrations), target, world)
+        shown = tuple(read_demonstrations(Path(config.demonstrations), target, world))
     digest = hash_of(config, target, source, pretrained, shown)
-    run = Run(config, target, source, pretrained, shown, folder_of(config), digest)
+    run = Run(config, target, source, folder_of(config), digest, pretrained, shown)
     check_folder(run)
     return run
 

@@ -127,7 +127,8 @@ class Panel:
             pen.write(surface, "value V", ((left + right) / 2, head), pen.SKY, size, across=0.5)
             pen.write(surface, "Q", (end, head), FAINT, size, across=1)
             if self.wide:
-                pen.write(surface, "advantage", (self.room.right, head), FAINT, size, across=1)
+                word = "advantage" if pen.width_of("advantage", size) < 70 * unit else "adv."
+                pen.write(surface, word, (self.room.right, head), FAINT, size, across=1)
         ahead = np.zeros(count) if q is None else split(q)[1]
         scale = (right - left) / 2 / max(1e-6, float(np.abs(ahead).max()))
         zero = (left + right) / 2

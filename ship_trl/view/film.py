@@ -35,7 +35,7 @@ EXACT = (*SCENE, *GREYS, *RAMP, PAPER, INK, FAINT, RULE, BAR, CHOSEN, *OUTCOMES.
 
 
 def write_gif(
-    path: Path, case: Case, world: World, episode: Episode, rasteriser: Rasteriser, title: str = ""
+    path: Path | str, case: Case, world: World, episode: Episode, rasteriser: Rasteriser, title: str = ""
 ) -> None:
     """Write an episode of T steps as a GIF of T + 1 frames, which runs for ever.
 
@@ -54,7 +54,7 @@ def write_gif(
     palette = shared_palette(frames)
     indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     times = [STEP_TIME] * episode.length + [LAST_TIME]
-    with replacing(path) as draft:
+    with replacing(Path(path)) as draft:
         # By way of memory: Pillow's own writing says of a full disk no more than "encoder error -2".
         film = io.BytesIO()
         indexed[0].save(film, "GIF", save_all=True, append_images=indexed[1:], duration=times, loop=0)

@@ -18,6 +18,7 @@ from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import advance
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.draw import draw_scene, to_array
+from ship_trl.view.legend import draw_legend
 from ship_trl.view.lettering import FAINT, INK, PAPER, RULE, fit, font
 
 # Steps of keeping course until the later moment: by then the ships of the paper's cases are near.
@@ -41,7 +42,8 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     Raises:
         OSError: the file cannot be written.
     """
-    height = HEAD + len(cases) * (PICTURE + GAP) - GAP + MARGIN
+    below = draw_legend(WIDTH - MARGIN, PICTURE, world)
+    height = HEAD + len(cases) * (PICTURE + GAP) - GAP + MARGIN + below.height
     sheet = Image.new("RGB", (WIDTH, height), PAPER)
     pen = ImageDraw.Draw(sheet)
     time = f"after {LATER * world.dt:g} s on this course"
@@ -65,6 +67,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         ):
             whole = picture.resize((PICTURE, PICTURE), Image.Resampling.NEAREST)
             sheet.paste(whole, (_left(k), top))
+    sheet.paste(below, (MARGIN, height - MARGIN // 2 - below.height))
     with replacing(path) as draft:
         sheet.save(draft, optimize=True)
 

@@ -17,6 +17,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.draw import draw_scene, to_array
+from ship_trl.view.legend import draw_legend
 from ship_trl.view.lettering import BAR, CHOSEN, FAINT, INK, OUTCOMES, PAPER, RULE
 from ship_trl.view.panel import HEIGHT, WIDTH, Panel
 
@@ -67,9 +68,11 @@ def draw_frames(
     """Draw the frames in RGB, one for each state of the episode."""
     panel = Panel(case, world, episode, title)
     seen = _views(rasteriser, episode)
+    below = draw_legend(HEIGHT + WIDTH, HEIGHT, world)
     frames = []
     for step, state in enumerate(episode.states):
-        frame = Image.new("RGB", (HEIGHT + WIDTH, HEIGHT))
+        frame = Image.new("RGB", (HEIGHT + WIDTH, HEIGHT + below.height))
+        frame.paste(below, (0, HEIGHT))
         picture = draw_scene(case, world, state, HEIGHT, episode.states[:step])
         frame.paste(Image.fromarray(to_array(picture)), (0, 0))
         frame.paste(panel(step, seen[step]), (HEIGHT, 0))

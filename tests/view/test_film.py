@@ -15,6 +15,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.film import LAST_TIME, STEP_TIME, draw_frames, write_gif
+from ship_trl.view.legend import HEIGHT as LEGEND
 from ship_trl.view.lettering import CHOSEN, fit
 from ship_trl.view.panel import HEIGHT, LEFT, LOWER, RIGHT, VIEW, WIDTH, Log
 from tests.view.sailing import sail
@@ -30,7 +31,7 @@ def test_a_long_episode_as_gif(world: World, tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["episode.gif"]
     assert path.stat().st_size < 1_500_000
     with Image.open(path) as film:
-        assert film.size == (HEIGHT + WIDTH, HEIGHT)
+        assert film.size == (HEIGHT + WIDTH, HEIGHT + LEGEND)
         assert film.info["loop"] == 0
         times = [frame.info["duration"] for frame in ImageSequence.Iterator(film)]
         last = film.convert("RGB")

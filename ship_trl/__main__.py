@@ -20,7 +20,7 @@ def main() -> None:
 
     from ship_trl.checks import to_config
     from ship_trl.cli import job_errors
-    from ship_trl.launchers import die_with_launcher, launches
+    from ship_trl.launchers import die_with_launcher, launches, place_in_grid
     from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
 
@@ -32,7 +32,9 @@ def main() -> None:
             run = make_run(to_config(values))
             from ship_trl.run.experiment import run_experiment
 
-            result = run_experiment(run, one_of_many=HydraConfig.get().mode is RunMode.MULTIRUN)
+            hydra_config = HydraConfig.get()
+            many = hydra_config.mode is RunMode.MULTIRUN
+            result = run_experiment(run, place_in_grid(hydra_config.job.num) if many else "")
             return objective(run, result)
 
     launches()

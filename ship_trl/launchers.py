@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import secrets
 import signal
@@ -10,6 +11,8 @@ from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
@@ -21,6 +24,10 @@ LAUNCHER = "SHIP_TRL_LAUNCHER"
 JOBLIB = "LokyProcess"
 # Of Linux's prctl: a signal when the parent dies.
 PR_SET_PDEATHSIG = 1
+
+
+# How many runs a grid has.
+GRID = "SHIP_TRL_GRID"
 
 
 def launches() -> None:
@@ -47,6 +54,30 @@ def die_with_parent() -> None:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     except (AttributeError, OSError, TypeError):
         return
+
+
+class CountRuns(Callback):
+    """Tells the processes of a grid how many runs it has."""
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Before the launcher starts."""
+        sweeper = config.hydra.sweeper
+        runs = OmegaConf.select(sweeper, "n_trials")
+        if runs is None:
+            params = sweeper.get("params") or {}
+            words = [*config.hydra.overrides.task, *(f"{key}={value}" for key, value in params.items())]
+            try:
+                given = OverridesParser.create().parse_overrides(words)
+                runs = math.prod(len(list(one.sweep_iterator())) for one in given if one.is_sweep_override())
+            except HydraException:
+                # Hydra itself says what is wrong with them, or its sweeper knows another way.
+                return
+        os.environ[GRID] = str(runs)
+
+
+def place_in_grid(number: int) -> str:
+    """Say which run of a grid this is, as `3 of 40`, by its number from 0."""
+    return f"{number + 1} of {os.environ.get(GRID, '?')}"
 
 
 class PrivateToken(Callback):

@@ -54,22 +54,24 @@ def events(episodes: int) -> Iterator[Finished | Evaluated]:
 
 
 def test_a_run_without_a_terminal_says_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    assert len(list(console.progress("made", 100, events(100), one_of_many=False))) == 101
+    assert len(list(console.progress("made", 100, events(100)))) == 101
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
     assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
 
 
 def test_a_run_of_a_grid_says_whose_lines_they_are(capsys: pytest.CaptureFixture[str]) -> None:
-    list(console.progress("made", 100, events(100), one_of_many=True))
+    list(console.progress("made", 100, events(100), "3 of 40"))
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split(",")[0] for line in lines] == [f"made: episode {k} of 100" for k in (25, 50, 75, 100)]
+    assert [line.split(",")[0] for line in lines] == [
+        f"3 of 40: made: episode {k} of 100" for k in (25, 50, 75, 100)
+    ]
 
 
 def test_a_terminal_has_a_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with (tmp_path / "screen").open("w+") as screen:
         monkeypatch.setattr(console, "console", Console(file=screen, force_terminal=True, width=100))
-        list(console.progress("made", 100, events(100), one_of_many=False))
+        list(console.progress("made", 100, events(100)))
         screen.seek(0)
         said = screen.read()
     assert "100/100" in said and "episode" not in said

@@ -37,12 +37,12 @@ def say(text: str) -> None:
 
 
 def progress(
-    title: str, episodes: int, events: Iterable[Finished | Evaluated], one_of_many: bool
+    title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = ""
 ) -> Iterator[Finished | Evaluated]:
     """Pass events on, and show episodes done, time left, and the last returns meanwhile.
 
     A terminal has a bar; a file or a pipe gets a line at the first episode and every twentieth of them.
-    A grid's runs, which share what they write to, say a line with their title every quarter.
+    The runs of a grid, which share what they write to, say a line with their place and title every quarter.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -51,9 +51,9 @@ def progress(
         TimeRemainingColumn(),
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
-    lines = Lines(ONE_OF_MANY, first=ONE_OF_MANY) if one_of_many else Lines(ALONE)
-    start = f"{title}: " if one_of_many else ""
-    plain, greedy = one_of_many or not console.is_terminal, ""
+    lines = Lines(ONE_OF_MANY, first=ONE_OF_MANY) if place else Lines(ALONE)
+    start = f"{place}: {title}: " if place else ""
+    plain, greedy = bool(place) or not console.is_terminal, ""
     with Progress(*columns, console=console, disable=plain) as bar:
         task = bar.add_task(title, total=episodes, now="", greedy="")
         for event in events:
@@ -86,12 +86,13 @@ def held(lock: FileLock, what: str) -> Iterator[None]:
         lock.release()
 
 
-def say_result(result: Result, folder: Path) -> None:
+def say_result(result: Result, folder: Path, place: str) -> None:
     """Say the result of one run of a grid, in a line."""
     best, final = result.best, result.final
     say(
-        f"{result.title}: best {best.episode_return:.1f} ({best.outcome}), final {final.episode_return:.1f} "
-        f"({final.outcome}) of {result.best_known_return:.1f}, {result.seconds:.0f} s; {folder}"
+        f"{place}: {result.title}: best {best.episode_return:.1f} ({best.outcome}), "
+        f"final {final.episode_return:.1f} ({final.outcome}) of {result.best_known_return:.1f}, "
+        f"{result.seconds:.0f} s; {folder}"
     )
 
 

@@ -45,11 +45,11 @@ FLEET = 25
 PLANS = ".plans"
 
 
-def run_experiment(run: Run, one_of_many: bool = False) -> Result:
+def run_experiment(run: Run, place: str = "") -> Result:
     """Train a run, its source first where the case base has none, and return its result.
 
-    A finished run of the same settings is shown again, not trained again. A run that is one of many
-    shows less of itself.
+    A finished run of the same settings is shown again, not trained again. A run of a grid shows
+    less of itself; `place` is its place there, as `3 of 40`.
     """
     configure_process()
     device = torch.device(run.config.device)
@@ -68,16 +68,16 @@ def run_experiment(run: Run, one_of_many: bool = False) -> Result:
     with console.held(run.lock(), run.title):
         result = run.result()
         if result is None:
-            source = find_source(run, one_of_many)
-            result = train_run(run, device, source, one_of_many)
+            source = find_source(run, place)
+            result = train_run(run, device, source, place)
         else:
             console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
     retain(run, result)
-    (console.say_result if one_of_many else console.show_result)(result, run.folder)
+    console.say_result(result, run.folder, place) if place else console.show_result(result, run.folder)
     return result
 
 
-def find_source(run: Run, one_of_many: bool) -> Entry | None:
+def find_source(run: Run, place: str) -> Entry | None:
     """Find the source network of a transfer in the case base, or train and retain it first.
 
     Of several processes that want the same one, the first trains it and the others wait.
@@ -92,7 +92,7 @@ def find_source(run: Run, one_of_many: bool) -> Entry | None:
         if entry is None:
             # It may be asked for as a run of its own at the same time.
             with console.held(source.lock(), source.title):
-                result = source.result() or train_run(source, device, None, one_of_many)
+                result = source.result() or train_run(source, device, None, place)
             return retain(source, result)
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry
@@ -110,11 +110,11 @@ def retain(run: Run, result: Result) -> Entry:
     return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder, network)
 
 
-def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many: bool = False) -> Result:
+def train_run(run: Run, device: torch.device, source: Entry | None, place: str = "") -> Result:
     """Train one network and write everything about it into the run's folder, `result.json` last."""
     config, learn, started = run.config, run.config.learn, time.perf_counter()
     # At once: the planner and the draws before training take their time.
-    console.say(run.title)
+    console.say(f"{place}: {run.title}" if place else run.title)
     # Weights are drawn on the CPU, so that they are the same for every device; the other draws are
     # made where they are used, as torch demands.
     places = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
@@ -143,7 +143,7 @@ def train_run(run: Run, device: torch.device, source: Entry | None, one_of_many:
     best: Evaluated | None = None
     with Tracker(run) as tracker:
         events = train(env, eval_env, agent, replay, learn)
-        for event in console.progress(run.title, learn.episodes, events, one_of_many):
+        for event in console.progress(run.title, learn.episodes, events, place):
             tracker.log(event)
             if isinstance(event, Finished):
                 finished.append(event)

@@ -33,12 +33,12 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 def test_a_source_that_is_a_run_of_its_own_is_waited_for(tmp_path: Path, trained: list[Path]) -> None:
     run = make_run(composed("+pair=high", "layers=3", "profile=smoke", f"output={tmp_path}"))
     assert run.source is not None
-    asking = threading.Thread(target=find_source, args=(run, True))
+    asking = threading.Thread(target=find_source, args=(run, "1 of 1"))
     with run.source.lock():  # as `target=1 method=scratch` holds it while it trains
         asking.start()
         asking.join(0.5)
         assert asking.is_alive() and trained == []
     asking.join(10)
     assert trained == [run.source.folder]
-    entry = find_source(run, True)
+    entry = find_source(run, "1 of 1")
     assert entry is not None and entry.policy.is_file() and len(trained) == 1

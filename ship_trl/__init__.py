@@ -15,7 +15,8 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
 
     Args:
         name: a shipped case, for the network that comes with us; or any policy that
-            `python -m ship_trl.evaluate` takes (random, best_known, a safetensors file, ...).
+            `python -m ship_trl.evaluate` takes (random, best_known, a safetensors file, ...), but for
+            result folders, which hold several.
         case: where it will sail, by name or by the path of a YAML file; by default that of the network.
         seed: of what it draws.
 
@@ -32,6 +33,8 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
 
     if any(name == one.case for one in pretrained.networks()):
         case, name = case or name, f"{pretrained.PRETRAINED}:{name}"
+    if case is None and pretrained.is_pretrained(name):
+        case = name.partition(":")[2] or None
     if case is None:
         raise ConfigError(f"case: none given for {name}; allowed: a case by name, or the path of a YAML file")
     world = load_world()

@@ -171,6 +171,11 @@ def check_arm(config: Config) -> None:
     read = weights in (SourceWeights.learned, SourceWeights.permuted)
     both = not read and config.source_file is not None
     require(not both, "source_weights", "learned or permuted with a source_file", weights.value)
+    if config.source == SourceWeights.pretrained.value:
+        left_out = f"left out with source={config.source}"
+        came = weights in (SourceWeights.learned, SourceWeights.pretrained)
+        require(came, "source_weights", left_out, weights.value)
+        require(config.source_file is None, "source_file", left_out, config.source_file)
     require(config.source is not None, "source", f"a case, for method={config.method.value}", "none")
     counts = range(1, len(config.network.conv) + 1)
     numbers = ", ".join(map(str, counts)) + (" or all" if config.method is Method.finetune else "")

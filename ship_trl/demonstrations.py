@@ -7,15 +7,18 @@ demonstration sails it again. docs/demonstrations.md describes the format.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
+import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ship_trl.config import ConfigError, World, plain
-from ship_trl.paths import replacing
+from ship_trl.paths import writing
 from ship_trl.sim.cases import Case
 
 SCHEMA_VERSION = 1
@@ -63,11 +66,18 @@ def write_demonstration(
     """
     folder.mkdir(parents=True, exist_ok=True)
     given = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
-    numbers = (file.stem.rpartition("-")[2] for file in folder.glob(f"{case.name}-*.json"))
-    last = max((int(number) for number in numbers if number.isdigit()), default=0)
-    path = folder / f"{case.name}-{last + 1:03d}.json"
-    with replacing(path) as draft:
-        draft.write_text(json.dumps(asdict(given)) + "\n")
+    draft = folder / f".{case.name}.{os.getpid()}.json"
+    try:
+        with writing(draft):
+            draft.write_text(json.dumps(asdict(given)) + "\n")
+        for number in itertools.count(1):
+            path = folder / f"{case.name}-{number:03d}.json"
+            with suppress(FileExistsError):
+                # Of two processes that want the same number, the second takes the next one.
+                os.link(draft, path)
+                break
+    finally:
+        draft.unlink(missing_ok=True)
     return path
 
 
@@ -109,6 +119,6 @@ def read_demonstration(path: Path, actions: int) -> Demonstration:
             raise ValueError
         if not math.isfinite(one.episode_return):
             raise ValueError
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         raise ConfigError(f"demonstrations: {path} is no whole demonstration") from None
     return one

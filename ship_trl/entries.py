@@ -64,10 +64,10 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     targets = [load_case(name, world, "target") for name in settings.get("target", "").split(",") if name]
     entries: list[Entry] = []
     for name in names:
-        if Path(name).is_dir():
-            entries += of_folder(Path(name), targets)
-        elif is_pretrained(name):
+        if is_pretrained(name):
             entries += packaged(name, targets, world)
+        elif Path(name).is_dir():
+            entries += of_folder(Path(name), targets)
         elif not targets:
             raise ConfigError(
                 f"target: none given for {name}; allowed: target=CASE, or several behind commas"

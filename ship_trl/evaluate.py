@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--demonstrations", type=Path, metavar="FOLDER", help="keep what is sailed as demonstrations"
     )
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     try:
         if options.episodes < 1:
             raise ConfigError(f"--episodes: must be at least 1, got {options.episodes}")

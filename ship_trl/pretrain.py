@@ -58,10 +58,10 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
 
     Args:
         folder: made where there is none; what it holds is replaced, the manifest last.
-        cases: folders of runs `seed=*`, one for each case.
+        cases: folders of the runs, one for each case.
 
     Raises:
-        ConfigError: a run is not whole, or a case has none.
+        ConfigError: a run is missing or not whole.
         OSError: a file cannot be written.
     """
     import pandas as pd
@@ -72,9 +72,7 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     kept, runs, curves = [], [], []
     for place in cases:
-        paths = sorted(place.glob("seed=*"))
-        if not paths:
-            raise ConfigError(f"runs: no finished run in {place}")
+        paths = [place / f"seed={seed}" for seed in SEEDS]
         found = [read_run(path) for path in paths]
         for result, training in found:
             about = {"case": result.target, "seed": result.seed, "config_hash": result.config_hash}

@@ -144,6 +144,8 @@ WRONG = {
     "+pair=high method=scratch source_weights=random": "source_weights: must be learned with method=scratch",
     "+pair=high method=scratch source_weights=permuted": "source_weights: must be learned with",
     "+pair=high layers=3 source_file=x source_weights=random": "source_weights: must be learned or",
+    "+pair=high layers=3 source=pretrained source_weights=random": "source_weights: must be left out",
+    "+pair=high layers=3 source=pretrained source_file=x": "source_file: must be left out with source=",
     "+pair=high layers=3 source_weights=banana": "source_weights: Invalid value 'banana', expected one of [",
     "target=2 layers=2": "source: must be a case",
     "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",

@@ -1,5 +1,6 @@
 """Episodes that somebody sailed: written, read again, put into a replay, refused where they are not right."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -13,7 +14,10 @@ from tests.test_cli import ship_trl
 
 WORLD = load_world()
 CASE = load_case("4", WORLD)
-LINE = ("target=4", "method=scratch", "profile=smoke", "learn.episodes=3", "learn.jumpstart_draws=0")
+LINE = (
+    *("target=4", "method=scratch", "profile=smoke", "learn.episodes=4", "learn.warmup_steps=40"),
+    "learn.jumpstart_draws=0",
+)
 
 
 def kept(folder: Path, episode_return: float | None = None) -> Path:
@@ -32,6 +36,18 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert (one.actions, one.episode_return, one.by) == (plan.actions, plan.episode_return, "planner")
 
 
+def test_a_number_is_taken_once(tmp_path: Path) -> None:
+    """Also of a case whose name is a pattern of file names."""
+    plan = best_known(CASE, WORLD)
+    case = dataclasses.replace(CASE, name="my[1]")
+    for _ in range(3):
+        write_demonstration(tmp_path, case, WORLD, plan.actions, (plan.episode_return, "goal"), "planner")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"my[1]-00{k}.json" for k in (1, 2, 3)]
+    (tmp_path / "my[1]-002.json").unlink()
+    again = write_demonstration(tmp_path, case, WORLD, plan.actions, (1.0, "goal"), "planner")
+    assert again.name == "my[1]-002.json"
+
+
 def test_those_of_other_cases_are_passed_over(tmp_path: Path) -> None:
     kept(tmp_path)
     with pytest.raises(ConfigError, match="demonstrations: none of case 2 in"):
@@ -47,6 +63,7 @@ def test_those_of_other_cases_are_passed_over(tmp_path: Path) -> None:
         ({"actions": 3}, "is no whole demonstration"),
         ({"episode_return": float("nan")}, "is no whole demonstration"),
         ({"episode_return": "much"}, "is no whole demonstration"),
+        ({"episode_return": 10**400}, "is no whole demonstration"),
         ({"by": None}, "is no whole demonstration"),
         ({"further": 1}, "is no whole demonstration"),
         ({"schema_version": 2}, "is of another schema_version than 1"),
@@ -75,17 +92,12 @@ def test_a_training_begins_with_them(tmp_path: Path) -> None:
     told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path)
     assert "case 4, scratch-demonstrations" in told.stdout
     ship_trl(*LINE, "output=runs", folder=tmp_path)
-    with_them, without = (
-        json.loads((tmp_path / "runs" / "4" / arm / "seed=0" / "result.json").read_text())
-        for arm in ("scratch-demonstrations", "scratch")
-    )
-    assert with_them["config_hash"] != without["config_hash"]
-    curves = [
-        tmp_path / "runs" / "4" / arm / "seed=0" / "curve.csv"
-        for arm in ("scratch-demonstrations", "scratch")
-    ]
-    # The same exploration, other updates.
-    assert curves[0].read_text().splitlines()[1] == curves[1].read_text().splitlines()[1]
+    arms = [tmp_path / "runs" / "4" / arm / "seed=0" for arm in ("scratch-demonstrations", "scratch")]
+    hashes = {json.loads((arm / "result.json").read_text())["config_hash"] for arm in arms}
+    assert len(hashes) == 2
+    # The same exploration, and other updates.
+    curves = [(arm / "curve.csv").read_text().splitlines() for arm in arms]
+    assert curves[0][1] == curves[1][1] and curves[0][-1] != curves[1][-1]
 
 
 def test_one_that_does_not_sail_as_it_says_is_refused(tmp_path: Path) -> None:

@@ -168,7 +168,12 @@ def read_config(path: Path) -> Config:
         ConfigError: there is none, or it lacks something.
     """
     # Not in configurations of older programs, which knew one of each.
-    older = {"network": plain(load_network()), "learn": {"backend": "auto"}}
+    older = {
+        "network": plain(load_network()),
+        "learn": {"backend": "auto"},
+        "demonstrations": None,
+        "objective": "late",
+    }
     try:
         values = OmegaConf.merge(OmegaConf.structured(Config), older, OmegaConf.load(path))
         config: Config = OmegaConf.to_object(values)  # type: ignore[assignment]

@@ -93,10 +93,8 @@ def training_returns(config_hashes: set[str]) -> pd.DataFrame:
     """Read the training returns of runs whose configuration is one of these.
 
     Returns:
-        `config_hash`, `seed`, `episode`, `return` (raw); no row where none of the runs is of these.
+        `config_hash`, `episode`, `return` (raw); no row where none of the runs is of these.
     """
-    if not any(run["config_hash"] in config_hashes for run in read()["runs"]):
-        config_hashes = set()
     import pandas as pd
 
     rows = pd.read_csv(NETWORKS / CURVES)

@@ -25,7 +25,7 @@ from ship_trl.pretrained import PRETRAINED
 from ship_trl.result import SCHEMA_VERSION, Evaluation, Result, write_result
 from ship_trl.run import console
 from ship_trl.run.demonstrate import show_demonstrations
-from ship_trl.run.plan import ALGORITHM_VERSION, Run
+from ship_trl.run.plan import ALGORITHM_VERSION, Run, check_folder
 from ship_trl.run.process import configure_process
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.run.tracking import Tracker
@@ -68,6 +68,8 @@ def run_experiment(run: Run, place: str = "") -> Result:
     with console.held(run.lock(), run.title):
         result = run.result()
         if result is None:
+            # It may have finished other settings in this folder since this run was planned.
+            check_folder(run)
             source = find_source(run, place)
             result = train_run(run, device, source, place)
         else:
@@ -92,7 +94,10 @@ def find_source(run: Run, place: str) -> Entry | None:
         if entry is None:
             # It may be asked for as a run of its own at the same time.
             with console.held(source.lock(), source.title):
-                result = source.result() or train_run(source, device, None, place)
+                result = source.result()
+                if result is None:
+                    check_folder(source)
+                    result = train_run(source, device, None, place)
             return retain(source, result)
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry

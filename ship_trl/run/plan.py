@@ -148,14 +148,23 @@ def make_run(config: Config) -> Run:
 
 def with_source(config: Config, target: Case) -> Config:
     """Find which case `source=pretrained` means: that of the pair, else the most similar to the target."""
-    if config.source != PRETRAINED or config.method is Method.scratch:
+    if config.source != PRETRAINED:
         return config
     if config.pair is not None:
-        source = str(OmegaConf.load(conf_dir() / "pair" / f"{config.pair}.yaml").source)
+        pair = conf_dir() / "pair" / f"{config.pair}.yaml"
+        if not pair.is_file():
+            raise ConfigError(
+                f"source: {PRETRAINED} knows the shipped pairs alone, not {config.pair}; "
+                "allowed: source=CASE source_weights=pretrained"
+            )
+        source = str(OmegaConf.load(pair).source)
     else:
         cases = [load_case(one.case, config.world, "source") for one in networks()]
         others_than = [case for case in cases if case.fingerprint != target.fingerprint]
         source = rank(target, others_than, config.world)[0].case.name
+    if config.method is Method.scratch:
+        # Beside the transfers of its grid.
+        return dataclasses.replace(config, source=source)
     return dataclasses.replace(config, source=source, source_weights=SourceWeights.pretrained)
 
 
@@ -178,7 +187,8 @@ def hash_of(
     if config.source_weights is SourceWeights.random:
         origin = "random"
     elif pretrained is not None:
-        origin = f"pretrained {pretrained.sha256}"
+        # The name, because the streams of random numbers have it too.
+        origin = f"pretrained {Path(str(config.source)).stem} {pretrained.sha256}"
     elif config.source_weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl import pretrained
-from ship_trl.config import Method, SourceWeights
+from ship_trl.config import Config, Method, SourceWeights
 from ship_trl.curve import CurveError, read_curve, split
 from ship_trl.result import ResultError, read_result
 from ship_trl.run.plan import Run, hash_of
@@ -37,19 +37,26 @@ def sailed_here(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Yield digest and training returns of the runs from scratch below the run's output folder."""
     output = Path(run.config.output)
     for label in sorted({run.config.label, run.target.name}):
-        for folder in sorted((output / label / "scratch").glob("seed=*")):
+        for folder in sorted((output / label / from_scratch(run, 0).arm).glob("seed=*")):
             try:
                 result = read_result(folder)
                 if result.config_hash == hash_from_scratch(run, result.seed):
-                    yield result.config_hash, split(read_curve(folder))[0]["return"].to_numpy()
+                    returns = split(read_curve(folder))[0]["return"].to_numpy()
+                    # A copy may have been cut short at the end of a line.
+                    if len(returns) == run.config.learn.episodes:
+                        yield result.config_hash, returns
             except (ResultError, CurveError):
                 continue
 
 
 def hash_from_scratch(run: Run, seed: int) -> str:
     """Give the digest that the run would have without its transfer, with another seed."""
+    return hash_of(from_scratch(run, seed), run.target, None, demonstrations=run.demonstrations)
+
+
+def from_scratch(run: Run, seed: int) -> Config:
+    """Give the run's configuration without its transfer, with another seed."""
     without: dict[str, Any] = {"source": None, "source_file": None, "layers": None, "seed": seed}
-    config = dataclasses.replace(
+    return dataclasses.replace(
         run.config, method=Method.scratch, source_weights=SourceWeights.learned, **without
     )
-    return hash_of(config, run.target, None)

@@ -137,7 +137,9 @@ class Game:
         """Give the line at the top: a message, or the rudder and the best known return."""
         rudder = self.helm.rudder
         words = f"rudder a{rudder + 1}, {action_words(self.helm.world, rudder)}"
-        return self.message or f"{words}    best known {number(self.best, '.1f')}    H: keys"
+        if self.helm.over:
+            return self.message
+        return f"{words}    {self.message or 'best known ' + number(self.best, '.1f')}    H: keys"
 
     def draw(self, surface: pygame.Surface) -> None:
         """Draw what is to be seen now."""

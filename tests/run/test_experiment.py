@@ -1,15 +1,16 @@
 """One source network is trained once, whoever asks for it, and as whatever."""
 
+import dataclasses
 import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ship_trl.result import Result
+from ship_trl.result import Result, write_result
 from ship_trl.run import experiment
-from ship_trl.run.experiment import find_source
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.experiment import find_source, run_experiment
+from ship_trl.run.plan import Run, TakenError, make_run
 from tests.a_result import a_result
 from tests.test_config import composed
 
@@ -42,3 +43,24 @@ def test_a_source_that_is_a_run_of_its_own_is_waited_for(tmp_path: Path, trained
     assert trained == [run.source.folder]
     entry = find_source(run, "1 of 1")
     assert entry is not None and entry.policy.is_file() and len(trained) == 1
+
+
+def test_a_run_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, trained: list[Path]) -> None:
+    """As two settings of one grid that go to the same folder."""
+    line = ("target=1", "method=scratch", "profile=smoke", f"output={tmp_path}")
+    one, other = make_run(composed(*line)), make_run(composed(*line, "learn.lr=1e-3"))
+    one.folder.mkdir(parents=True)
+    write_result(one.folder, dataclasses.replace(a_result(), config_hash=one.config_hash))
+    with pytest.raises(TakenError, match="a finished run of other settings"):
+        run_experiment(other)
+    assert trained == [] and one.result() is not None
+
+
+def test_a_source_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, trained: list[Path]) -> None:
+    run = make_run(composed("+pair=high", "layers=3", "profile=smoke", f"output={tmp_path}"))
+    assert run.source is not None
+    run.source.folder.mkdir(parents=True)
+    write_result(run.source.folder, dataclasses.replace(a_result(), config_hash="another"))
+    with pytest.raises(TakenError):
+        find_source(run, "")
+    assert trained == []

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError
+from ship_trl.paths import conf_dir
 from ship_trl.result import write_result
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
@@ -175,3 +176,33 @@ def test_another_network_is_another_source_too(monkeypatch: pytest.MonkeyPatch) 
     # Runs that were made before there were other networks keep their hash: nothing is said of the paper's.
     monkeypatch.setattr("ship_trl.run.plan.others", lambda _: None)
     assert run(*HIGH).config_hash == run(*HIGH, "network=five").config_hash == paper.config_hash
+
+
+def test_pretrained_is_the_network_of_the_pair_or_of_the_most_similar_case() -> None:
+    given = run("+pair=low", "layers=3", "source=pretrained")
+    assert given.pretrained is not None and given.pretrained.case == "3" and given.source is None
+    assert given.folder.parts[-3:] == ("low", "FT3-pretrained", "seed=0")
+    same = run("+pair=low", "layers=3", "source_weights=pretrained")
+    assert (same.config_hash, same.folder) == (given.config_hash, given.folder)
+    assert given.config_hash != run("+pair=low", "layers=3").config_hash
+    nearest = run("target=4", "layers=3", "source=pretrained")
+    assert nearest.pretrained == given.pretrained and nearest.folder.parts[-3] == "3-4"
+    # A run from scratch of the same grid lies beside it, and is what it always is.
+    alone = run("target=4", "method=scratch", "source=pretrained")
+    assert alone.folder.parts[-3] == "3-4" and alone.pretrained is None
+    assert alone.config_hash == run("target=4", "method=scratch").config_hash
+
+
+def test_the_same_case_by_another_name_draws_otherwise_and_is_another_run(tmp_path: Path) -> None:
+    copy = tmp_path / "mine.yaml"
+    copy.write_text((conf_dir() / "case" / "3.yaml").read_text())
+    line = ("target=4", "layers=3", "source_weights=pretrained")
+    one, other = run(*line, "source=3"), run(*line, f"source={copy}")
+    assert one.pretrained == other.pretrained and one.stream("weights") != other.stream("weights")
+    assert one.config_hash != other.config_hash
+
+
+def test_a_pair_of_ones_own_has_no_pretrained_source() -> None:
+    config = dataclasses.replace(composed("+pair=low", "layers=3", "source=pretrained"), pair="mine")
+    with pytest.raises(ConfigError, match="source: pretrained knows the shipped pairs alone, not mine"):
+        make_run(config)

@@ -10,9 +10,12 @@ from PIL import Image
 from ship_trl import pretrained
 from ship_trl.checks import to_config
 from ship_trl.curve import read_curve, split
+from ship_trl.demonstrations import write_demonstration
 from ship_trl.paths import conf_dir
 from ship_trl.run.plan import Run, make_run
 from ship_trl.run.scratch import scratch_returns
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.reference import best_known
 from tests.test_cli import ship_trl
 
 SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.jumpstart_draws=0")
@@ -61,3 +64,23 @@ def test_without_one_a_run_says_how_to_get_it(tmp_path: Path) -> None:
     told = ship_trl("+pair=high", "+arm=FT3", *SMOKE, folder=tmp_path)
     assert "no run from scratch of these settings" in told.stdout
     assert not list(tmp_path.rglob("transfer.png"))
+
+
+def test_a_curve_cut_short_is_passed_over(tmp_path: Path) -> None:
+    ship_trl("target=2", "method=scratch", *SMOKE, "output=runs", folder=tmp_path)
+    transfer = run("+pair=high", "+arm=FT3", *SMOKE, "output=runs")
+    path = Path("runs/2/scratch/seed=0/curve.csv")
+    assert scratch_returns(transfer) is not None
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-2]))
+    assert scratch_returns(transfer) is None
+
+
+def test_runs_without_its_demonstrations_do_not_stand_beside_it(tmp_path: Path) -> None:
+    world = load_world()
+    case = load_case("4", world)
+    plan = best_known(case, world)
+    write_demonstration(
+        tmp_path / "demos", case, world, plan.actions, (plan.episode_return, "goal"), "planner"
+    )
+    assert scratch_returns(run("+pair=low", "+arm=FT3")) is not None
+    assert scratch_returns(run("+pair=low", "+arm=FT3", "demonstrations=demos")) is None

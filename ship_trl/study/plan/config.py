@@ -42,7 +42,7 @@ LAUNCHERS = {
 # What a job sets.
 FIXED = (
     *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
-    *("profile", "output", "case_base", "logger", "overwrite"),
+    *("profile", "output", "case_base", "logger", "overwrite", "demonstrations", "sweep"),
 )
 
 

@@ -27,7 +27,9 @@ COPY ship_trl ship_trl
 FROM app AS test
 COPY . .
 RUN pip install --editable '.[dev]'
-RUN python -m pytest && touch /tested
+# All of them, or a part that is named: --build-arg TESTS=tests/sim
+ARG TESTS=tests
+RUN python -m pytest $TESTS && touch /tested
 
 FROM app
 # Taking this file over is what makes the build wait for the tests.

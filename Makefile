@@ -1,6 +1,7 @@
 # make run    the main job, and a film of a ship that gives way; make run ARGS="target=4 method=scratch" another one
+# make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests; those that precision touches once more without bfloat16
-# Both install into .venv first, once for each change of pyproject.toml.
+# All install into .venv first, once for each change of pyproject.toml.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -13,12 +14,15 @@ export OMP_NUM_THREADS = 1
 python_fits = $(shell $(PYTHON) -c "import sys; print((3, 11) <= sys.version_info[:2] <= (3, 12))" 2>/dev/null)
 check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python 3.11 or 3.12, and $(PYTHON) is not: try make PYTHON=python3.11))
 
-.PHONY: run test format clean
+.PHONY: run watch test format clean
 .NOTPARALLEL:
 
 run: $(VENV)/.run
 	$(BIN)/python -m ship_trl $(ARGS)
 	$(BIN)/python -m ship_trl.record pretrained target=4 --size 960x540 --output outputs/give_way.gif
+
+watch: $(VENV)/.run
+	$(BIN)/python -m ship_trl.watch
 
 test: $(VENV)/.test
 	$(BIN)/ruff check .

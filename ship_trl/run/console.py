@@ -131,7 +131,6 @@ def say_next(result: Result, folder: Path) -> None:
     if (folder / TRANSFER).is_file():
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
-        say("  no run from scratch of these settings to compare with; this trains one, then run this again:")
-        say(f"    python -m ship_trl target={result.target} method=scratch ...")
+        say("  no run from scratch of these settings to compare with; +arm=scratch makes one")
     say(f"  see it sail: python -m ship_trl.watch {folder}")
     say("  see a ship give way to two others: python -m ship_trl.watch pretrained target=4")

@@ -97,6 +97,7 @@ def find_source(run: Run, place: str) -> Entry | None:
                 result = source.result()
                 if result is None:
                     check_folder(source)
+                    console.say(f"two trainings: first the source, {source.title}; then {run.title}")
                     result = train_run(source, device, None, place)
             return retain(source, result)
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")

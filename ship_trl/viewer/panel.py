@@ -141,7 +141,7 @@ class Panel:
                 pygame.draw.rect(surface, pen.blend(CHOSEN, PAPER, 0.16), ground, border_radius=4)
             name = f"a{k + 1}" + (" \N{BLACK LEFT-POINTING POINTER}" if mine else "")
             pen.write(surface, name, (self.room.left, middle), colour, size, mine)
-            if self.wide:
+            if self.wide or q is None:
                 words = action_words(world, k)
                 pen.write(surface, words, (self.room.left + 48 * unit, middle), INK if mine else FAINT, size)
             if q is None:

@@ -1,6 +1,7 @@
 # make run    the main job, and a film of a ship that gives way; make run ARGS="target=4 method=scratch" another one
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests; those that precision touches once more without bfloat16
+# make test-long   the tests that `make test` leaves out, for they take half a minute or more each
 # All install into .venv first, once for each change of pyproject.toml.
 
 PYTHON ?= python3
@@ -14,7 +15,7 @@ export OMP_NUM_THREADS = 1
 python_fits = $(shell $(PYTHON) -c "import sys; print((3, 11) <= sys.version_info[:2] <= (3, 12))" 2>/dev/null)
 check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python 3.11 or 3.12, and $(PYTHON) is not: try make PYTHON=python3.11))
 
-.PHONY: run watch test format clean
+.PHONY: run watch test test-long format clean
 .NOTPARALLEL:
 
 run: $(VENV)/.run
@@ -30,6 +31,9 @@ test: $(VENV)/.test
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
 	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m precision
+
+test-long: $(VENV)/.test
+	$(BIN)/python -m pytest -m long
 
 format: $(VENV)/.test
 	$(BIN)/ruff check --fix .

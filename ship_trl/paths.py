@@ -26,7 +26,8 @@ def writing(path: Path, draft: Path | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename in (None, draft, str(draft)):
+        # One without a number has a text of its own, which a file name would hide.
+        if error.errno is not None and error.filename in (None, draft, str(draft)):
             error.filename = str(path)
         raise
 

@@ -212,6 +212,7 @@ def test_a_network_of_ones_own_is_one_file(tmp_path: Path) -> None:
     assert json.loads(result.read_text())["arm"] == "FE3"
 
 
+@pytest.mark.long
 def test_a_network_of_five_layers_learns_is_transferred_and_sails(tmp_path: Path) -> None:
     from safetensors.torch import load_file
 

@@ -106,6 +106,7 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_reward_term(before: Path, tmp_path: Path) -> None:
     place, folder = follow(tmp_path), tmp_path / "after"
     paid = rewards(place)

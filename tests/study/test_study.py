@@ -34,6 +34,7 @@ def test_started_again_it_trains_nothing(whole: Path) -> None:
     assert files(whole) == before
 
 
+@pytest.mark.long
 def test_one_process_learns_the_same(whole: Path, tmp_path: Path) -> None:
     done = study(*SMALL, "processes=1", folder=tmp_path)
     assert ", 1 at once, by" in done.stdout

@@ -45,6 +45,7 @@ def test_launchers_overrides_are_not_of_the_runs(monkeypatch: pytest.MonkeyPatch
     assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
 
 
+@pytest.mark.long
 def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
     # A name that Hydra's grammar would not take unquoted.
     place = tmp_path / "a study, (its) folder=here's"
@@ -112,6 +113,7 @@ def cluster() -> Iterator[tuple[str, int]]:
         process.stdout.close()
 
 
+@pytest.mark.long
 def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
     whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

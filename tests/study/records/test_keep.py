@@ -120,6 +120,7 @@ def test_the_report_of_a_copy_is_that_of_the_study(whole_study: Path, copy: Path
     assert sorted(path.name for path in copy.iterdir()) == [*FILES[:1], "report", *FILES[1:]]
 
 
+@pytest.mark.long
 def test_a_study_goes_on_from_its_copy(whole: Path, tmp_path: Path) -> None:
     keep([str(whole / "outputs/smoke_study"), str(tmp_path / "copy")])
     folder = tmp_path / "outputs/smoke_study"

@@ -30,6 +30,7 @@ def records(run: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
+@pytest.mark.long
 def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
     study(*SMALL, "arms=[FTW]", "logger=wandb", "wandb.project=mine", folder=tmp_path)
     place = tmp_path / "outputs/smoke_study"

@@ -165,6 +165,7 @@ def test_nothing_to_report_is_one_line(
     assert caught.value.code == 1 and error.startswith("ship_trl: folder: no ") and error.count("\n") == 1
 
 
+@pytest.mark.long
 def test_495_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(tmp_path: Path) -> None:
     write_study(tmp_path, seeds=15, episodes=600, pairs=("high", "low", "lowest"))
     code = (

@@ -53,12 +53,10 @@ def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, 
     """
     from ship_trl.run.process import configure_process
     from ship_trl.viewer.game import Game
-    from ship_trl.viewer.helm import Helm
     from ship_trl.viewer.window import NoScreenError, open_window
 
     configure_process()
-    world = load_world()
-    game = Game(cases, lambda case: Helm(case, world), folder, speed)
+    game = Game(cases, load_world(), folder, speed)
     try:
         with open_window(size, "ship_trl") as window:
             game.run(window)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pygame
 
 from ship_trl.config import ConfigError
 from ship_trl.paths import replacing
-from ship_trl.viewer.dashboard import Dashboard, Look
 from ship_trl.viewer.film import draw_film, write_film
 from ship_trl.viewer.player import Player
 from ship_trl.viewer.playlist import Playlist
+from ship_trl.viewer.screen import Screen
 from ship_trl.viewer.window import Press, Window
 
 FOLDER = Path("outputs/watch")
@@ -38,7 +37,7 @@ MESSAGE_TIME = 4.0
 FILM_FRAMES_PER_SECOND = 10
 
 
-class Session:
+class Session(Screen):
     """Plays a playlist; keys come in by their names, pictures go out to a surface.
 
     Args:
@@ -50,13 +49,12 @@ class Session:
     """
 
     def __init__(self, playlist: Playlist, folder: Path = FOLDER) -> None:
+        super().__init__(KEYS)
         self.playlist, self.folder = playlist, folder
         self.shows = playlist.shows()
-        self.look, self.help, self.closed = Look(), False, False
         self.player = Player(self._steps, self.shows[0].telemetry.world.dt)
-        self.dashboard = Dashboard()
         self._message, self._message_left = "", 0.0
-        self.keys: dict[str, Callable[[], None]] = {
+        self.keys |= {
             "space": self.player.pause,
             "right": self.player.step,
             "left": lambda: self.player.step(-1),
@@ -68,33 +66,20 @@ class Session:
             "p": lambda: self._go(self.playlist.next_policy),
             "c": lambda: self._go(self.playlist.next_case),
             "e": lambda: self._go(self.playlist.next_episode),
-            "a": lambda: self._look(absolute=not self.look.absolute),
-            "t": lambda: self._look(to_scale=not self.look.to_scale),
             "s": lambda: self._look(saliency=not self.look.saliency),
-            "h": self._toggle_help,
-            "f1": self._toggle_help,
-            "q": self._close,
-            "escape": self._escape,
         }
 
     @property
     def _steps(self) -> int:
         return max(show.telemetry.steps for show in self.shows)
 
-    def run(self, window: Window) -> None:
-        """Play until the window is closed, drawing only what has changed."""
-        while not (self.closed or window.closed):
-            changed = self.tick(window.wait())
-            for press in window.presses():
-                changed = True
-                self.press(press, window.surface)
-                if press.key == "m":
-                    # What takes long is said before it begins.
-                    self.draw(window.surface)
-                    window.present()
-                    self.save_film(window.surface.get_size())
-            if changed or window.stale:
-                window.present(self.draw(window.surface))
+    def pressed(self, press: Press, window: Window) -> None:
+        """Do what a press in a window stands for; what takes long is said before it begins."""
+        super().pressed(press, window)
+        if press.key == "m":
+            self.draw(window.surface)
+            window.present()
+            self.save_film(window.surface.get_size())
 
     def tick(self, seconds: float) -> bool:
         """Let time pass; returns whether the picture has changed."""
@@ -116,13 +101,8 @@ class Session:
             self.save_picture(surface)
         elif press.key == "m":
             self.say("making the film ...")
-        elif press.key in self.keys:
-            self.keys[press.key]()
-
-    def draw(self, surface: pygame.Surface) -> list[pygame.Rect]:
-        """Draw what is to be seen now; returns the parts that have changed."""
-        keys = KEYS if self.help else ()
-        return self.dashboard.draw(surface, self.shows, self.player.position, self.look, self.status, keys)
+        else:
+            super().press(press, surface)
 
     @property
     def status(self) -> str:
@@ -180,19 +160,3 @@ class Session:
             self.say(str(error))
             return
         self.player.load(self._steps, self.shows[0].telemetry.world.dt)
-
-    def _look(self, **change: bool) -> None:
-        self.look = replace(self.look, **change)
-
-    def _toggle_help(self) -> None:
-        self.help = not self.help
-
-    def _escape(self) -> None:
-        """Leave the list of keys, or the window."""
-        if self.help:
-            self.help = False
-        else:
-            self._close()
-
-    def _close(self) -> None:
-        self.closed = True

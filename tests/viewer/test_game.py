@@ -13,7 +13,6 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.reference import best_known, sail
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.game import Game
-from ship_trl.viewer.helm import Helm
 from ship_trl.viewer.window import Window, open_window
 
 WORLD = load_world()
@@ -29,7 +28,7 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[Window]:
 
 @pytest.fixture
 def game(tmp_path: Path) -> Game:
-    return Game(CASES, lambda case: Helm(case, WORLD), tmp_path / "demos", speed=1.0)
+    return Game(CASES, WORLD, tmp_path / "demos", speed=1.0)
 
 
 def press(window: Window, game: Game, *keys: str) -> NDArray[np.uint8]:
@@ -37,7 +36,7 @@ def press(window: Window, game: Game, *keys: str) -> NDArray[np.uint8]:
     for key in keys:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.key.key_code(key)))
     for found in window.presses():
-        game.press(found)
+        game.press(found, window.surface)
     game.draw(window.surface)
     window.present()
     return to_array(window.surface)
@@ -115,7 +114,7 @@ def test_beginning_again_keeps_nothing(window: Window, game: Game) -> None:
 
 
 def test_without_a_folder_nothing_is_kept(window: Window, tmp_path: Path) -> None:
-    game = Game(CASES, lambda case: Helm(case, WORLD), None, speed=1.0)
+    game = Game(CASES, WORLD, None, speed=1.0)
     press(window, game, "space")
     to_the_end(game)
     assert game.helm.over and game.kept == [] and "kept" not in game.status

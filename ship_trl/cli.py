@@ -94,6 +94,21 @@ def make_parser(module: str, description: str | None) -> argparse.ArgumentParser
 
 
 @contextmanager
+def refusals() -> Iterator[None]:
+    """Around a command: what is wrong with its input, or a file that cannot be written, in one line."""
+    from ship_trl.config import ConfigError
+
+    try:
+        yield
+    except ConfigError as error:
+        complain(str(error))
+        sys.exit(1)
+    except OSError as error:
+        complain(explain_file(error))
+        sys.exit(1)
+
+
+@contextmanager
 def job_errors() -> Iterator[None]:
     """Around one job: its own `ConfigError`, or a file that cannot be written, in one line.
 

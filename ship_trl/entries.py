@@ -123,6 +123,11 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
     return found
 
 
+def best_of_folders(entries: list[Entry]) -> list[Entry]:
+    """Leave out the last network of a result, of which the best is there too; a file that was named stays."""
+    return [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
+
+
 def settings_of(folder: Path) -> tuple[World, bool]:
     """Read the world and the colours of a run from its configuration.
 

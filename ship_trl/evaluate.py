@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import complain, make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.entries import SHOWN, Entry, find_entries, sail
 from ship_trl.pretrained import PRETRAINED
@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_intermixed_args(arguments)
-    try:
+    with refusals():
         if options.episodes < 1:
             raise ConfigError(f"--episodes: must be at least 1, got {options.episodes}")
         if not 0 <= options.seed < 2**63:
@@ -52,9 +52,6 @@ def main(arguments: list[str] | None = None) -> None:
         wrong = table(
             entries, options.episodes, options.seed, options.gif, options.markdown, options.demonstrations
         )
-    except (ConfigError, OSError) as error:
-        complain(str(error))
-        sys.exit(1)
     if wrong:
         complain(f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]} ...")
         sys.exit(1)

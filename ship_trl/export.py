@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl import __version__
-from ship_trl.cli import complain, explain_file, make_parser
+from ship_trl.cli import make_parser, refusals
 from ship_trl.config import PICTURE, ConfigError
-from ship_trl.entries import Entry, find_entries
+from ship_trl.entries import Entry, best_of_folders, find_entries
 from ship_trl.paths import replacing
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--colour", action="store_true", help="the network of a file sees colours")
     options = parser.parse_args(arguments)
-    try:
+    with refusals():
         path: Path = options.file
         if path.suffix != ".onnx":
             raise ConfigError(f"file: must be a name that ends with .onnx, got {path}")
@@ -54,12 +54,6 @@ def main(arguments: list[str] | None = None) -> None:
                 raise ConfigError(f"{name} is not installed; ship_trl[onnx] brings it")
         words = [options.policy, *([options.target] if options.target else [])]
         lines = export(find_entry(words, options.colour), path)
-    except ConfigError as error:
-        complain(str(error))
-        sys.exit(1)
-    except OSError as error:
-        complain(explain_file(error))
-        sys.exit(1)
     sys.stdout.write("\n".join(lines) + "\n")
 
 
@@ -69,8 +63,8 @@ def find_entry(words: list[str], colour: bool) -> Entry:
     Raises:
         ConfigError: there is none, or several cases or results.
     """
-    entries = find_entries(words, colour)
-    if len({entry.case.name for entry in entries}) > 1 or len({Path(e.policy).parent for e in entries}) > 1:
+    entries = best_of_folders(find_entries(words, colour))
+    if len(entries) > 1:
         raise ConfigError(f"policy: {words[0]} has several results or cases; allowed: one of each")
     return entries[0]
 
@@ -81,23 +75,14 @@ def export(entry: Entry, path: Path) -> list[str]:
     Raises:
         ConfigError: the policy has no network, or the model does not do what the network does.
     """
-    from torch import nn
-
-    from ship_trl.learn.network import DuelingNetwork
     from ship_trl.learn.rollout import rollout
-    from ship_trl.policies import load_policy
+    from ship_trl.policies import load_with_network
     from ship_trl.run.process import configure_process
     from ship_trl.sim.env import ShipEnv
 
     configure_process()
     env = ShipEnv(entry.case, entry.world, colour=entry.colour)
-    policy: Any = load_policy(entry.policy, env)
-    modules = policy.modules() if isinstance(policy, nn.Module) else ()
-    network = next((module for module in modules if isinstance(module, DuelingNetwork)), None)
-    if network is None:
-        raise ConfigError(
-            f"policy: {entry.policy} is no network; allowed: a result folder, a safetensors file"
-        )
+    policy, network = load_with_network(entry.policy, env)
     channels, actions = env.rasteriser.channels, len(entry.world.actions)
     program = trace(network, channels)
     program.model.metadata_props.update(about(entry))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.watch import read_size
@@ -30,7 +30,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--speed", type=float, default=2.0, metavar="X", help="times as fast as ships sail")
     parser.add_argument("--size", default="1600x900", metavar="WxH", help="of the window, in pixels")
     options = parser.parse_args(arguments)
-    try:
+    with refusals():
         size = read_size(options.size)
         if not 0.5 <= options.speed <= FASTEST:
             raise ConfigError(f"--speed: must be from 0.5 to {FASTEST:g}, got {options.speed:g}")
@@ -40,9 +40,6 @@ def main(arguments: list[str] | None = None) -> None:
         world = load_world()
         cases = [load_case(name, world, "target") for name in names.split(",")]
         play(cases, None if options.keep_nothing else options.demonstrations, options.speed, size)
-    except (ConfigError, OSError) as error:
-        complain(str(error))
-        sys.exit(1)
 
 
 def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, int]) -> None:

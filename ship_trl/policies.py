@@ -14,7 +14,7 @@ from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
-from torch import Generator
+from torch import Generator, nn
 
 from ship_trl.config import ConfigError
 from ship_trl.learn.network import DuelingNetwork
@@ -100,6 +100,25 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     if not colon:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
     return own(where, function, name)(env, seed)
+
+
+def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:
+    """Give a policy as `load_policy` does, and the network that it sails by.
+
+    Raises:
+        ConfigError: as `load_policy`, or the policy has no network of ours.
+    """
+    policy = load_policy(name, env)
+    network = network_of(policy)
+    if network is None:
+        raise ConfigError(f"policy: {name} has no network; allowed: a result folder or a safetensors file")
+    return policy, network
+
+
+def network_of(policy: Policy) -> DuelingNetwork | None:
+    """Find the network inside a policy, None where it has none of ours."""
+    parts = policy.modules() if isinstance(policy, nn.Module) else ()
+    return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
 
 
 def own(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy]:

@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.curve import CurveError, read_curve, split
 from ship_trl.paths import conf_dir, replacing
@@ -46,11 +46,8 @@ def main(arguments: list[str] | None = None) -> None:
     line = [sys.executable, "-m", "ship_trl", "-m", *grid, f"output={options.runs}"]
     if code := subprocess.run(line, check=False).returncode:
         sys.exit(code)
-    try:
+    with refusals():
         write_networks(options.folder, [options.runs / case / "scratch" for case in cases])
-    except (ConfigError, OSError) as error:
-        complain(str(error))
-        sys.exit(1)
 
 
 def write_networks(folder: Path, cases: list[Path]) -> None:
@@ -143,18 +140,13 @@ def keep(folder: Path, result: Result, weights: Path) -> Pretrained:
 
 def sail(case: Case, weights: Path) -> tuple[Episode, DuelingNetwork]:
     """Sail the greedy episode of a file's network; returns both."""
-    from torch import Generator
-
-    from ship_trl.learn.network import DuelingNetwork
-    from ship_trl.learn.policy import greedy_policy
     from ship_trl.learn.rollout import rollout
+    from ship_trl.policies import load_with_network
     from ship_trl.sim.env import ShipEnv
-    from ship_trl.transfer.layers import load_weights
 
     env = ShipEnv(case, load_world())
-    network = DuelingNetwork(env.rasteriser.channels, len(env.world.actions), Generator())
-    network.load_state_dict(dict(load_weights(weights, network, "runs")))
-    return rollout(env, greedy_policy(network, env.rasteriser))[0], network
+    policy, network = load_with_network(str(weights), env)
+    return rollout(env, policy)[0], network
 
 
 if __name__ == "__main__":

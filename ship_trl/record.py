@@ -11,10 +11,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
-from ship_trl.entries import Entry, find_entries
-from ship_trl.transfer.casebase import POLICY_LAST
+from ship_trl.entries import Entry, best_of_folders, find_entries
 from ship_trl.watch import FIRST, check_seed, read_size
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--fps", type=float, metavar="N", help="frames a second: 10, of an MP4 30")
     parser.add_argument("--speed", type=float, default=5.0, metavar="X", help="times as fast as ships sail")
     options = parser.parse_intermixed_args(arguments)
-    try:
+    with refusals():
         usual = 30.0 if options.output and options.output.suffix == ".mp4" else 10.0
         rate = usual if options.fps is None else options.fps
         size = read_size(options.size)
@@ -59,9 +58,6 @@ def main(arguments: list[str] | None = None) -> None:
             film(options.output, entries, options.compare, look, size, rate, options.speed, options.seed)
         if options.trajectories is not None:
             chart(options.trajectories, entries, options.seed)
-    except (ConfigError, OSError) as error:
-        complain(str(error))
-        sys.exit(1)
 
 
 def check_film(path: Path, size: tuple[int, int], rate: float, speed: float) -> None:
@@ -110,11 +106,6 @@ def need_one_case(entries: list[Entry]) -> None:
     cases = {entry.case.fingerprint: entry.case.name for entry in entries}
     if len(cases) > 1:
         raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
-
-
-def best_of_folders(entries: list[Entry]) -> list[Entry]:
-    """Leave out the last network of a result, of which the best is there too; a file that was named stays."""
-    return [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
 
 
 def film(

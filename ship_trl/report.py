@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ship_trl.cli import complain, make_parser
-from ship_trl.config import ConfigError
+from ship_trl.cli import complain, make_parser, refusals
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -24,11 +23,8 @@ def main(arguments: list[str] | None = None) -> None:
     if output.resolve() == options.folder.resolve():
         complain(f"--output: {output} is the study's own folder; allowed: another one")
         sys.exit(1)
-    try:
+    with refusals():
         report(options.folder, output)
-    except (ConfigError, OSError) as error:
-        complain(str(error))
-        sys.exit(1)
 
 
 if __name__ == "__main__":

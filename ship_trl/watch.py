@@ -9,9 +9,8 @@ keys.
 from __future__ import annotations
 
 import re
-import sys
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.entries import Entry, find_entries
 
@@ -27,15 +26,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--colour", action="store_true", help="networks see colours")
     parser.add_argument("--size", default="1600x900", metavar="WxH", help="of the window, in pixels")
     options = parser.parse_intermixed_args(arguments)
-    try:
+    with refusals():
         size = read_size(options.size)
         check_seed(options.seed)
         entries = find_entries(options.words or FIRST, options.colour)
         words = " ".join([*options.words, *["--compare"] * options.compare])
         watch(entries, options.compare, options.seed, size, words)
-    except (ConfigError, OSError) as error:
-        complain(str(error))
-        sys.exit(1)
 
 
 def read_size(text: str) -> tuple[int, int]:

@@ -105,7 +105,7 @@ REFUSED = {
     "policy.safetensors none/q.onnx target=4": "file: no folder ",
     "policy.safetensors q.onnx": "target: none given for policy.safetensors; allowed: target=CASE",
     "policy.safetensors q.onnx target=2,4": "policy: policy.safetensors has several results or cases;",
-    "random q.onnx target=4": "policy: random is no network; allowed: a result folder, a safetensors file",
+    "random q.onnx target=4": "policy: random has no network; allowed: a result folder or a safetensors file",
     "nowhere.safetensors q.onnx target=4": "policy: no file nowhere.safetensors",
 }
 

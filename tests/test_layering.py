@@ -25,7 +25,7 @@ ALLOWED = {
     "cli": BELOW,
     "pretrained": SIM,
     "demonstrations": SIM,
-    "pretrain": SIM | {"cli", "curve", "learn", "pretrained", "result", "run", "transfer"},
+    "pretrain": SIM | {"cli", "curve", "learn", "policies", "pretrained", "result", "run", "transfer"},
     "gym_env": SIM | {"view"},
     "vector_env": SIM,
     "run": SIM
@@ -40,7 +40,7 @@ ALLOWED = {
     "policies": SIM | {"learn", "pretrained", "transfer"},
     "entries": SIM | {"cli", "learn", "policies", "pretrained", "result", "results", "transfer"},
     "evaluate": SIM | {"cli", "demonstrations", "entries", "learn", "pretrained", "results", "run", "view"},
-    "viewer": SIM | {"demonstrations", "entries", "learn", "view"},
+    "viewer": SIM | {"demonstrations", "entries", "learn", "policies", "view"},
     "play": SIM | {"cli", "demonstrations", "run", "viewer", "watch"},
     "watch": SIM | {"cli", "entries", "run", "viewer"},
     "record": SIM | {"cli", "entries", "learn", "run", "transfer", "view", "viewer", "watch"},

@@ -10,10 +10,9 @@ import shlex
 import sys
 from pathlib import Path
 
-from ship_trl.cli import complain, explain_file, make_parser
+from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
-from ship_trl.entries import Entry, find_entries
-from ship_trl.transfer.casebase import POLICY_LAST
+from ship_trl.entries import Entry, best_of_folders, find_entries
 
 LEAST_EPISODES = 60
 MOST_EPISODES = 600
@@ -36,7 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--colour", action="store_true", help="networks from files see colours")
     options = parser.parse_args(arguments)
-    try:
+    with refusals():
         if not LEAST_EPISODES <= options.episodes <= MOST_EPISODES:
             raise ConfigError(
                 f"--episodes: must be from {LEAST_EPISODES} to {MOST_EPISODES}, got {options.episodes}"
@@ -49,12 +48,6 @@ def main(arguments: list[str] | None = None) -> None:
         given = sys.argv[1:] if arguments is None else arguments
         command = shlex.join(["python", "-m", "ship_trl.explain", *given])
         write(entries, options.output, options.episodes, options.seed, command)
-    except ConfigError as error:
-        complain(str(error))
-        sys.exit(1)
-    except OSError as error:
-        complain(explain_file(error))
-        sys.exit(1)
 
 
 def choose_entries(words: list[str], colour: bool) -> list[Entry]:
@@ -64,7 +57,7 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
         ConfigError: there is none, or they are not of one case, one world and one way of seeing.
     """
     found = find_entries(words, colour)
-    entries = [e for e in found if e.policy in words or Path(e.policy).name != POLICY_LAST]
+    entries = best_of_folders(found)
     if not entries:
         raise ConfigError(f"policy: {found[0].policy} has no best network beside it")
     first = entries[0]

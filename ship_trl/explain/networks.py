@@ -6,7 +6,6 @@ import copy
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -20,7 +19,7 @@ from ship_trl.entries import SHOWN, Entry
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
-from ship_trl.policies import load_policy
+from ship_trl.policies import load_with_network
 from ship_trl.pretrained import find, is_pretrained
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.experiment import find_transfer
@@ -68,7 +67,7 @@ def load_subjects(entries: list[Entry]) -> list[Subject]:
     names = name_entries(entries)
     for entry, name in zip(entries, names, strict=True):
         env = ShipEnv(entry.case, entry.world, 1, colour=entry.colour)
-        network = find_network(entry, env)
+        _, network = load_with_network(entry.policy, env)
         if found and plain(network.config) != plain(found[0].network.config):
             raise ConfigError(
                 f"policy: {entry.policy} is of another network than {entries[0].policy}; "
@@ -76,22 +75,6 @@ def load_subjects(entries: list[Entry]) -> list[Subject]:
             )
         found.append(with_origin(entry, Subject(name, network, result_of(entry))))
     return found
-
-
-def find_network(entry: Entry, env: ShipEnv) -> DuelingNetwork:
-    """Take the network out of a policy.
-
-    Raises:
-        ConfigError: it has none.
-    """
-    policy: Any = load_policy(entry.policy, env)
-    modules = policy.modules() if hasattr(policy, "modules") else ()
-    network = next((module for module in modules if isinstance(module, DuelingNetwork)), None)
-    if network is None:
-        raise ConfigError(
-            f"policy: {entry.policy} has no network; allowed: a result folder or a safetensors file"
-        )
-    return network
 
 
 def result_of(entry: Entry) -> Result | None:

@@ -6,19 +6,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
-from torch import Tensor, nn
+from torch import Tensor
 
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import Policy
 
 # Pixels by which the gradient is smeared: single ones are noise of the first layer's stride.
 SMEAR = 1.5
-
-
-def network_of(policy: Policy) -> DuelingNetwork | None:
-    """Find the network inside a policy, None where it is none of ours."""
-    parts = policy.modules() if isinstance(policy, nn.Module) else ()
-    return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
 
 
 def saliency(network: DuelingNetwork, pixels: Tensor) -> NDArray[np.float32]:

@@ -7,7 +7,8 @@ from ship_trl.config import World
 from ship_trl.entries import sail
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
-from ship_trl.viewer.saliency import network_of, saliency
+from ship_trl.policies import network_of
+from ship_trl.viewer.saliency import saliency
 from tests.viewer.shown import entry
 
 

@@ -108,6 +108,8 @@ def check(config: Config) -> None:
     positive(named("learn", learn, "lr lr_end reward_scale huber_delta"))
     within(named("learn", learn, "gamma tau epsilon_start epsilon_end epsilon_fraction"))
     positive(named("learn", learn, "tau epsilon_fraction"))
+    within(named("checkpoint", config.checkpoint, "every"))
+    at_least(0, named("checkpoint", config.checkpoint, "seconds"))
     require(
         learn.batch_size <= learn.replay_size,
         "learn.batch_size",

@@ -119,9 +119,16 @@ def job_errors() -> Iterator[None]:
     from hydra.types import RunMode
 
     from ship_trl.config import ConfigError
+    from ship_trl.stop import StoppedError, die_of
 
     try:
         yield
+    except StoppedError as error:
+        complain(str(error))
+        if HydraConfig.get().mode is RunMode.RUN:
+            sys.exit(128 + error.number)
+        # A process of a grid would be given the next run.
+        die_of(error.number)
     except (ConfigError, OSError) as error:
         if not explained(error):
             raise
@@ -164,7 +171,7 @@ def hydra_errors() -> Iterator[None]:
             raise
         complain(explain_file(error))
     except KeyboardInterrupt:
-        complain("interrupted; the unfinished run starts anew next time")
+        complain("interrupted; the same command goes on from the last checkpoint")
         sys.exit(130)
     else:
         return

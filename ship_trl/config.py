@@ -164,6 +164,17 @@ class Learn:
 
 
 @dataclass
+class Checkpoint:
+    """How often a training is written down, so that it can go on after it was stopped.
+
+    `every` is a share of the episodes, `seconds` the least time between two; 0 and 0: after each episode.
+    """
+
+    every: float
+    seconds: float
+
+
+@dataclass
 class Wandb:
     """Where a wandb run goes; offline needs no account.
 
@@ -201,6 +212,7 @@ class Config:
     world: World
     network: Network
     learn: Learn
+    checkpoint: Checkpoint
     wandb: Wandb
 
     @property

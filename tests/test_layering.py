@@ -22,7 +22,8 @@ ALLOWED = {
     "result": {"paths"},
     "curve": set(),
     "view": SIM | {"curve", "learn"},
-    "cli": BELOW,
+    "stop": set(),
+    "cli": BELOW | {"stop"},
     "pretrained": SIM,
     "demonstrations": SIM,
     "pretrain": SIM | {"cli", "curve", "learn", "policies", "pretrained", "result", "run", "transfer"},
@@ -30,7 +31,7 @@ ALLOWED = {
     "vector_env": SIM,
     "run": SIM
     | {"__version__", "architecture", "curve", "demonstrations", "learn", "pretrained", "progress"}
-    | {"result", "transfer", "view"},
+    | {"result", "stop", "transfer", "view"},
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": set(),
     "study": SIM
@@ -68,7 +69,9 @@ WITHOUT_TORCH = (
     "architecture",
     "checks",
     "paths",
+    "run/checkpoint",
     "run/plan",
+    "stop",
     "result",
     "cli",
     "progress",

@@ -22,7 +22,7 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies import load_with_network
 from ship_trl.pretrained import find, is_pretrained
 from ship_trl.result import RESULT, Result, ResultError, read_result
-from ship_trl.run.experiment import find_transfer
+from ship_trl.run.parts import find_transfer
 from ship_trl.run.plan import Run
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv

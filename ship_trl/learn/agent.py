@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 
 import torch
 from tensordict import TensorDictBase
@@ -11,6 +12,7 @@ from torchrl.modules import QValueActor
 
 from ship_trl.config import BackendName, Learn
 from ship_trl.learn.backend import Draw, choose_backend, computing
+from ship_trl.learn.changes import count_rewrite
 from ship_trl.learn.incremental import Incremental
 from ship_trl.learn.inference import CachedInference
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
@@ -95,9 +97,13 @@ class Agent:
         self.greedy = greedy_policy(self.target_network, draw)
 
     def encode(self, state: Tensor) -> Tensor:
-        """Compute what the frozen layers make of states, to be kept: [N, S] to [N, K] in half precision."""
+        """Compute what the frozen layers make of states, to be kept: [N, S] to [N, K] in half precision.
+
+        Each by itself, so that the bits are a function of the state alone, whatever sails beside it: a replay
+        that is read from a checkpoint computes them again.
+        """
         assert self._few is not None
-        features = self._few.encode(self.draw(state))
+        features = torch.cat([self._few.encode(self.draw(one)) for one in state.split(1)])
         # float16 ends at 65,504, and would keep what is beyond as infinite; nothing is negative.
         return features.clamp_(max=torch.finfo(self.kept).max).to(self.kept)
 
@@ -124,6 +130,7 @@ class Agent:
             device,
             self.observation,
             DrawPixels(self.draw) if self.observation == "state" else None,
+            encode=None if self.observation == "state" else self.encode,
         )
 
     def update(self, batch: TensorDictBase) -> Tensor:
@@ -134,3 +141,37 @@ class Agent:
         self.optimiser.step()
         self.target_update.step()
         return loss.detach()
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Give what learning and acting have changed: networks, Adam's averages, the exploration's generator.
+
+        The tensors of the networks and of Adam are those that learn, not copies.
+        """
+        online, target = self.network.state_dict(), self.target_network.state_dict()
+        found = {f"online.{key}": value for key, value in online.items()}
+        # Frozen layers are the same tensors in both.
+        own = {key: value for key, value in target.items() if value.data_ptr() != online[key].data_ptr()}
+        found |= {f"target.{key}": value for key, value in own.items()}
+        for name, parameter in self.network.named_parameters():
+            for key, value in self.optimiser.state.get(parameter, {}).items():
+                found[f"adam.{name}.{key}"] = value
+        return found | {"exploration": self.policy.generator.get_state()}
+
+    @torch.no_grad()
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Take over what `state_dict` gave, into the memory of these networks.
+
+        Raises:
+            KeyError, RuntimeError: it is that of another agent.
+        """
+        for name, network in (("online", self.network), ("target", self.target_network)):
+            for key, value in network.state_dict().items():
+                saved = state.get(f"{name}.{key}", state[f"online.{key}"])
+                value.copy_(saved)
+        # What copies or remembers weights looks at them anew.
+        count_rewrite()
+        for name, parameter in self.network.named_parameters():
+            if f"adam.{name}.step" in state:
+                for key, value in self.optimiser.begin(parameter).items():
+                    value.copy_(state[f"adam.{name}.{key}"])
+        self.policy.generator.set_state(state["exploration"].cpu())

@@ -40,7 +40,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             learning = [parameter for parameter in group["params"] if parameter.grad is not None]
             if not learning:
                 continue
-            states = [self.state[parameter] or self._begin(parameter) for parameter in learning]
+            states = [self.state[parameter] or self.begin(parameter) for parameter in learning]
             steps = [state["step"] for state in states]
             torch._foreach_add_(steps, 1.0)
             torch._fused_adam_(
@@ -59,8 +59,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
                 maximize=False,
             )
 
-    def _begin(self, parameter: Tensor) -> dict[str, Tensor]:
-        """Set the state of a parameter before its first step."""
+    def begin(self, parameter: Tensor) -> dict[str, Tensor]:
+        """Set the state of a parameter before its first step, and return it."""
         state = {
             "step": torch.zeros((), device=parameter.device),
             "exp_avg": torch.zeros_like(parameter),

@@ -5,15 +5,16 @@ The picture is a function of the state, so 50,000 transitions take about 2 MB in
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
-from tensordict import NestedKey, TensorDict, TensorDictBase
+from tensordict import NestedKey, TensorDict, TensorDictBase, unravel_key
 from torch import Generator, Tensor
 from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictReplayBuffer
 from torchrl.envs.transforms import Transform
 
+STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
 # So that a long warm-up holds little that is not yet stored.
 MOST_WAITING = 256
 
@@ -42,11 +43,14 @@ class TransitionStorage(Storage):
     Args:
         capacity: transitions.
         device: where they lie.
+        unread: entries that are kept and not given.
     """
 
-    def __init__(self, capacity: int, device: torch.device) -> None:
+    def __init__(
+        self, capacity: int, device: torch.device, unread: frozenset[NestedKey] = frozenset()
+    ) -> None:
         super().__init__(capacity)
-        self.device = device
+        self.device, self.unread = device, unread
         self._rows: dict[NestedKey, Tensor] = {}
         self._len = 0
 
@@ -72,7 +76,12 @@ class TransitionStorage(Storage):
 
     def get(self, index: Any) -> TensorDict:
         """Read the rows `index` [B] as a tensordict [B]."""
-        return nested({key: rows[: self._len][index] for key, rows in self._rows.items()}, self.device)
+        given = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.unread}
+        return nested(given, self.device)
+
+    def rows(self) -> dict[NestedKey, Tensor]:
+        """Give the entries that are held, [L, ...] each, unread ones too; not copies."""
+        return {key: rows[: self._len] for key, rows in self._rows.items()}
 
     def state_dict(self) -> dict[str, Any]:
         """Give the transitions and how many there are."""
@@ -93,6 +102,16 @@ class TransitionStorage(Storage):
 
     def _empty(self) -> None:
         self._len = 0
+
+
+def dotted(key: NestedKey) -> str:
+    """Write a key as one word."""
+    return key if isinstance(key, str) else ".".join(key)
+
+
+def padded(rows: Tensor, capacity: int) -> Tensor:
+    """Add empty rows: [L, ...] to [capacity, ...]."""
+    return torch.cat((rows, rows.new_zeros(capacity - len(rows), *rows.shape[1:])))
 
 
 def as_drawn(batch: TensorDict) -> TensorDict:
@@ -128,6 +147,8 @@ class StateReplay(TensorDictReplayBuffer):
         observation: which entry of a step is kept: `state`, or `features` where some layers are frozen.
         transform: of batches, as `DrawPixels`.
         batch_size: of `sample()` without a size, and of iteration.
+        encode: states [N, S] to the observation [N, ...]. With it states are kept beside the observation,
+            which `kept` leaves out and `load_kept` computes again: it takes a hundred times their room.
     """
 
     def __init__(
@@ -139,11 +160,14 @@ class StateReplay(TensorDictReplayBuffer):
         observation: str = "state",
         transform: Transform | None = None,
         batch_size: int | None = None,
+        encode: Callable[[Tensor], Tensor] | None = None,
     ) -> None:
         # Storing one step costs as much as storing many, so they wait until a batch is drawn.
         self._waiting: list[dict[str | tuple[str, str], Tensor]] = []
         self.reward_scale, self.observation = reward_scale, observation
-        storage, writer = TransitionStorage(capacity, device), RoundRobinWriter()
+        self.generator, self._encode = generator, encode
+        unread = frozenset[NestedKey](STATES if encode is not None else ())
+        storage, writer = TransitionStorage(capacity, device, unread), RoundRobinWriter()
         super().__init__(
             storage=storage,
             writer=writer,
@@ -160,9 +184,11 @@ class StateReplay(TensorDictReplayBuffer):
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
         """Keep steps of N environments, tensordict [N] with the observation, `action` and `next`."""
         following = tensordicts.get("next")
+        beside = STATES if self._encode is not None else ()
         # Copies: what was given may be written to before it is stored.
         self._waiting.append(
-            {
+            {key: tensordicts.get(key).clone() for key in beside}
+            | {
                 self.observation: tensordicts.get(self.observation).clone(),
                 "action": tensordicts.get("action").clone(),
                 ("next", self.observation): following.get(self.observation).clone(),
@@ -192,6 +218,55 @@ class StateReplay(TensorDictReplayBuffer):
         """Take over what `state_dict` gave, and nothing else."""
         self._waiting.clear()
         super().load_state_dict(state_dict)
+
+    def kept(self) -> dict[str, Tensor]:
+        """Give what is needed to go on with just these transitions and draws, by dotted names.
+
+        The tensors are the memory of the storage, not copies.
+        """
+        self._store()
+        computed, writer = self._computed(), self._writer.state_dict()
+        rows = {key: value for key, value in self._storage.rows().items() if key not in computed}
+        return {
+            **{f"rows.{dotted(key)}": value for key, value in rows.items()},
+            "cursor": torch.tensor([writer["_cursor"], writer["_write_count"]]),
+            "generator": self.generator.get_state(),
+        }
+
+    def load_kept(self, kept: Mapping[str, Tensor]) -> None:
+        """Take over what `kept` gave; observations that it left out are computed again, one by one."""
+        self._waiting.clear()
+        named = {name.removeprefix("rows."): v for name, v in kept.items() if name.startswith("rows.")}
+        rows: dict[NestedKey, Tensor] = {unravel_key(tuple(name.split("."))): v for name, v in named.items()}
+        rows |= self._compute(rows)
+        length = len(rows["action"]) if rows else 0
+        whole = {key: padded(value, self._storage.max_size) for key, value in rows.items()}
+        self._storage.load_state_dict({"rows": whole, "length": length})
+        cursor, count = kept["cursor"].tolist()
+        self._writer.load_state_dict({"_cursor": cursor, "_write_count": count})
+        self.generator.set_state(kept["generator"].cpu())
+
+    def _computed(self) -> dict[NestedKey, NestedKey]:
+        """Say which observations can be computed again, and from which states."""
+        if self._encode is None:
+            return {}
+        return {self.observation: STATES[0], ("next", self.observation): STATES[1]}
+
+    def _compute(self, rows: Mapping[NestedKey, Tensor]) -> dict[NestedKey, Tensor]:
+        """Compute observations again from the states among rows."""
+        # The state after one step is mostly the state before the next.
+        known: dict[bytes, Tensor] = {}
+        found: dict[NestedKey, Tensor] = {}
+        for key, source in self._computed().items() if rows else ():
+            assert self._encode is not None
+            values = []
+            for state in rows[source].split(1):
+                name = state.numpy().tobytes()
+                if name not in known:
+                    known[name] = self._encode(state)
+                values.append(known[name])
+            found[key] = torch.cat(values)
+        return found
 
     def __getitem__(self, index: Any) -> Any:
         self._store()

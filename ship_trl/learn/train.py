@@ -1,11 +1,13 @@
-"""The training loop: a generator, so that logging, pictures and progress stay outside it."""
+"""The training loop: it yields what happens, so that logging, pictures and progress stay outside it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import torch
+from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 
 from ship_trl.config import Learn
@@ -48,10 +50,15 @@ def learning_rate_at(episode: int, learn: Learn) -> float:
     return learn.lr + min(1.0, episode / learn.episodes) * (learn.lr_end - learn.lr)
 
 
-def train(
-    env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
-) -> Iterator[Finished | Evaluated]:
-    """Train for `learn.episodes` episodes and yield what happens.
+class DivergedError(Exception):
+    """A loss or a Q-value that is no finite number; its text says after which environment step."""
+
+
+class Training:
+    """A training of `learn.episodes` episodes, a step of the environments at a time.
+
+    Between two steps it can be written down (`state_dict`), and another one of the same parts goes on from
+    there (`load_state_dict`): on a CPU with the same bits.
 
     Args:
         env: batched environment with `state`, `action`, and `goal`, `collision`, `dcpa` to report.
@@ -59,46 +66,158 @@ def train(
         agent: what acts and learns.
         replay: where its experience goes.
         learn: the schedule.
+    """
+
+    def __init__(
+        self, env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
+    ) -> None:
+        self._env, self._eval_env, self._learn = env, eval_env, learn
+        self.agent, self.replay = agent, replay
+        self.episode = self.steps = self.updates = 0
+        count = env.batch_size[0]
+        self._returns = torch.zeros(count, dtype=torch.float64, device=env.device)
+        self._lengths = torch.zeros(count, dtype=torch.int64, device=env.device)
+        # Of the updates since the last episode ended.
+        self._losses: list[torch.Tensor] = []
+        self._current: TensorDictBase | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Whether all episodes are sailed."""
+        return self.episode >= self._learn.episodes
+
+    @property
+    def begun(self) -> bool:
+        """Whether the environments are under way."""
+        return self._current is not None
+
+    def begin(self) -> Evaluated:
+        """Judge the policy before it learns, and start the environments."""
+        first = self._evaluate()
+        self._current = self._env.reset()
+        return first
+
+    def advance(self) -> Iterator[Finished | Evaluated]:
+        """Step all environments once, learn as often as is due, and yield what ended.
+
+        Raises:
+            DivergedError: a loss or a Q-value is not finite.
+        """
+        learn, agent = self._learn, self.agent
+        agent.policy.epsilon = epsilon_at(self.episode, learn)
+        agent.set_learning_rate(learning_rate_at(self.episode, learn))
+        stepped, self._current = self._env.step_and_maybe_reset(agent.policy(self._current))
+        self.replay.extend(stepped)
+        self.steps += len(self._returns)
+        after = stepped["next"]
+        self._returns += after["reward"].squeeze(-1)
+        self._lengths += 1
+        while (
+            self.steps >= learn.warmup_steps
+            and self.updates < (self.steps - learn.warmup_steps) // learn.update_every
+        ):
+            self._losses.append(agent.update(self.replay.sample(learn.batch_size)))
+            self.updates += 1
+        for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
+            if self.finished:
+                break
+            self.episode += 1
+            yield Finished(
+                episode=self.episode,
+                steps=self.steps,
+                epsilon=agent.policy.epsilon,
+                episode_return=float(self._returns[row]),
+                length=int(self._lengths[row]),
+                outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
+                dcpa=float(after["dcpa"][row]),
+                loss=self._mean_loss(),
+            )
+            self._losses.clear()
+            self._returns[row], self._lengths[row] = 0.0, 0
+            if self.episode % learn.evaluate_every == 0 or self.finished:
+                yield self._evaluate()
+
+    def _mean_loss(self) -> float | None:
+        """Mean of the losses since the last episode ended, None where there was no update."""
+        if not self._losses:
+            return None
+        losses = torch.stack(self._losses)
+        mean = float(losses.mean())
+        if not math.isfinite(mean):
+            # The first that is not finite; where only their sum is too large, the last.
+            wrong = (~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1]
+            update = self.updates - len(losses) + wrong[0] + 1
+            step = self._learn.warmup_steps + update * self._learn.update_every
+            raise DivergedError(f"the loss is {float(losses[wrong[0]])} at environment step {step}")
+        return mean
+
+    def _evaluate(self) -> Evaluated:
+        """Sail one greedy episode."""
+        sailed = rollout(self._eval_env, self.agent.greedy)[0]
+        if sailed.q_values is not None and not bool(sailed.q_values.isfinite().all()):
+            raise DivergedError(f"a Q-value is not finite after environment step {self.steps}")
+        return Evaluated(self.episode, self.steps, sailed)
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """Give all that decides how it goes on, as tensors on the CPU by dotted names.
+
+        Raises:
+            DivergedError: it cannot go on, because a loss or a weight is not finite.
+        """
+        assert self._current is not None, "begin() comes first"
+        self._mean_loss()
+        agent = self.agent.state_dict()
+        if not all(bool(value.isfinite().all()) for value in agent.values()):
+            raise DivergedError(f"a weight is not finite after environment step {self.steps}")
+        flat = self._current.flatten_keys(".")
+        own = {
+            "counters": torch.tensor([self.episode, self.steps, self.updates]),
+            "returns": self._returns,
+            "lengths": self._lengths,
+            "losses": torch.stack(self._losses) if self._losses else torch.empty(0),
+            **below("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
+            **below("agent", agent),
+            **below("replay", self.replay.kept()),
+        }
+        return {name: value.detach().cpu() for name, value in own.items()}
+
+    def load_state_dict(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Go on from where `state_dict` was given, in place of `begin`.
+
+        Raises:
+            KeyError, RuntimeError: it is that of another training.
+        """
+        self.episode, self.steps, self.updates = state["counters"].tolist()
+        self._returns.copy_(state["returns"])
+        self._lengths.copy_(state["lengths"])
+        device = self._env.device
+        self._losses = list(state["losses"].to(device))
+        current = {key: value.to(device) for key, value in within("current", state).items()}
+        self._current = TensorDict(current, self._env.batch_size, device=device).unflatten_keys(".")
+        self.agent.load_state_dict(within("agent", state))
+        self.replay.load_kept(within("replay", state))
+
+
+def below(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Put a name and a dot before each."""
+    return {f"{name}.{key}": value for key, value in state.items()}
+
+
+def within(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Take those that `below` named."""
+    return {key.removeprefix(f"{name}."): v for key, v in state.items() if key.startswith(f"{name}.")}
+
+
+def train(
+    env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
+) -> Iterator[Finished | Evaluated]:
+    """Train from the first episode to the last, and yield what happens; see `Training`.
 
     Yields:
         `Evaluated` before the first and after the last episode and every `evaluate_every`, and
         `Finished` for each episode, in order.
     """
-    device = env.device
-    count = env.batch_size[0]
-    returns = torch.zeros(count, dtype=torch.float64, device=device)
-    lengths = torch.zeros(count, dtype=torch.int64, device=device)
-    losses: list[torch.Tensor] = []
-    episode = steps = updates = 0
-    yield Evaluated(0, 0, rollout(eval_env, agent.greedy)[0])
-    current = env.reset()
-    while episode < learn.episodes:
-        agent.policy.epsilon = epsilon_at(episode, learn)
-        agent.set_learning_rate(learning_rate_at(episode, learn))
-        stepped, current = env.step_and_maybe_reset(agent.policy(current))
-        replay.extend(stepped)
-        steps += count
-        after = stepped["next"]
-        returns += after["reward"].squeeze(-1)
-        lengths += 1
-        while steps >= learn.warmup_steps and updates < (steps - learn.warmup_steps) // learn.update_every:
-            losses.append(agent.update(replay.sample(learn.batch_size)))
-            updates += 1
-        for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
-            if episode == learn.episodes:
-                break
-            episode += 1
-            yield Finished(
-                episode=episode,
-                steps=steps,
-                epsilon=agent.policy.epsilon,
-                episode_return=float(returns[row]),
-                length=int(lengths[row]),
-                outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
-                dcpa=float(after["dcpa"][row]),
-                loss=float(torch.stack(losses).mean()) if losses else None,
-            )
-            losses.clear()
-            returns[row], lengths[row] = 0.0, 0
-            if episode % learn.evaluate_every == 0 or episode == learn.episodes:
-                yield Evaluated(episode, steps, rollout(eval_env, agent.greedy)[0])
+    training = Training(env, eval_env, agent, replay, learn)
+    yield training.begin()
+    while not training.finished:
+        yield from training.advance()

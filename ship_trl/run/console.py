@@ -37,12 +37,13 @@ def say(text: str) -> None:
 
 
 def progress(
-    title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = ""
+    title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = "", begun: int = 0
 ) -> Iterator[Finished | Evaluated]:
     """Pass events on, and show episodes done, time left, and the last returns meanwhile.
 
     A terminal has a bar; a file or a pipe gets a line at the first episode and every twentieth of them.
     The runs of a grid, which share what they write to, say a line with their place and title every quarter.
+    Of a run that goes on, `begun` episodes were sailed before.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -51,11 +52,12 @@ def progress(
         TimeRemainingColumn(),
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
-    lines = Lines(ONE_OF_MANY, first=ONE_OF_MANY) if place else Lines(ALONE)
+    share = begun / episodes
+    lines = Lines(ONE_OF_MANY, share + ONE_OF_MANY, share) if place else Lines(ALONE, share, share)
     start = f"{place}: {title}: " if place else ""
     plain, greedy = bool(place) or not console.is_terminal, ""
     with Progress(*columns, console=console, disable=plain) as bar:
-        task = bar.add_task(title, total=episodes, now="", greedy="")
+        task = bar.add_task(title, total=episodes, completed=begun, now="", greedy="")
         for event in events:
             if isinstance(event, Evaluated):
                 greedy = f"{event.sailed.episode_return:.1f}"

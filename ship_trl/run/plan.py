@@ -20,6 +20,7 @@ from ship_trl.demonstrations import Demonstration, read_demonstrations
 from ship_trl.paths import conf_dir
 from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.result import RESULT, Result, ResultError, read_result
+from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import rank
 
@@ -31,7 +32,7 @@ DAMAGED = "damaged-"
 
 
 class TakenError(ConfigError):
-    """A folder that holds something else: a finished run of other settings, or a damaged result."""
+    """A folder that holds something else: a run of other settings, or a damaged result."""
 
     def __init__(self, folder: Path, held: str) -> None:
         super().__init__(
@@ -104,7 +105,7 @@ def make_run(config: Config) -> Run:
 
     Raises:
         ConfigError: a case that is not there or not right, a folder that cannot be written, or one
-            that holds a finished run of other settings or a damaged result.
+            that holds a run of other settings or a damaged result.
     """
     world = config.world
     target = load_case(str(config.target), world, "target")
@@ -213,13 +214,19 @@ def hash_of(
 
 
 def check_folder(run: Run) -> None:
-    """Refuse a folder that cannot be written, or whose finished run or damaged result would be lost."""
+    """Refuse a folder that cannot be written, or where a run of other settings would be lost."""
     for parent in (run.folder, *run.folder.parents):
         if parent.exists():
             if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
-    if run.config.overwrite or not (run.folder / RESULT).exists():
+    if run.config.overwrite:
+        return
+    if not (run.folder / RESULT).exists():
+        unfinished = Checkpoints(run.folder).about()
+        if unfinished is not None and unfinished.config_hash != run.config_hash:
+            reached = f"at episode {unfinished.episode} of {unfinished.episodes}"
+            raise TakenError(run.folder, f"an unfinished run of other settings, {reached}")
         return
     try:
         found = read_result(run.folder)

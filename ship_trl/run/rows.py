@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from ship_trl.learn.train import Evaluated, Finished
@@ -32,11 +33,11 @@ def known(values: dict[str, Any]) -> dict[str, Any]:
     return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 
-def numbers(event: Finished | Evaluated) -> dict[str, float]:
-    """Give an event's numbers by their names, below train/ or greedy/; an outcome is 0 or 1 for each end."""
-    kind = "train" if isinstance(event, Finished) else "greedy"
+def numbers(values: Mapping[str, Any]) -> dict[str, float]:
+    """Give a row's numbers by their names, below train/ or greedy/; an outcome is 0 or 1 for each end."""
+    kind = "train" if "return" in values else "greedy"
     found: dict[str, float] = {}
-    for key, value in row(event).items():
+    for key, value in values.items():
         name = key.removeprefix("greedy_")
         if name == "outcome":
             found |= {f"{kind}/{end}": int(value == end) for end in ("goal", "collision")}

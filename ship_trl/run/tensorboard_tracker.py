@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ import yaml
 from PIL import Image
 
 from ship_trl.config import plain
-from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import writing
 from ship_trl.result import Result
 from ship_trl.run import console
@@ -31,11 +31,11 @@ class TensorboardTracker:
         values = plain(run.config) | {"arm": run.config.arm, "config_hash": run.config_hash}
         self._writer.add_text("config", fenced(yaml.safe_dump(values, sort_keys=False)))
 
-    def log(self, event: Finished | Evaluated) -> None:
-        """Log one event, with the episode as horizontal axis."""
+    def log(self, values: Mapping[str, Any]) -> None:
+        """Log one event's row, with the episode as horizontal axis."""
         with writing(self._folder):
-            for name, value in numbers(event).items():
-                self._writer.add_scalar(name, value, event.episode)
+            for name, value in numbers(values).items():
+                self._writer.add_scalar(name, value, values["episode"])
 
     def finish(self, result: Result, folder: Path) -> None:
         """Log the pictures and the result."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import shutil
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from omegaconf import OmegaConf
 
@@ -15,6 +17,7 @@ from ship_trl.curve import COLUMNS, CURVE
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.paths import replacing, writing
 from ship_trl.result import Result
+from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.plan import Run
 from ship_trl.run.rows import row
 from ship_trl.run.tensorboard_tracker import TensorboardTracker
@@ -22,14 +25,17 @@ from ship_trl.run.wandb_tracker import WandbTracker
 from ship_trl.transfer.casebase import CONFIG
 
 
-def open_folder(run: Run) -> None:
+def open_folder(run: Run, going_on: bool = False) -> None:
     """Make the run's folder afresh and write its configuration.
 
-    What is there is an unfinished run, or one that `overwrite=true` gives up.
+    What is there is an unfinished run, or one that `overwrite=true` gives up. Of a run that goes on, its
+    checkpoints stay: all else is written again.
     """
     try:
-        shutil.rmtree(run.folder, ignore_errors=True)
         run.folder.mkdir(parents=True, exist_ok=True)
+        for path in run.folder.iterdir():
+            if path.name != FOLDER or not going_on:
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         with replacing(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
     except OSError as error:
@@ -46,10 +52,10 @@ class CsvTracker:
         self._writer = csv.DictWriter(self._file, COLUMNS, restval="", lineterminator="\n")
         self._writer.writeheader()
 
-    def log(self, event: Finished | Evaluated) -> None:
+    def log(self, values: dict[str, Any]) -> None:
         """Write one event; floats in full, so that equal runs give equal bytes."""
         with writing(self._path):
-            self._writer.writerow(row(event))
+            self._writer.writerow(values)
             self._file.flush()
 
     def close(self) -> None:
@@ -59,28 +65,41 @@ class CsvTracker:
 
 
 class Tracker:
-    """CSV and what `logger` asks for beside it; a context that ends them all however the run ends."""
+    """CSV and what `logger` asks for beside it; a context that ends them all however the run ends.
 
-    def __init__(self, run: Run) -> None:
-        self._run = run
+    Args:
+        run: whose numbers they are.
+        rows: of a run that goes on, its events up to there: each tracker is given them once more, so that
+            none needs a memory of its own.
+    """
+
+    def __init__(self, run: Run, rows: Sequence[dict[str, Any]] = ()) -> None:
+        self._run, self._rows = run, list(rows)
         self._beside: list[WandbTracker | TensorboardTracker] = []
 
     def __enter__(self) -> Tracker:
         logger = self._run.config.logger
         # wandb first: it can refuse, and then no file of an earlier run has been touched.
-        if logger.includes(Logger.wandb):
-            self._beside.append(WandbTracker(self._run))
-        open_folder(self._run)
+        wandb = WandbTracker(self._run) if logger.includes(Logger.wandb) else None
+        open_folder(self._run, going_on=bool(self._rows))
+        if wandb is not None:
+            wandb.remember()
+            self._beside.append(wandb)
         self._csv = CsvTracker(self._run.folder)
         if logger.includes(Logger.tensorboard):
             self._beside.append(TensorboardTracker(self._run))
+        for values in self._rows:
+            self._log(values)
         return self
 
     def log(self, event: Finished | Evaluated) -> None:
         """Log one event everywhere."""
-        self._csv.log(event)
+        self._log(row(event))
+
+    def _log(self, values: dict[str, Any]) -> None:
+        self._csv.log(values)
         for tracker in self._beside:
-            tracker.log(event)
+            tracker.log(values)
 
     def finish(self, result: Result) -> None:
         """Report the result."""

@@ -3,55 +3,122 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shlex
+import shutil
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from ship_trl.config import ConfigError, WandbMode, plain
-from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.paths import replacing
 from ship_trl.result import Result
 from ship_trl.run import console
+from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers
 
+# Seconds: so long a run waits for a network at its start.
+START = 30.0
+
 
 class WandbTracker:
-    """One wandb run: group = pair, job type = arm, curves over episodes, config, GIF, summary."""
+    """One wandb run: group = pair, job type = arm, curves over episodes, config, GIF, summary.
+
+    A run that goes on after it was stopped goes on in wandb too, under the same id. Whatever wandb lacks
+    (network, account, room on the disk), the training goes on without it.
+    """
 
     def __init__(self, run: Run) -> None:
         os.environ.setdefault("WANDB_SILENT", "true")
         import wandb
 
-        config = run.config
-        folder = Path(config.wandb.folder)
-        mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
-        folder.mkdir(parents=True, exist_ok=True)
+        self._note = run.folder / FOLDER / "wandb"
+        self._mark = run.config_hash
+        self._id = self._noted() or secrets.token_hex(4)
+        self._folder = Path(run.config.wandb.folder)
+        self._logged = 0
+        self._failed = False
+        online = run.config.wandb.mode is WandbMode.online
         try:
-            self._wandb = wandb.init(
-                project=config.wandb.project,
-                entity=config.wandb.entity,
-                mode=mode,
-                dir=str(folder),
-                group=config.wandb.group or config.label,
-                job_type=config.arm,
-                name=f"{config.label}/{config.arm}/seed={config.seed}",
-                tags=[config.profile],
-                config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
-                reinit="finish_previous",
-            )
+            self._folder.mkdir(parents=True, exist_ok=True)
+            try:
+                self._wandb = self._begin(run, "online" if online else "offline")
+            except wandb.Error as error:
+                if not online:
+                    raise
+                console.say(f"wandb: {in_a_line(error)}; this run is logged offline")
+                self._wandb = self._begin(run, "offline")
         except (wandb.Error, OSError) as error:
-            reason = " ".join(str(error).split())
-            raise ConfigError(f"wandb: {reason}; wandb.mode=offline needs no account") from None
+            raise ConfigError(f"wandb: {in_a_line(error)}; logger=csv does without") from None
         self._wandb.define_metric("episode", hidden=True)
         for name in ("train/*", "greedy/*"):
             self._wandb.define_metric(name, step_metric="episode")
 
-    def log(self, event: Finished | Evaluated) -> None:
-        """Log one event, with the episode as horizontal axis."""
-        self._wandb.log({"episode": event.episode} | numbers(event))
+    def _begin(self, run: Run, mode: Literal["online", "offline"]) -> Any:
+        """Begin the run in wandb, or go on with it there."""
+        import wandb
+
+        config = run.config
+        return wandb.init(
+            project=config.wandb.project,
+            entity=config.wandb.entity,
+            mode=mode,
+            dir=str(self._folder),
+            id=self._id,
+            resume="allow" if mode == "online" else None,
+            group=config.wandb.group or config.label,
+            job_type=config.arm,
+            name=f"{config.label}/{config.arm}/seed={config.seed}",
+            tags=[config.profile],
+            config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
+            reinit="finish_previous",
+            settings=wandb.Settings(init_timeout=START),
+        )
+
+    def _noted(self) -> str | None:
+        """Read the id under which this run was begun."""
+        try:
+            mark, known = self._note.read_text().split()
+        except (OSError, ValueError):
+            return None
+        return known if mark == self._mark and known.isalnum() else None
+
+    def remember(self) -> None:
+        """Note the id beside the checkpoints; take away what offline files a stopped process left under it.
+
+        The new files will hold all of the run.
+        """
+        self._note.parent.mkdir(exist_ok=True)
+        with replacing(self._note) as draft:
+            draft.write_text(f"{self._mark} {self._id}")
+        here = Path(self._wandb.dir).parent
+        for folder in self._folder.glob(f"wandb/offline-run-*-{self._id}"):
+            if folder.resolve() != here.resolve():
+                shutil.rmtree(folder, ignore_errors=True)
+
+    def _try(self, call: Callable[[], object]) -> None:
+        """Call wandb; its first error is said, whatever it is, and then wandb is left alone."""
+        if self._failed:
+            return
+        try:
+            call()
+        except Exception as error:
+            self._failed = True
+            console.say(f"wandb: {in_a_line(error)}; the run goes on without it")
+
+    def log(self, values: Mapping[str, Any]) -> None:
+        """Log one event's row, with the episode as horizontal axis; once, however often a run is stopped."""
+        self._logged += 1
+        # A run that goes on is given its first events once more, and wandb's server has them.
+        if self._logged > self._wandb.starting_step:
+            self._try(lambda: self._wandb.log({"episode": values["episode"]} | numbers(values)))
 
     def finish(self, result: Result, folder: Path) -> None:
         """Log the pictures and put the result into the summary."""
+        self._try(lambda: self._log_result(result, folder))
+
+    def _log_result(self, result: Result, folder: Path) -> None:
         import wandb
 
         self._wandb.log(
@@ -69,8 +136,13 @@ class WandbTracker:
     def close(self, failed: bool) -> None:
         """End the run, so that the next one of a sweep is a run of its own, and say where it is."""
         folder, url = shown(Path(self._wandb.dir).parent), self._wandb.url
-        self._wandb.finish(exit_code=int(failed))
+        self._try(lambda: self._wandb.finish(exit_code=int(failed)))
         console.say(f"wandb: {url or f'{folder}; to upload it: wandb sync {shlex.quote(str(folder))}'}")
+
+
+def in_a_line(error: Exception) -> str:
+    """Give an error's text as one line."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def shown(folder: Path) -> Path:

@@ -13,6 +13,7 @@ from ship_trl.cli import hydra_errors
 from ship_trl.learn.train import Finished
 from ship_trl.result import write_result
 from ship_trl.run.plan import make_run
+from ship_trl.run.rows import row
 from ship_trl.run.tracking import CsvTracker
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.render import Rasteriser
@@ -42,7 +43,7 @@ def largest_file(size: int) -> Iterator[None]:
 def write_curve(folder: Path) -> None:
     tracker = CsvTracker(folder)
     try:
-        tracker.log(FINISHED)
+        tracker.log(row(FINISHED))
     finally:
         tracker.close()
 

@@ -32,7 +32,7 @@ def test_rows_have_the_columns_of_the_file() -> None:
 
 
 def test_numbers_have_the_names_of_a_chart() -> None:
-    trained, greedy = numbers(FINISHED), numbers(Evaluated(3, 90, SAILED))
+    trained, greedy = numbers(row(FINISHED)), numbers(row(Evaluated(3, 90, SAILED)))
     assert (trained["train/return"], trained["train/goal"], trained["train/collision"]) == (0.1 + 0.2, 1, 0)
     assert (greedy["greedy/return"], greedy["greedy/goal"], greedy["greedy/collision"]) == (-3.5, 0, 1)
     assert all(name.startswith("train/") for name in trained) and "train/loss" not in trained
@@ -41,11 +41,11 @@ def test_numbers_have_the_names_of_a_chart() -> None:
 
 def test_csv_keeps_every_digit_and_grows_as_it_goes(tmp_path: Path) -> None:
     tracker = CsvTracker(tmp_path)
-    tracker.log(FINISHED)
+    tracker.log(row(FINISHED))
     with (tmp_path / "curve.csv").open() as file:  # before it is closed
         (first,) = csv.DictReader(file)
     assert float(first["return"]) == 0.1 + 0.2 and first["loss"] == "" and first["dcpa"] == ""
-    tracker.log(Evaluated(3, 90, SAILED))
+    tracker.log(row(Evaluated(3, 90, SAILED)))
     tracker.close()
     with (tmp_path / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -1,0 +1,226 @@
+"""Checkpoints of a training: all that decides how it goes on, in two generations.
+
+A checkpoint is a safetensors file, so that nothing is unpickled; its header says of which run it is, and
+holds a digest of everything in it, for a file may be cut short or have bits turned over where no header
+tells. Headers are read without torch.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from safetensors import SafetensorError, safe_open
+
+from ship_trl.paths import replacing
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+FOLDER = "checkpoint"
+# The name of the header's entry.
+ENTRY = "ship_trl"
+
+
+class CheckpointError(Exception):
+    """A checkpoint that is damaged; its text says how, in a few words."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What a checkpoint says of itself.
+
+    `config_hash` tells of which run it is; `computed` in which precision, by which backend and on which kind
+    of device, for with others it would not go on with the same bits. `episode` of `episodes` are sailed, in
+    `steps` of the environment and `seconds`.
+    """
+
+    config_hash: str
+    computed: str
+    episode: int
+    episodes: int
+    steps: int
+    seconds: float
+
+
+KINDS: dict[str, tuple[type, ...]] = {
+    "config_hash": (str,),
+    "computed": (str,),
+    "episode": (int,),
+    "episodes": (int,),
+    "steps": (int,),
+    "seconds": (int, float),
+}
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint that was read: what it says of itself, and its tensors by dotted names."""
+
+    about: About
+    tensors: dict[str, Tensor]
+
+
+class Checkpoints:
+    """The checkpoints of one run, `<run>/checkpoint/1.safetensors` and `2.safetensors`.
+
+    Args:
+        run: the run's folder.
+        every: so many episodes between two.
+        seconds: at least so many between two.
+        clock: tells the time in seconds; it never goes back.
+    """
+
+    def __init__(
+        self, run: Path, every: float = 1.0, seconds: float = 0.0, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.folder = run / FOLDER
+        self._every, self._seconds, self._clock = every, seconds, clock
+        self._said, self._episode = clock(), 0
+
+    def begin(self, episode: int) -> None:
+        """Count from here on."""
+        self._said, self._episode = self._clock(), episode
+
+    def due(self, episode: int) -> bool:
+        """Whether it is time to write one after so many episodes."""
+        return episode - self._episode >= self._every and self._clock() - self._said >= self._seconds
+
+    def write(self, tensors: Mapping[str, Tensor], about: About) -> None:
+        """Write a checkpoint in the place of the older one of the two.
+
+        Raises:
+            OSError: the disk is full, or the folder cannot be written.
+        """
+        from safetensors.torch import save
+
+        self.folder.mkdir(exist_ok=True)
+        tensors = {name: value.contiguous() for name, value in tensors.items()}
+        header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
+        with replacing(self._oldest()) as draft, draft.open("wb") as file:
+            file.write(save(tensors, {ENTRY: header}))
+            file.flush()
+            # So that after a power cut the rename is not on the disk without what was renamed.
+            os.fsync(file.fileno())
+        self.begin(about.episode)
+
+    def read(self, config_hash: str) -> tuple[Checkpoint | None, list[str]]:
+        """Read a run's newest whole checkpoint, None without one; say of each damaged one what is wrong."""
+        damaged: list[str] = []
+        for path in self._newest_first():
+            try:
+                found = read(path)
+                if found.about.config_hash == config_hash:
+                    return found, damaged
+            except CheckpointError as error:
+                damaged.append(f"{path} {error}")
+        return None, damaged
+
+    def about(self) -> About | None:
+        """Say what the newest checkpoint with a whole header is, None without one; reads little of it."""
+        for path in self._newest_first():
+            try:
+                return read_about(path)
+            except CheckpointError:
+                continue
+        return None
+
+    def remove(self) -> None:
+        """Take them away: the run is finished, or begins anew."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _files(self) -> list[Path]:
+        return [self.folder / f"{number}.safetensors" for number in (1, 2)]
+
+    def _newest_first(self) -> list[Path]:
+        return sorted((path for path in self._files() if path.is_file()), key=steps_of, reverse=True)
+
+    def _oldest(self) -> Path:
+        return min(self._files(), key=steps_of)
+
+
+def steps_of(path: Path) -> int:
+    """Environment steps after which a checkpoint was written; -1 without one that says so."""
+    try:
+        return read_about(path).steps
+    except CheckpointError:
+        return -1
+
+
+def read_about(path: Path) -> About:
+    """Read what a checkpoint says of itself.
+
+    Raises:
+        CheckpointError: there is none, or it is damaged.
+    """
+    header = read_header(path)
+    values: dict[str, Any] = {name: header.get(name) for name in KINDS}
+    for name, kinds in KINDS.items():
+        if type(values[name]) not in kinds:
+            raise CheckpointError(f"has no right {name} in its header")
+    return About(**values)
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """Read the header's entry.
+
+    Raises:
+        CheckpointError: there is none, or it is damaged.
+    """
+    with opened(path, "numpy") as file:
+        entry = (file.metadata() or {}).get(ENTRY, "")
+    try:
+        values = json.loads(entry)
+    except (ValueError, RecursionError):
+        raise CheckpointError("is no checkpoint") from None
+    if not isinstance(values, dict):
+        raise CheckpointError("is no checkpoint")
+    return values
+
+
+def read(path: Path) -> Checkpoint:
+    """Read a whole checkpoint.
+
+    Raises:
+        CheckpointError: there is none, or it is damaged.
+    """
+    about = read_about(path)
+    with opened(path, "pt") as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    if read_header(path).get("digest") != digest(tensors, about):
+        raise CheckpointError("is damaged")
+    return Checkpoint(about, tensors)
+
+
+@contextmanager
+def opened(path: Path, framework: str) -> Iterator[Any]:
+    """Open a safetensors file.
+
+    Raises:
+        CheckpointError: there is none, or it is cut short.
+    """
+    try:
+        with safe_open(path, framework=framework) as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        raise CheckpointError(f"cannot be read ({' '.join(str(error).split())})") from None
+
+
+def digest(tensors: Mapping[str, Tensor], about: About) -> str:
+    """Digest all that a checkpoint holds."""
+    import torch
+
+    found = hashlib.sha256(json.dumps(asdict(about), sort_keys=True).encode())
+    for name in sorted(tensors):
+        value = tensors[name]
+        found.update(f"{name} {value.dtype} {tuple(value.shape)}".encode())
+        found.update(value.reshape(-1).view(torch.uint8).numpy().data)
+    return found.hexdigest()

@@ -1,0 +1,84 @@
+"""What a finished training leaves: its last network, its pictures and its result."""
+
+from __future__ import annotations
+
+import math
+import platform
+
+import torch
+
+from ship_trl import __version__
+from ship_trl.config import Method
+from ship_trl.learn.rollout import Episode
+from ship_trl.result import SCHEMA_VERSION, Evaluation, Result
+from ship_trl.run import console
+from ship_trl.run.parts import Parts
+from ship_trl.run.plan import ALGORITHM_VERSION, Run
+from ship_trl.run.scratch import scratch_returns
+from ship_trl.sim.random_policy import random_return
+from ship_trl.transfer.casebase import POLICY_LAST
+from ship_trl.transfer.layers import save_weights
+from ship_trl.view.curve import draw_curve
+from ship_trl.view.film import write_gif
+from ship_trl.view.transfer import draw_transfer
+
+
+def write_files(run: Run, parts: Parts, known: float) -> None:
+    """Write the last network and the pictures into the run's folder; `known` is the best return known."""
+    history, config = parts.history, run.config
+    assert history.best is not None
+    finished, evaluated = history.finished, history.evaluated
+    noted = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
+    save_weights(run.folder / POLICY_LAST, parts.agent.target_network, noted)
+    greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
+    draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
+    if parts.origin is not None and (scratch_curves := scratch_returns(run)) is not None:
+        returns = [episode.episode_return for episode in finished]
+        draw_transfer(run.folder / console.TRANSFER, config.arm, returns, scratch_curves, known, run.title)
+    best = history.best.sailed
+    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, run.title)
+
+
+def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
+    """Say what a finished training reached, which took so many seconds."""
+    history, config = parts.history, run.config
+    assert history.best is not None
+    finished, evaluated, best = history.finished, history.evaluated, history.best
+    return Result(
+        pair=config.label,
+        source=None if config.method is Method.scratch else str(config.source),
+        target=str(config.target),
+        method=config.method.value,
+        layers=config.layers,
+        arm=config.arm,
+        seed=config.seed,
+        profile=config.profile,
+        config_hash=run.config_hash,
+        source_network=parts.origin,
+        best_known_return=known,
+        random_return=random_return(run.target, config.world),
+        scratch=evaluation(parts.scratch, 0),
+        before=evaluated[0],
+        best=evaluation(best.sailed, best.episode),
+        final=evaluated[-1],
+        draws=parts.draws,
+        episodes=config.learn.episodes,
+        steps=parts.training.steps,
+        training_goal_rate=sum(f.outcome == "goal" for f in finished) / len(finished),
+        training_collision_rate=sum(f.outcome == "collision" for f in finished) / len(finished),
+        device=str(parts.eval_env.device),
+        precision=str(parts.agent.dtype).removeprefix("torch."),
+        backend=parts.agent.backend.name,
+        algorithm_version=ALGORITHM_VERSION,
+        schema_version=SCHEMA_VERSION,
+        ship_trl=__version__,
+        torch=torch.__version__,
+        processor=platform.machine(),
+        seconds=round(seconds, 1),
+    )
+
+
+def evaluation(episode: Episode, at: int) -> Evaluation:
+    """Give a greedy episode as numbers; without target ships there is no DCPA."""
+    dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
+    return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)

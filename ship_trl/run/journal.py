@@ -1,0 +1,119 @@
+"""The checkpoints of a training: written while it goes on, and read where an earlier process left them."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ship_trl.config import ConfigError
+from ship_trl.learn.train import DivergedError, below, within
+from ship_trl.run import console
+from ship_trl.run.checkpoint import About, Checkpoints
+from ship_trl.run.history import to_csv
+from ship_trl.run.parts import Parts
+from ship_trl.run.plan import Run
+
+
+class Journal:
+    """Writes down a training between two of its steps.
+
+    Args:
+        run: in whose folder the checkpoints lie.
+        parts: of the training.
+        started: when it was begun, by `time.perf_counter`.
+    """
+
+    def __init__(self, run: Run, parts: Parts, started: float) -> None:
+        self._run, self._parts, self._started = run, parts, started
+        often, self._episodes = run.config.checkpoint, run.config.learn.episodes
+        self.checkpoints = Checkpoints(run.folder, often.every * self._episodes, often.seconds)
+        # Of the newest checkpoint.
+        self._kept: int | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Time that the training has taken, in all its processes."""
+        return time.perf_counter() - self._started
+
+    def write(self) -> None:
+        """Write a checkpoint; a full disk costs the checkpoint, not the training.
+
+        Raises:
+            DivergedError: a loss or a weight is not finite; what was written before is kept.
+        """
+        training, history = self._parts.training, self._parts.history
+        about = About(
+            config_hash=self._run.config_hash,
+            computed=self._parts.computed,
+            episode=training.episode,
+            episodes=self._episodes,
+            steps=training.steps,
+            seconds=self.seconds,
+        )
+        curve = np.frombuffer(to_csv(history.rows).encode(), dtype=np.uint8)
+        tensors: dict[str, Tensor] = {
+            **below("training", training.state_dict()),
+            **below("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
+            "curve": torch.from_numpy(curve.copy()),
+        }
+        try:
+            self.checkpoints.write(tensors, about)
+            self._kept = training.episode
+        except OSError as error:
+            console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
+            self.checkpoints.begin(training.episode)
+
+    def go_on(self) -> None:
+        """Put the training where the newest whole checkpoint of this run was written, if there is one.
+
+        Raises:
+            ConfigError: it was computed in another precision, by another backend or on another device; or
+                it is not what this program writes.
+        """
+        found, damaged = self.checkpoints.read(self._run.config_hash)
+        for line in damaged:
+            console.say(f"checkpoint: {line}; " + ("the one before it is used" if found else "begun anew"))
+        if found is None:
+            return
+        about, tensors, folder = found.about, found.tensors, self._run.folder
+        if about.computed != self._parts.computed:
+            if self._run.config.overwrite:
+                return
+            raise ConfigError(
+                f"output: {folder} holds this run up to episode {about.episode}, computed by "
+                f"{about.computed}, and here it would be {self._parts.computed}; allowed: the same "
+                "learn.precision=, learn.backend= and device=, or overwrite=true to begin anew"
+            )
+        try:
+            self._parts.training.load_state_dict(within("training", tensors))
+            rows = bytes(tensors["curve"].numpy()).decode()
+            self._parts.history.restore(rows, within("best", tensors), self._parts.sail)
+        except (KeyError, ValueError, IndexError, RuntimeError) as error:
+            raise ConfigError(
+                f"output: the checkpoint in {self.checkpoints.folder} is not what this program writes "
+                f"({type(error).__name__}); allowed: overwrite=true to begin anew"
+            ) from None
+        self._started -= about.seconds
+        self._kept = about.episode
+        self.checkpoints.begin(about.episode)
+        console.say(f"goes on from its checkpoint, episode {about.episode} of {about.episodes}")
+
+    def stopped(self) -> str:
+        """Write a checkpoint, and say where the training stands and how it goes on."""
+        self.write()
+        episode = self._parts.training.episode
+        where = f"stopped at episode {episode} of {self._episodes}; the same command "
+        if self._kept == episode:
+            return where + "goes on from there"
+        return where + ("begins anew" if self._kept is None else f"goes on from episode {self._kept}")
+
+    def diverged(self, error: DivergedError) -> str:
+        """Say how the training diverged, and what is left of it."""
+        kept = "" if self._kept is None else f"; the checkpoint of episode {self._kept} is kept"
+        return (
+            f"learn: {error}, in episode {self._parts.training.episode + 1} of {self._run.folder}{kept}; "
+            "a smaller learn.lr or learn.reward_scale, or learn.loss=huber, may help"
+        )

@@ -1,0 +1,58 @@
+"""Ctrl-C and SIGTERM: a training ends between two steps, where it can be written down. No torch."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from types import FrameType, TracebackType
+from typing import Any, NoReturn
+
+
+class StoppedError(KeyboardInterrupt):
+    """A training that was asked to stop and did; its text says where it stands and how to go on."""
+
+    def __init__(self, text: str, number: signal.Signals) -> None:
+        super().__init__(text)
+        self.number = number
+
+
+class Stop:
+    """A context in which the first Ctrl-C or SIGTERM only sets `asked`; a second Ctrl-C acts at once.
+
+    SIGTERM is what Slurm, Kubernetes and a launcher's end send. Outside of a process's main thread it
+    changes nothing: signals arrive there alone.
+    """
+
+    def __init__(self) -> None:
+        self.asked: signal.Signals | None = None
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Stop:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._ask)
+        return self
+
+    def _ask(self, number: int, _: FrameType | None) -> None:
+        # A shell's Ctrl-C reaches this process and its launcher, which then asks once more by SIGTERM.
+        if number == self.asked == signal.SIGINT:
+            raise KeyboardInterrupt
+        self.asked = self.asked or signal.Signals(number)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def die_of(number: signal.Signals) -> NoReturn:
+    """End this process by a signal, as one that does not handle it ends, and take up no other work."""
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    signal.signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+    # The first process of a container is not killed by its own signals.
+    os._exit(128 + number)

@@ -74,7 +74,7 @@ class Checkpoints:
 
     Args:
         run: the run's folder.
-        every: so many episodes between two.
+        every: so many episodes between two, and one at least.
         seconds: at least so many between two.
         clock: tells the time in seconds; it never goes back.
     """
@@ -92,7 +92,8 @@ class Checkpoints:
 
     def due(self, episode: int) -> bool:
         """Whether it is time to write one after so many episodes."""
-        return episode - self._episode >= self._every and self._clock() - self._said >= self._seconds
+        sailed = episode - self._episode
+        return sailed >= max(1, self._every) and self._clock() - self._said >= self._seconds
 
     def write(self, tensors: Mapping[str, Tensor], about: About) -> None:
         """Write a checkpoint in the place of the older one of the two.

@@ -1,0 +1,158 @@
+"""Two generations of a checkpoint: written in turn, read from the newest that is whole."""
+
+import dataclasses
+import json
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from torch import Tensor
+
+from ship_trl.run.checkpoint import About, Checkpoints
+
+ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)
+
+
+def tensors(step: int) -> dict[str, Tensor]:
+    return {
+        "weights": torch.full((40, 50), float(step)),
+        "halves": torch.full((3,), step / 3, dtype=torch.bfloat16),
+        "flags": torch.tensor([True, False]),
+        "one": torch.tensor(step),
+        "none": torch.empty(0),
+    }
+
+
+def at(step: int) -> About:
+    return dataclasses.replace(ABOUT, episode=step // 30, steps=step)
+
+
+def written(run: Path, *steps: int) -> Checkpoints:
+    checkpoints = Checkpoints(run)
+    for step in steps:
+        checkpoints.write(tensors(step), at(step))
+    return checkpoints
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    found, damaged = written(tmp_path, 150).read(ABOUT.config_hash)
+    assert found is not None and damaged == []
+    assert found.about == at(150)
+    assert found.tensors.keys() == tensors(150).keys()
+    for name, value in tensors(150).items():
+        assert found.tensors[name].dtype == value.dtype and torch.equal(found.tensors[name], value)
+
+
+def test_two_generations_are_kept_and_the_newest_is_read(tmp_path: Path) -> None:
+    checkpoints = written(tmp_path, 30, 60, 90)
+    assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
+    found, _ = checkpoints.read(ABOUT.config_hash)
+    assert found is not None and found.about == at(90) == checkpoints.about()
+    # The third took the place of the first.
+    (checkpoints.folder / "1.safetensors").unlink()
+    found, _ = checkpoints.read(ABOUT.config_hash)
+    assert found is not None and found.about == at(60) == checkpoints.about()
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def flip(path: Path) -> None:
+    """Turn one bit over in the weights, which no header tells."""
+    data = bytearray(path.read_bytes())
+    data[-2000] ^= 8
+    path.write_bytes(data)
+
+
+def lie(path: Path) -> None:
+    """Say another episode in the header."""
+    data = path.read_bytes()
+    changed = data.replace(b'\\"episode\\": 2', b'\\"episode\\": 9')
+    assert changed != data
+    path.write_bytes(changed)
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def swap(path: Path) -> None:
+    path.write_bytes(pickle.dumps({"weights": [0.0]}))
+
+
+def huge(path: Path) -> None:
+    """Announce a header of many gigabytes."""
+    path.write_bytes((2**40).to_bytes(8, "little") + path.read_bytes()[8:])
+
+
+def other(path: Path) -> None:
+    """Be a safetensors file of something else."""
+    from safetensors.torch import save_file
+
+    save_file({"weights": torch.zeros(3)}, path)
+
+
+def untyped(path: Path) -> None:
+    from safetensors.torch import save_file
+
+    entry = json.dumps(dataclasses.asdict(ABOUT) | {"steps": "many", "digest": ""})
+    save_file({"weights": torch.zeros(3)}, path, {"ship_trl": entry})
+
+
+@pytest.mark.parametrize("damage", [cut, flip, lie, empty, swap, huge, other, untyped])
+def test_a_damaged_one_is_named_and_the_one_before_it_read(
+    damage: Callable[[Path], None], tmp_path: Path
+) -> None:
+    checkpoints = written(tmp_path, 30, 60)
+    damage(checkpoints.folder / "2.safetensors")
+    found, damaged = checkpoints.read(ABOUT.config_hash)
+    assert found is not None and found.about == at(30)
+    # A file that does not even tell its place among them is passed over as the oldest.
+    assert len(damaged) <= 1 and all("2.safetensors" in line and "\n" not in line for line in damaged)
+    checkpoints.write(tensors(90), at(90))
+    found, _ = checkpoints.read(ABOUT.config_hash)
+    assert found is not None and found.about == at(90)
+
+
+def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
+    assert (
+        Checkpoints(tmp_path).read(ABOUT.config_hash) == (None, []) and Checkpoints(tmp_path).about() is None
+    )
+    checkpoints = written(tmp_path, 30, 60)
+    for path in checkpoints.folder.iterdir():
+        flip(path)
+    found, damaged = checkpoints.read(ABOUT.config_hash)
+    assert found is None and len(damaged) == 2
+
+
+def test_that_of_other_settings_is_not_read(tmp_path: Path) -> None:
+    checkpoints = written(tmp_path, 30)
+    assert checkpoints.read("another hash") == (None, [])
+    assert checkpoints.about() == at(30)
+
+
+def test_one_is_due_after_so_many_episodes_and_so_much_time(tmp_path: Path) -> None:
+    now = 100.0
+    checkpoints = Checkpoints(tmp_path, every=10, seconds=60, clock=lambda: now)
+    now = 159.0
+    assert not checkpoints.due(50)
+    now = 160.0
+    assert checkpoints.due(10) and not checkpoints.due(9)
+    checkpoints.write(tensors(300), at(300))
+    assert not checkpoints.due(20)
+    now = 220.0
+    assert checkpoints.due(20) and not checkpoints.due(19)
+
+
+def test_a_disk_that_is_full_leaves_the_one_before(tmp_path: Path) -> None:
+    from tests.run.test_full_disk import largest_file
+
+    checkpoints = written(tmp_path, 30, 60)
+    with pytest.raises(OSError, match="too large"), largest_file(1000):
+        checkpoints.write(tensors(90), at(90))
+    assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
+    found, damaged = checkpoints.read(ABOUT.config_hash)
+    assert found is not None and found.about == at(60) and damaged == []

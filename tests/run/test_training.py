@@ -1,0 +1,200 @@
+"""A training that is stopped goes on with the bits of one that never was."""
+
+import json
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from ship_trl.config import ConfigError
+from ship_trl.curve import read_curve
+from ship_trl.run import training
+from ship_trl.run.checkpoint import FOLDER, Checkpoints
+from ship_trl.run.experiment import run_experiment
+from ship_trl.run.parts import Parts
+from ship_trl.run.plan import TakenError, make_run
+from ship_trl.run.tracking import Tracker
+from ship_trl.stop import StoppedError
+from tests.test_cli import files
+from tests.test_config import composed
+
+LINE = (
+    "profile=smoke",
+    "learn.episodes=9",
+    "learn.replay_size=150",
+    "learn.jumpstart_draws=1",
+    "checkpoint.every=0",
+    "checkpoint.seconds=0",
+)
+SCRATCH = ("target=4", "method=scratch")
+
+
+@pytest.fixture
+def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, Callable[[], Any]], None]:
+    """Let something happen when a training has logged so many events."""
+
+    def happen(events: int, act: Callable[[], Any]) -> None:
+        log, seen = Tracker.log, 0
+
+        def counted(tracker: Tracker, event: Any) -> None:
+            nonlocal seen
+            log(tracker, event)
+            seen += 1
+            if seen == events:
+                act()
+
+        monkeypatch.setattr(training.Tracker, "log", counted)
+
+    return happen
+
+
+def train(folder: str, *overrides: str) -> Path:
+    run = make_run(composed(*LINE, f"output={folder}", *overrides))
+    run_experiment(run)
+    return run.folder
+
+
+def left(folder: Path) -> dict[str, Any]:
+    """What a run left, without its time and the names of folders."""
+    found: dict[str, Any] = files(folder)
+    del found["config.yaml"]
+    result = json.loads(found["result.json"])
+    return found | {
+        "result.json": {k: v for k, v in result.items() if k not in ("seconds", "source_network")}
+    }
+
+
+class PowerCutError(Exception):
+    """Stands for a kill: nothing of ours handles it."""
+
+
+def cut() -> None:
+    raise PowerCutError
+
+
+ARMS = {
+    "states": SCRATCH,
+    "features": ("+pair=high", "+arm=FE3"),
+    "some layers frozen": ("+pair=high", "+arm=FE1"),
+    "three ships at once": (*SCRATCH, "learn.num_envs=3"),
+    "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
+}
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_stopped_and_killed_it_ends_with_the_same_bytes(
+    arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
+) -> None:
+    line = ARMS[arm]
+    if "+pair=high" in line:
+        # Trained once, for both.
+        train("one", "target=1", "method=scratch", *line[2:])
+        shutil.copytree("one", "other")
+    whole = left(train("one", *line))
+    after(3, lambda: signal.raise_signal(signal.SIGTERM))
+    with pytest.raises(StoppedError, match=r"stopped at episode \d of 9; the same command goes on"):
+        train("other", *line)
+    after(4, cut)
+    with pytest.raises(PowerCutError):
+        train("other", *line)
+    after(10**9, cut)
+    assert left(train("other", *line)) == whole
+
+
+def test_it_goes_on_from_the_checkpoint_before_a_damaged_one(
+    after: Callable[[int, Callable[[], Any]], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = left(train("one", *SCRATCH))
+    after(9, cut)
+    with pytest.raises(PowerCutError):
+        train("other", *SCRATCH)
+    after(10**9, cut)
+    folder = Path("other/4/scratch/seed=0")
+    newest, _ = Checkpoints(folder).read(make_run(composed(*LINE, *SCRATCH)).config_hash)
+    assert newest is not None
+    for path in (folder / FOLDER).glob("*.safetensors"):
+        data = bytearray(path.read_bytes())
+        if f'\\"steps\\": {newest.about.steps}'.encode() in data:
+            data[-1000] ^= 1
+            path.write_bytes(data)
+    capsys.readouterr()
+    assert left(train("other", *SCRATCH)) == whole
+    said = capsys.readouterr().out
+    assert "is damaged; the one before it is used" in said
+    assert f"goes on from its checkpoint, episode {newest.about.episode - 1} of 9" in said
+
+
+def test_a_finished_run_leaves_no_checkpoint(after: Callable[[int, Callable[[], Any]], None]) -> None:
+    seen: list[bool] = []
+    folder = Path("out/4/scratch/seed=0")
+    after(9, lambda: seen.append((folder / FOLDER).exists()))
+    assert train("out", *SCRATCH) == folder
+    assert seen == [True] and not (folder / FOLDER).exists()
+
+
+def test_an_unfinished_run_of_other_settings_is_not_lost(
+    after: Callable[[int, Callable[[], Any]], None],
+) -> None:
+    after(9, cut)
+    with pytest.raises(PowerCutError):
+        train("out", *SCRATCH)
+    before = files(Path("out/4"))
+    with pytest.raises(TakenError, match="an unfinished run of other settings, at episode 6 of 9"):
+        train("out", *SCRATCH, "learn.lr=1e-3")
+    assert files(Path("out/4")) == before
+    after(10**9, cut)
+    train("out", *SCRATCH, "learn.lr=1e-3", "overwrite=true")
+    assert len(read_curve(Path("out/4/scratch/seed=0"))) == 9 + 4
+
+
+def test_other_arithmetic_is_refused(after: Callable[[int, Callable[[], Any]], None]) -> None:
+    after(9, cut)
+    with pytest.raises(PowerCutError):
+        train("out", *SCRATCH, "learn.precision=fp32")
+    before = files(Path("out/4"))
+    with pytest.raises(ConfigError, match=r"up to episode 6, computed by float32 incremental cpu, .* dense"):
+        train("out", *SCRATCH, "learn.precision=fp32", "learn.backend=dense")
+    assert files(Path("out/4")) == before
+
+
+def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(
+    after: Callable[[int, Callable[[], Any]], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Parts] = []
+    make = training.make_parts
+
+    def make_parts(*given: Any) -> Parts:
+        made.append(make(*given))
+        return made[-1]
+
+    monkeypatch.setattr(training, "make_parts", make_parts)
+
+    def spoil() -> None:
+        with torch.no_grad():
+            made[0].agent.network.shared.weight.fill_(float("inf"))
+
+    after(9, spoil)
+    with pytest.raises(ConfigError, match=r"is (nan|inf).* environment step \d+.* episode 6 is kept"):
+        train("out", *SCRATCH)
+    about = Checkpoints(Path("out/4/scratch/seed=0")).about()
+    assert about is not None and about.episode == 6
+    after(10**9, cut)
+    # It goes on from there, where the weights were good.
+    whole = left(train("one", *SCRATCH))
+    assert left(train("out", *SCRATCH)) == whole
+
+
+def test_a_full_disk_costs_the_checkpoint_and_not_the_training(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    whole = left(train("one", *SCRATCH))
+    monkeypatch.setattr(Checkpoints, "write", full)
+    assert left(train("other", *SCRATCH)) == whole
+    assert "no checkpoint at episode 1: No space left on device" in capsys.readouterr().out

@@ -1,0 +1,56 @@
+"""The first Ctrl-C or SIGTERM asks, a second Ctrl-C does not."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from ship_trl.stop import Stop
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_asks(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with Stop() as stop:
+        signal.raise_signal(number)
+    assert stop.asked is number
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_ctrl_c_acts_at_once() -> None:
+    with Stop():
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_what_a_launcher_sends_after_a_ctrl_c_is_no_second_one() -> None:
+    with Stop() as stop:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert stop.asked is signal.SIGINT
+
+
+def test_outside_the_main_thread_it_changes_nothing() -> None:
+    before, seen = signal.getsignal(signal.SIGTERM), []
+
+    def work() -> None:
+        with Stop() as stop:
+            seen.append((stop.asked, signal.getsignal(signal.SIGTERM)))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [(None, before)]
+
+
+def test_a_process_ends_as_one_that_the_signal_killed() -> None:
+    code = "import signal; from ship_trl.stop import die_of; print('last words'); die_of(signal.SIGTERM)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=os.environ
+    )
+    assert (done.returncode, done.stdout) == (-signal.SIGTERM, "last words\n")

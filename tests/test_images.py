@@ -1,4 +1,4 @@
-"""The container images: a user without rights runs them, and may write where results go, and nowhere else of ours."""
+"""The container images: a user without rights runs them, and may write where results go."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""requirements.lock: one version of everything that is installed, fit for pyproject.toml and for any index."""
+"""requirements.lock: one version of each package that is installed, fit for pyproject.toml and any index."""
 
 import re
 import tomllib
@@ -55,7 +55,7 @@ def installed() -> dict[str, Distribution]:
 
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place["python_version"])
 def test_what_the_dependencies_need_is_locked_too(place: dict[str, str]) -> None:
-    """Of packages that are installed here in their locked version, for their metadata names what they need."""
+    """Of packages that are here in their locked version, for their metadata names what they need."""
     pins, here = locked(place), installed()
     left = [(canonicalize_name(wanted.name), frozenset(wanted.extras)) for wanted in asked()]
     seen = set(left)

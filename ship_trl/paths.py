@@ -7,6 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+# What results are named by may name a folder too.
+LONGEST_NAME = 100
+
+
+def is_name(word: str) -> bool:
+    """Whether a word may name a file or folder below another, and be printed."""
+    return word not in (".", "..") and 0 < len(word) < LONGEST_NAME and word.isprintable() and "/" not in word
+
 
 def conf_dir() -> Path:
     """Find the folder of the YAML files: the checkout's, else the one inside the installed package.

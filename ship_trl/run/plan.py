@@ -212,13 +212,26 @@ def hash_of(
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
+def links(run: Run) -> list[Path]:
+    """List what is a link of the run's folder and of those above it, up to the output, which may be one."""
+    output = Path(run.config.output)
+    return [
+        place for place in (run.folder, *run.folder.parents) if output in place.parents and place.is_symlink()
+    ]
+
+
 def check_folder(run: Run) -> None:
-    """Refuse a folder that cannot be written, or whose finished run or damaged result would be lost."""
+    """Refuse a folder that cannot be written or is a link, or whose finished or damaged run would be lost."""
     for parent in (run.folder, *run.folder.parents):
         if parent.exists():
             if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
+    if run.result() is None and (linked := links(run)):
+        raise ConfigError(
+            f"output: {linked[0]} is a link, and what it leads to would be replaced; "
+            "allowed: only output= itself may be one"
+        )
     if run.config.overwrite or not (run.folder / RESULT).exists():
         return
     try:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 # Bytes of a YAML file, at most: a run's configuration has two thousand.
 LARGEST_YAML = 1_000_000
+# Lists and mappings within each other, at most: a configuration has four.
+DEEPEST_YAML = 50
 
 
 def read_yaml(path: Path) -> DictConfig | ListConfig:
@@ -38,20 +40,22 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
         text = data.decode()
         refuse_more_than_values(text)
         return OmegaConf.load(io.StringIO(text))
-    except RecursionError:
-        raise yaml.YAMLError("nested too deeply") from None
     except ValueError as error:  # no UTF-8, a number of thousands of digits, a key that is none
         raise yaml.YAMLError(str(error)) from None
 
 
 def refuse_more_than_values(text: str) -> None:
-    """Refuse interpolations, however they are escaped, and aliases.
+    """Refuse interpolations, however they are escaped, aliases, and what is nested too deeply.
 
     Raises:
         yaml.YAMLError: there is one, or it is not YAML.
     """
+    depth = 0
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
         line = event.start_mark.line + 1 if event.start_mark else 0
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST_YAML:
+            raise yaml.YAMLError(f"line {line}: nested too deeply")
         if isinstance(event, yaml.AliasEvent):
             raise yaml.YAMLError(f"line {line}: no alias (*{event.anchor}) is allowed")
         if isinstance(event, yaml.ScalarEvent) and "${" in event.value:

@@ -28,6 +28,11 @@ def conf_dir() -> Path:
     raise FileNotFoundError(f"no conf/config.yaml beside or inside {package}")
 
 
+def links(folder: Path, below: Path) -> list[Path]:
+    """List what is a link of a folder and of those that it lies in, up to `below`, which may be one itself."""
+    return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
+
+
 @contextmanager
 def writing(path: Path, draft: Path | None = None) -> Iterator[None]:
     """Name `path` in an `OSError` that names no file, as that of a full disk does, or names its draft."""

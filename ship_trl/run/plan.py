@@ -17,7 +17,7 @@ from omegaconf import OmegaConf
 from ship_trl.architecture import others
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
 from ship_trl.demonstrations import Demonstration, read_demonstrations
-from ship_trl.paths import conf_dir
+from ship_trl.paths import conf_dir, links
 from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.sim.cases import Case, load_case
@@ -212,14 +212,6 @@ def hash_of(
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def links(run: Run) -> list[Path]:
-    """List what is a link of the run's folder and of those above it, up to the output, which may be one."""
-    output = Path(run.config.output)
-    return [
-        place for place in (run.folder, *run.folder.parents) if output in place.parents and place.is_symlink()
-    ]
-
-
 def check_folder(run: Run) -> None:
     """Refuse a folder that cannot be written or is a link, or whose finished or damaged run would be lost."""
     for parent in (run.folder, *run.folder.parents):
@@ -227,7 +219,7 @@ def check_folder(run: Run) -> None:
             if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
-    if run.result() is None and (linked := links(run)):
+    if run.result() is None and (linked := links(run.folder, Path(run.config.output))):
         raise ConfigError(
             f"output: {linked[0]} is a link, and what it leads to would be replaced; "
             "allowed: only output= itself may be one"

@@ -13,7 +13,7 @@ LONGEST_NAME = 100
 
 def is_name(word: str) -> bool:
     """Whether a word may name a file or folder below another, and be printed."""
-    return word not in (".", "..") and 0 < len(word) < LONGEST_NAME and word.isprintable() and "/" not in word
+    return word not in ("", ".", "..") and len(word) < LONGEST_NAME and word.isprintable() and "/" not in word
 
 
 def conf_dir() -> Path:
@@ -29,7 +29,7 @@ def conf_dir() -> Path:
 
 
 def links(folder: Path, below: Path) -> list[Path]:
-    """List what is a link of a folder and of those that it lies in, up to `below`, which may be one itself."""
+    """List what is a link of a folder and those that it lies in, up to `below`, which may be one itself."""
     return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
 
 

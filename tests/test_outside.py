@@ -241,7 +241,7 @@ def test_a_header_of_any_length_is_refused(length: int, tmp_path: Path) -> None:
 
 
 def test_a_small_file_asks_for_no_large_network(tmp_path: Path) -> None:
-    """Tensors without a number take no room in a file, and the network of this one would take 17 GB."""
+    """Tensors without a number take no room in a file, and the network of this one would take 15 GB."""
     layers = [[4096, 8, 4], [4096, 8, 1], [4096, 13, 1]]
     shapes = {
         "conv1.weight": (4096, 0, 8, 8),

@@ -2,20 +2,28 @@
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests; those that precision touches once more without bfloat16
 # make test-long   the tests that `make test` leaves out, for they take half a minute or more each
-# All install into .venv first, once for each change of pyproject.toml.
+# make lock   the newest versions that fit pyproject.toml into requirements.lock: make lock UPGRADE=--upgrade
+# make audit  asks a public database whether a locked version has a known vulnerability
+# All install into .venv first, by requirements.lock, once for each change of it or of pyproject.toml;
+# `make LOCK= test` takes the newest versions instead.
 
 PYTHON ?= python3
 VENV ?= .venv
+LOCK ?= requirements.lock
+UPGRADE ?=
 ARGS ?= +pair=high method=finetune layers=3
 
 BIN = $(VENV)/bin
+# Beside the other: what these tools need must not change what is run and tested.
+TOOLS = $(VENV)-tools
+INSTALL = $(BIN)/python -m pip install $(if $(LOCK),--constraint $(LOCK)) --editable
 # A second thread makes these small networks slower: one thread a process, one process a core.
 export OMP_NUM_THREADS = 1
 
 python_fits = $(shell $(PYTHON) -c "import sys; print((3, 11) <= sys.version_info[:2] <= (3, 12))" 2>/dev/null)
 check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python 3.11 or 3.12, and $(PYTHON) is not: try make PYTHON=python3.11))
 
-.PHONY: run watch test test-long format clean
+.PHONY: run watch test test-long format lock audit clean
 .NOTPARALLEL:
 
 run: $(VENV)/.run
@@ -39,17 +47,32 @@ format: $(VENV)/.test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-clean:
-	rm -rf $(VENV) dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+# Keeps what is locked already, unless it is told to upgrade; --universal: one file for every system and Python.
+lock: $(TOOLS)/.made
+	$(TOOLS)/bin/uv pip compile --universal --python-version 3.11 --all-extras --no-emit-index-url \
+		--no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE) --output-file requirements.lock pyproject.toml
 
-$(VENV)/.run: pyproject.toml
+# A package that the database does not know is an error too, not a silent pass.
+audit: $(TOOLS)/.made
+	$(TOOLS)/bin/pip-audit --strict --no-deps --disable-pip --requirement requirements.lock
+
+clean:
+	rm -rf $(VENV) $(TOOLS) dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+$(VENV)/.run: pyproject.toml $(LOCK)
 	$(check_python)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --editable .
+	$(INSTALL) .
 	touch $@
 
-$(VENV)/.test: pyproject.toml
+$(VENV)/.test: pyproject.toml $(LOCK)
 	$(check_python)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --editable '.[dev]'
+	$(INSTALL) '.[dev]'
 	touch $(VENV)/.run $@
+
+$(TOOLS)/.made:
+	$(check_python)
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install "uv>=0.9,<1" "pip-audit>=2.9,<3"
+	touch $@

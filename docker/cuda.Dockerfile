@@ -18,15 +18,15 @@ ENV PATH=/opt/venv/bin:$PATH \
     PYTHONUNBUFFERED=1
 WORKDIR /opt/ship_trl
 # Dependencies first: they change less often than the code, and the editable link stays valid.
-COPY pyproject.toml README.md LICENSE ./
+COPY pyproject.toml requirements.lock README.md LICENSE ./
 COPY ship_trl/__init__.py ship_trl/
-RUN pip install --editable .
+RUN pip install --constraint requirements.lock --editable .
 COPY conf conf
 COPY ship_trl ship_trl
 
 FROM app AS test
 COPY . .
-RUN pip install --editable '.[dev]'
+RUN pip install --constraint requirements.lock --editable '.[dev]'
 # All of them, or a part that is named: --build-arg TESTS=tests/sim
 ARG TESTS=tests
 RUN python -m pytest $TESTS && touch /tested

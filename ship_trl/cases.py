@@ -17,7 +17,7 @@ from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, distance, in_words, similarity
 
-console = Console(highlight=False)
+console = Console(highlight=False, markup=False)
 
 
 def main(arguments: list[str] | None = None) -> None:

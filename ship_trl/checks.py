@@ -22,6 +22,7 @@ from ship_trl.config import (
     Method,
     Reward,
     SourceWeights,
+    World,
     bfloat16_allowed,
     explain,
 )
@@ -116,17 +117,7 @@ def check(config: Config) -> None:
         f"at most learn.replay_size={learn.replay_size}",
         learn.batch_size,
     )
-    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
-    finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
-    most = f"at most {MAX_STEPS} (the planner's memory grows with its square)"
-    require(world.max_steps <= MAX_STEPS, "world.max_steps", most, world.max_steps)
-    require(
-        all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
-        and any(v > 0 for v, _ in world.actions),
-        "world.actions",
-        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
-        world.actions,
-    )
+    check_world(world)
     require(
         config.device == "cpu" or config.device.split(":")[0] == "cuda",
         "device",
@@ -148,6 +139,21 @@ def check(config: Config) -> None:
     )
     check_logger(config.logger)
     check_arm(config)
+
+
+def check_world(world: World) -> None:
+    """Check the physics and the reward."""
+    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
+    finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
+    most = f"at most {MAX_STEPS} (the planner's memory grows with its square)"
+    require(world.max_steps <= MAX_STEPS, "world.max_steps", most, world.max_steps)
+    require(
+        all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
+        and any(v > 0 for v, _ in world.actions),
+        "world.actions",
+        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
+        world.actions,
+    )
 
 
 def check_logger(logger: Logger) -> None:

@@ -76,8 +76,9 @@ def print_help() -> None:
 
 
 def complain(line: str) -> None:
-    """Say in one line what is wrong."""
-    print(f"ship_trl: {line}", file=sys.stderr)
+    """Say in one line what is wrong; it may quote a file, whose control characters are shown and not sent."""
+    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    print(f"ship_trl: {shown}", file=sys.stderr)
 
 
 def make_parser(module: str, description: str | None) -> argparse.ArgumentParser:

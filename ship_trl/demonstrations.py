@@ -114,7 +114,11 @@ def read_demonstration(path: Path, actions: int) -> Demonstration:
             raise ConfigError(f"demonstrations: {path} is of another schema_version than {SCHEMA_VERSION}")
         one = Demonstration(**values)
         words = (one.case, one.fingerprint, one.world, one.outcome, one.by)
-        right = all(type(word) is str for word in words) and isinstance(one.actions, list) and one.actions
+        right = (
+            all(type(word) is str and word.isprintable() for word in words)
+            and isinstance(one.actions, list)
+            and one.actions
+        )
         if not right or not all(type(k) is int and 0 <= k < actions for k in one.actions):
             raise ValueError
         if not math.isfinite(one.episode_return):

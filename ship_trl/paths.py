@@ -7,6 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+# What results are named by may name a folder too.
+LONGEST_NAME = 100
+
+
+def is_name(word: str) -> bool:
+    """Whether a word may name a file or folder below another, and be printed."""
+    return word not in ("", ".", "..") and len(word) < LONGEST_NAME and word.isprintable() and "/" not in word
+
 
 def conf_dir() -> Path:
     """Find the folder of the YAML files: the checkout's, else the one inside the installed package.
@@ -18,6 +26,11 @@ def conf_dir() -> Path:
         if (folder / "config.yaml").is_file():
             return folder
     raise FileNotFoundError(f"no conf/config.yaml beside or inside {package}")
+
+
+def links(folder: Path, below: Path) -> list[Path]:
+    """List what is a link of a folder and those that it lies in, up to `below`, which may be one itself."""
+    return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
 
 
 @contextmanager

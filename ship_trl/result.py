@@ -149,7 +149,8 @@ def _fits(value: Any, kind: Any) -> bool:
             return type(value) in (int, float) and math.isfinite(value)
         except OverflowError:
             return False
-    return type(value) is kind
+    # Control characters would reach a terminal.
+    return type(value) is kind and (kind is not str or value.isprintable())
 
 
 def _name(kind: Any) -> str:

@@ -120,7 +120,7 @@ def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> No
     table = Table(first, *headings[1:])
     for row in rows:
         table.add_row(*row)
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if not console.is_terminal:
         console.width = FILE_WIDTH
     console.print(table)

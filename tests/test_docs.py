@@ -9,7 +9,10 @@ from PIL import Image
 from tests.test_cli import ROOT
 from tests.test_packaging import python
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 MOST_BYTES = 10_000
 
 

@@ -15,8 +15,9 @@ ALLOWED = {
     "architecture": BELOW,
     "checks": {"architecture", "config"},
     "jit": set(),
+    "outside": set(),
     "progress": set(),
-    "sim": BELOW | {"jit"},
+    "sim": BELOW | {"jit", "outside"},
     "learn": BELOW | {"architecture", "jit"},
     "transfer": SIM | {"architecture", "learn", "result"},
     "result": {"paths"},
@@ -35,18 +36,21 @@ ALLOWED = {
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": set(),
     "study": SIM
-    | {"architecture", "checks", "cli", "curve", "launchers", "progress", "result", "run", "transfer"},
+    | {"architecture", "checks", "cli", "curve", "launchers", "outside", "progress", "result", "run"}
+    | {"transfer"},
     "report": {"cli", "config", "study"},
     "results": {"cli", "curve", "result", "run", "study", "view"},
     "policies": SIM | {"learn", "pretrained", "transfer"},
-    "entries": SIM | {"cli", "learn", "policies", "pretrained", "result", "results", "transfer"},
+    "entries": SIM
+    | {"checks", "cli", "learn", "outside", "policies", "pretrained", "result", "results", "transfer"},
     "evaluate": SIM | {"cli", "demonstrations", "entries", "learn", "pretrained", "results", "run", "view"},
     "viewer": SIM | {"demonstrations", "entries", "learn", "policies", "view"},
     "play": SIM | {"cli", "demonstrations", "run", "viewer", "watch"},
     "watch": SIM | {"cli", "entries", "run", "viewer"},
     "record": SIM | {"cli", "entries", "learn", "run", "transfer", "view", "viewer", "watch"},
     "explain": SIM
-    | {"architecture", "cli", "entries", "learn", "policies", "pretrained", "result", "run", "transfer"},
+    | {"architecture", "cli", "entries", "learn", "outside", "policies", "pretrained", "result", "run"}
+    | {"transfer"},
     "export": SIM | {"__version__", "cli", "entries", "learn", "policies", "pretrained", "run", "transfer"},
     "bench": SIM | {"architecture", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run"},
@@ -74,6 +78,7 @@ WITHOUT_TORCH = (
     "stop",
     "result",
     "cli",
+    "outside",
     "progress",
     "__main__",
     "bench/__main__",

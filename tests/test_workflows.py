@@ -20,8 +20,15 @@ def read(path: Path) -> dict[Any, Any]:
     return values
 
 
-def test_there_is_one_each_for_tests_wheel_and_image() -> None:
-    assert [path.stem for path in FILES] == ["image", "tests", "wheel"]
+def test_there_is_one_each_for_audit_tests_wheel_and_image() -> None:
+    assert [path.stem for path in FILES] == ["audit", "image", "tests", "wheel"]
+
+
+def test_the_audit_is_each_week_too() -> None:
+    values = read(ROOT / ".github/workflows/audit.yml")
+    assert values[True]["schedule"] == [{"cron": "17 4 * * 1"}]
+    (job,) = values["jobs"].values()
+    assert job["steps"][-1] == {"run": "make audit"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -19,6 +19,7 @@ from ship_trl.entries import SHOWN, Entry
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
+from ship_trl.outside import read_yaml
 from ship_trl.policies import load_with_network
 from ship_trl.pretrained import find, is_pretrained
 from ship_trl.result import RESULT, Result, ResultError, read_result
@@ -158,7 +159,7 @@ def read_config(path: Path) -> Config:
         "objective": "late",
     }
     try:
-        values = OmegaConf.merge(OmegaConf.structured(Config), older, OmegaConf.load(path))
+        values = OmegaConf.merge(OmegaConf.structured(Config), older, read_yaml(path))
         config: Config = OmegaConf.to_object(values)  # type: ignore[assignment]
     except OmegaConfBaseException as error:
         raise ConfigError(f"{path}: {explain(error)}") from None

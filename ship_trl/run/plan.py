@@ -17,7 +17,7 @@ from omegaconf import OmegaConf
 from ship_trl.architecture import others
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
 from ship_trl.demonstrations import Demonstration, read_demonstrations
-from ship_trl.paths import conf_dir
+from ship_trl.paths import conf_dir, links
 from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.checkpoint import Checkpoints
@@ -214,12 +214,17 @@ def hash_of(
 
 
 def check_folder(run: Run) -> None:
-    """Refuse a folder that cannot be written, or where a run of other settings would be lost."""
+    """Refuse a folder that cannot be written or is a link, or where a run would be lost."""
     for parent in (run.folder, *run.folder.parents):
         if parent.exists():
             if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
+    if run.result() is None and (linked := links(run.folder, Path(run.config.output))):
+        raise ConfigError(
+            f"output: {linked[0]} is a link, and what it leads to would be replaced; "
+            "allowed: only output= itself may be one"
+        )
     if run.config.overwrite:
         return
     if not (run.folder / RESULT).exists():

@@ -14,7 +14,8 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from ship_trl.config import ConfigError, World, explain
-from ship_trl.paths import conf_dir
+from ship_trl.outside import read_yaml
+from ship_trl.paths import conf_dir, is_name
 
 MAX_TARGET_SHIPS = 8
 # Metres, degrees, m/s. Up to here 32-bit numbers are right to a centimetre.
@@ -95,9 +96,12 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
         raise ConfigError(
             f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file"
         )
+    if not is_name(path.stem):
+        # Results are kept in a folder of this name.
+        raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
     try:
-        values = OmegaConf.to_container(OmegaConf.load(path))
-    except (YAMLError, UnicodeDecodeError, OSError) as error:
+        values = OmegaConf.to_container(read_yaml(path))
+    except (YAMLError, OSError) as error:
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: must hold {', '.join(f.name for f in fields(CaseFile))}, not a list")
@@ -136,6 +140,7 @@ def check_case(case: Case, world: World, where: str) -> None:
         for index, value in enumerate(point):
             number(value, f"{name}[{index}]")
     number(case.heading, "heading")
+    need(case.ideal_path.isprintable(), "ideal_path: must be one line of plain text")
     need(
         math.dist(case.start, case.goal) > world.goal_distance, "goal: must lie beyond the expected distance"
     )

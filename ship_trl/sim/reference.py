@@ -72,7 +72,7 @@ def _read(path: Path, case: Case, world: World) -> Plan | None:
         kept = json.loads(path.read_text())
         plan = sail(case, world, [int(action) for action in kept["actions"]])
         return plan if abs(plan.episode_return - kept["return"]) < ROUNDING else None
-    except (OSError, ValueError, KeyError, TypeError, IndexError):
+    except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RuntimeError):
         return None
 
 

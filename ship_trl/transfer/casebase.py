@@ -17,7 +17,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config import Method, World
+from ship_trl.config import ConfigError, Method, World
 from ship_trl.paths import writing
 from ship_trl.result import RENAMED
 from ship_trl.sim.cases import Case
@@ -81,9 +81,11 @@ class CaseBase:
         for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
             try:
                 values = json.loads(file.read_text())
-                found.append(Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()}))
-            except (OSError, ValueError, TypeError, AttributeError):
+                one = Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()})
+            except (OSError, ValueError, TypeError, AttributeError, RecursionError):
                 continue
+            if all(type(word) is str and word.isprintable() for word in (one.arm, one.fingerprint)):
+                found.append(one)
         return found
 
     def representative(self, case: Case) -> Entry | None:
@@ -131,6 +133,10 @@ class CaseBase:
             return entry
         draft = place.with_name(f".{place.name}.{os.getpid()}")
         shutil.rmtree(draft, ignore_errors=True)
+        for name in (POLICY, CONFIG):
+            if (run / name).is_symlink():
+                # It may lead to a file of this machine, which would be copied to where it can be read.
+                raise ConfigError(f"output: {run / name} is a link; allowed: the file itself")
         draft.mkdir(parents=True)
         try:
             for name in (POLICY, CONFIG):

@@ -102,12 +102,14 @@ def saved_network(path: Path, key: str) -> Network:
             raise ConfigError("network: must hold conv and hidden")
         values = OmegaConf.merge(OmegaConf.structured(Network), about["network"])
         network: Any = OmegaConf.to_object(values)
+        # Before a network is made: a file that promises a large one must be as large.
+        maps = shapes.get("conv1.weight", [0, 0])[1]
         for n, layer in enumerate(geometry(network), 1):
-            shape = shapes.get(f"conv{n}.weight", [])
-            if [*shape[:1], *shape[2:]] != [layer.filters, layer.kernel, layer.kernel]:
+            if shapes.get(f"conv{n}.weight") != [layer.filters, maps, layer.kernel, layer.kernel]:
                 raise ConfigError(f"conv{n}.weight is of another shape")
-        if shapes.get("shared.bias") != [network.hidden]:
-            raise ConfigError("shared.bias is of another shape")
+            maps = layer.filters
+        if shapes.get("shared.weight") != [network.hidden, maps]:
+            raise ConfigError("shared.weight is of another shape")
     except (ValueError, TypeError, RecursionError, OmegaConfBaseException, ConfigError) as error:
         reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
         raise ConfigError(f"{key}: {path} is of no network that can be made ({reason})") from None

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tests.test_cli import ship_trl
+from tests.test_cli import KEYS, files, ship_trl
 
 LINE = ("profile=smoke", "target=1", "method=scratch", "logger=all")
 RUN = "1/scratch/seed=0"
@@ -16,10 +16,15 @@ RUN = "1/scratch/seed=0"
 
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The output of a run that logs to all, and what it said."""
+    """The output of a run that logs to all, and what it said; its environment holds keys."""
     folder = tmp_path_factory.mktemp("logged")
-    said = ship_trl(*LINE, folder=folder).stdout
-    return folder / "outputs/smoke", said
+    with pytest.MonkeyPatch.context() as patch:
+        for name, key in KEYS.items():
+            patch.setenv(name, key)
+        # wandb keeps a log of its own there.
+        patch.setenv("WANDB_CACHE_DIR", str(folder / "outputs/smoke/cache"))
+        done = ship_trl(*LINE, folder=folder)
+    return folder / "outputs/smoke", done.stdout + done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +64,13 @@ def test_a_run_says_where_it_was_logged(logged: tuple[Path, str]) -> None:
     name = f"outputs/smoke/wandb/{run.name}"
     assert f"wandb: {name}; to upload it: wandb sync {name}\n" in said
     assert f"tensorboard: outputs/smoke/{RUN}; to see it: tensorboard --logdir outputs/smoke\n" in said
+
+
+def test_no_key_is_written_or_said(logged: tuple[Path, str]) -> None:
+    """wandb's own logs and the file that is uploaded later included."""
+    output, said = logged
+    found = files(output)
+    assert any(name.endswith("debug.log") for name in found) and any(n.endswith(".wandb") for n in found)
+    for key in KEYS.values():
+        assert key not in said
+        assert not [name for name, data in found.items() if key.encode() in data]

@@ -7,12 +7,16 @@ import pytest
 
 from ship_trl.study.margins import Margins
 from tests.study.commands import SMALL, study
+from tests.test_cli import KEYS
 
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
-    done = study(*SMALL, folder=folder)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, key in KEYS.items():
+            patch.setenv(name, key)
+        done = study(*SMALL, folder=folder)
     assert "6 of 6 runs to do, about" in done.stdout
     return folder
 

@@ -13,7 +13,7 @@ import pytest
 
 from ship_trl.study.launch.progress import last_episode
 from tests.study.commands import SMALL, learned, study
-from tests.test_cli import environment, files
+from tests.test_cli import KEYS, environment, files
 
 
 def test_a_study_ends_with_all_its_results(whole: Path) -> None:
@@ -24,6 +24,13 @@ def test_a_study_ends_with_all_its_results(whole: Path) -> None:
         *(f"sources/1/scratch/seed={seed}" for seed in (0, 1)),
     ]
     assert len(json.loads((place / "study.json").read_text())["jobs"]) == 6
+
+
+def test_no_key_of_the_environment_is_written(whole: Path) -> None:
+    found = files(whole)
+    assert "outputs/smoke_study/log.txt" in found
+    for key in KEYS.values():
+        assert not [name for name, data in found.items() if key.encode() in data]
 
 
 def test_started_again_it_trains_nothing(whole: Path) -> None:

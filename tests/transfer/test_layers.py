@@ -161,7 +161,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
         ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "could not be converted"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),
         (json.dumps({"network": plain(FIVE)}), "conv4.weight is of another shape"),
-        (json.dumps({"network": {**plain(load_network()), "hidden": 100}}), "shared.bias is of another"),
+        (json.dumps({"network": {**plain(load_network()), "hidden": 100}}), "shared.weight is of another"),
     ],
 )
 def test_a_header_that_says_what_is_not_so_is_refused(header: str, said: str, tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ from typing import Any
 
 import yaml
 
-from ship_trl.config import Logger, plain
+from ship_trl.config import ConfigError, Logger, plain
 from ship_trl.launchers import die_with_parent
-from ship_trl.paths import replacing
+from ship_trl.paths import links, replacing
 from ship_trl.result import Result, ResultError, read_result
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import Job
+from ship_trl.study.plan.jobs import PARTS, Job
 from ship_trl.study.plan.manifest import run_config
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
@@ -30,7 +30,13 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
 
     `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs it alone: with all that the study
     has set, so that what it leaves in the study's folder is what the study would have left.
+
+    Raises:
+        ConfigError: a part of the study's folder is a link.
     """
+    for name in (LOG, JOBS, BASE, *PARTS):
+        if linked := links(config.folder / name, config.folder):
+            raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     whole = plain(run_config(config))
     shared, learn = {key: whole[key] for key in SHARED}, whole["learn"]
     folder = config.folder / JOBS / "job"

@@ -85,7 +85,7 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
         before, known, begun = plan["settings"], dict(plan.get("cases", {})), plan
     except FileNotFoundError:
         before, known, begun = None, {}, {}
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
     changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
     if before is not None and (before != settings or changed):
@@ -138,5 +138,5 @@ def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
         rules = plan.get("rules", {})
         known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}
         return tuple(sorted(map(int, seeds))), known
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return (), {}

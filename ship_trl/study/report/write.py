@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ship_trl.cli import complain
 from ship_trl.config import ConfigError
-from ship_trl.paths import replacing
+from ship_trl.paths import links, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.placebo import placebo
@@ -38,6 +38,11 @@ def report(folder: Path, output: Path) -> None:
     Raises:
         ConfigError: there is no finished run, or the report cannot be written.
     """
+    if linked := links(output, folder):
+        # In a stranger's study it could lead anywhere, and files of an earlier report are deleted.
+        raise ConfigError(
+            f"output: {linked[0]} is a link; allowed: --output with the folder that it leads to"
+        )
     study = read_study(folder)
     for path, reason in study.broken:
         complain(f"{path}: {reason}; left out")

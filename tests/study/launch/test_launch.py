@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from ship_trl.config import ConfigError
 from ship_trl.study.launch import launch
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs
@@ -49,6 +50,18 @@ def test_so_many_processes_as_are_asked_for() -> None:
         said = launch.command(plan_jobs(config), config)
         assert ("hydra.launcher.n_jobs=1" in said) == wanted
     assert launch.processes(to_study(["processes=3"])) == 3
+
+
+@pytest.mark.parametrize("name", ["log.txt", "jobs", "case_base", "pairs", "reuse"])
+def test_a_study_writes_through_no_link(name: str, tmp_path: Path) -> None:
+    study, private = tmp_path / "study", tmp_path / "private"
+    study.mkdir()
+    private.mkdir()
+    (study / name).symlink_to(private)
+    config = to_study([*SMALL, f"output={study}"])
+    with pytest.raises(ConfigError, match=rf"^output: {study / name} is a link"):
+        launch.write_jobs(plan_jobs(config), config)
+    assert list(study.iterdir()) == [study / name] and not list(private.iterdir())
 
 
 def test_a_job_alone_has_all_that_the_study_has_set(tmp_path: Path) -> None:

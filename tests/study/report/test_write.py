@@ -196,3 +196,25 @@ def test_a_report_never_goes_into_the_studys_own_folder(
         main([str(study), "--output", str(study / "report/..")])
     assert caught.value.code == 1
     assert "is the study's own folder" in capsys.readouterr().err and files(study) == before
+
+
+def test_a_strangers_study_puts_no_markup_into_the_page(tmp_path: Path) -> None:
+    write_study(tmp_path, seeds=2)
+    name = "<img src=x onerror=alert(1)>"
+    (tmp_path / "pairs" / name / "scratch" / "seed=0").mkdir(parents=True)
+    main([str(tmp_path)])
+    page, text = Page(), (tmp_path / "report/index.html").read_text()
+    page.feed(text)
+    assert "&lt;img src=x" in text and not any(place == "x" for place in page.fetched)
+
+
+def test_a_report_is_written_through_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    private = tmp_path / "private"
+    private.mkdir()
+    (private / "pair_mine.png").touch()
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study/report").symlink_to(private)
+    with pytest.raises(SystemExit):
+        main([str(tmp_path / "study")])
+    assert f"output: {tmp_path / 'study/report'} is a link" in capsys.readouterr().err
+    assert [path.name for path in private.iterdir()] == ["pair_mine.png"]

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 # What Hydra finds only if an extra is installed.
 EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
+# Begins what the parser of Hydra's overrides says.
+GRAMMAR = "mismatched input|token recognition error|no viable alternative|extraneous input|LexerNoViableAlt|missing "
 HELP_FLAGS = {"--help", "-h"}
 
 HELP = """\
@@ -77,7 +79,9 @@ def print_help() -> None:
 
 def complain(line: str) -> None:
     """Say in one line what is wrong."""
-    print(f"ship_trl: {line}", file=sys.stderr)
+    from ship_trl.config import one_line
+
+    print(f"ship_trl: {one_line(line)}", file=sys.stderr)
 
 
 def make_parser(module: str, description: str | None) -> argparse.ArgumentParser:
@@ -152,9 +156,7 @@ def hydra_errors() -> Iterator[None]:
         yield
     except ConfigError as error:
         complain(f"this sweep had a job that was refused: {error}")
-    except (HydraException, ValueError) as error:
-        if not isinstance(error, HydraException) and "hydra" not in origin(error):
-            raise
+    except HydraException as error:
         complain(explain_hydra(error))
     except (OmegaConfBaseException, yaml.YAMLError) as error:
         not_yaml = f"config: not YAML: {' '.join(str(error).split())}"
@@ -166,6 +168,12 @@ def hydra_errors() -> Iterator[None]:
     except KeyboardInterrupt:
         complain("interrupted; the unfinished run starts anew next time")
         sys.exit(130)
+    except Exception as error:
+        # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]].
+        if not any(name in origin(error) for name in ("hydra", "antlr4")):
+            raise
+        known = isinstance(error, ValueError)
+        complain(explain_hydra(error) if known else f"overrides: Hydra cannot read them ({error})")
     else:
         return
     sys.exit(1)
@@ -210,10 +218,11 @@ def explain_hydra(error: Exception) -> str:
         if (conf_dir() / key).is_dir():
             return f"{key}: write +{key}=NAME; allowed: {names(key)}"
         return f"{key}: {allowed_keys(key)}"
-    if re.match(r"mismatched input|token recognition error|no viable alternative|extraneous input", text):
+    text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
+    if re.match(GRAMMAR, text):
         # A value that holds what Hydra's grammar takes for its own, as seed=0 in a path.
-        return f"overrides: {' '.join(text.split())}; quote such a value twice: \"KEY='VALUE'\""
-    return " ".join(text.split())
+        return f"overrides: {text}; quote such a value twice: \"KEY='VALUE'\""
+    return f"overrides: {text}"
 
 
 def allowed_keys(key: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 from dataclasses import asdict, dataclass, fields
@@ -11,12 +12,15 @@ from typing import Any
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
+from yaml import Node, SafeLoader, YAMLError, compose
 
 from ship_trl.config import ConfigError, World, explain
 from ship_trl.paths import conf_dir
+from ship_trl.shapes import check_shapes
 
 MAX_TARGET_SHIPS = 8
+# Of a file; one of eight ships has 700 bytes, and 90 values and keys.
+MOST_BYTES, MOST_NODES = 64_000, 2000
 # Metres, degrees, m/s. Up to here 32-bit numbers are right to a centimetre.
 LARGEST = 1e5
 
@@ -90,33 +94,76 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
         path = Path(name)
     else:
         found = [folder / f"{name}.yaml" for folder in case_folders()]
-        path = next((p for p in found if p.is_file()), found[-1])
-    if not path.is_file():
+        path = next((p for p in found if is_file(p)), found[-1])
+    if not is_file(path):
         raise ConfigError(
             f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file"
         )
-    try:
-        values = OmegaConf.to_container(OmegaConf.load(path))
-    except (YAMLError, UnicodeDecodeError, OSError) as error:
-        raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
+    values = read_values(path)
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: must hold {', '.join(f.name for f in fields(CaseFile))}, not a list")
     ships = values.get("target_ships")
     # One by one first, because an error inside a list does not say in which entry it is.
     for index, ship in enumerate(ships if isinstance(ships, list) else ()):
         if isinstance(ship, dict):
-            typed(TargetShip, ship, f"{path}: target_ships[{index}].")
+            typed(TargetShip, ship, f"{path}: ", f"target_ships[{index}]")
     case = Case(**vars(typed(CaseFile, values, f"{path}: ")), name=path.stem)
     check_case(case, world, str(path))
     return case
 
 
-def typed(schema: type, values: dict[Any, Any], where: str) -> Any:
-    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where`."""
+def is_file(path: Path) -> bool:
+    """Whether there is a file; a name that no file can have names none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def read_values(path: Path) -> Any:
+    """Read a case's file as plain values, with interpolations as they were written.
+
+    Somebody else may have written it: what is large, or is small and unfolds into much, is refused.
+
+    Raises:
+        ConfigError: naming the file.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise ConfigError(f"{path}: must have at most {MOST_BYTES} bytes, as a case of {MAX_TARGET_SHIPS} ships has 700")
+        text = data.decode()
+        if "*" in text and not few_nodes(compose(text, Loader=SafeLoader)):
+            raise ConfigError(f"{path}: must hold at most {MOST_NODES} values and keys, aliases written out")
+        return OmegaConf.to_container(OmegaConf.load(io.StringIO(text)))
+    except RecursionError:
+        raise ConfigError(f"{path}: not readable as YAML: nested too deeply") from None
+    except (YAMLError, OmegaConfBaseException, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+        # PyYAML's own are not the only ones: of `!!int x`, `!!bool x` and `!!timestamp x` it makes Python's.
+        raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
+
+
+def few_nodes(root: Node | None) -> bool:
+    """Whether YAML holds no more than `MOST_NODES` once each alias is written out; one that holds itself never ends."""
+    waiting, seen = [root], 0
+    while waiting and seen <= MOST_NODES:
+        seen += 1
+        inside = getattr(waiting.pop(), "value", None)
+        for one in inside if isinstance(inside, list) else ():
+            waiting.extend(one if isinstance(one, tuple) else [one])
+    return seen <= MOST_NODES
+
+
+def typed(schema: type, values: dict[Any, Any], where: str, key: str = "") -> Any:
+    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where` and a key, below `key`."""
+    check_shapes(schema, values, where, key)
     try:
         return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
     except OmegaConfBaseException as error:
-        raise ConfigError(where + explain(error)) from None
+        raise ConfigError(where + (f"{key}." if key else "") + explain(error)) from None
+    except (RecursionError, OverflowError):
+        raise ConfigError(f"{where}{key or 'case'}: an interpolation leads to itself, or to a number that is too large") from None
 
 
 def check_case(case: Case, world: World, where: str) -> None:

@@ -82,7 +82,7 @@ class CaseBase:
             try:
                 values = json.loads(file.read_text())
                 found.append(Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()}))
-            except (OSError, ValueError, TypeError, AttributeError):
+            except (OSError, ValueError, TypeError, AttributeError, RecursionError):
                 continue
         return found
 

@@ -114,7 +114,8 @@ def to_study(overrides: list[str]) -> StudyConfig:
         if "is not a ListConfig" in str(error.msg):
             raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
         raise ConfigError(explain(error)) from None
-    except yaml.YAMLError:
+    except (yaml.YAMLError, LookupError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
+        # OmegaConf makes Python's errors of an unclosed bracket in a key and of numbers of thousands of digits.
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
@@ -143,6 +144,8 @@ def check(config: StudyConfig) -> None:
             "launcher: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib"
         )
     check_overrides(config)
+    if config.profile_seeds is None:
+        raise ConfigError("profile_seeds: must be a number of seeds for each profile, got None")
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
     control_names = {*CONTROL_PAIRS, *EXPLORING_PAIRS, *CONTROL_ARMS, *EXPLORING_ARMS}

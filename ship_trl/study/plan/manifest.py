@@ -40,7 +40,7 @@ def run_config(config: StudyConfig) -> Config:
             line = ["target=1", "method=scratch", f"profile={config.profile}", *config.of_runs]
             return to_config(compose("config", overrides=line))
     except HydraException as error:
-        raise ConfigError(f"overrides: {explain_hydra(error)}") from None
+        raise ConfigError(f"overrides: {explain_hydra(error).removeprefix('overrides: ')}") from None
 
 
 def episodes_of(config: StudyConfig) -> int:
@@ -82,10 +82,12 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     path = config.folder / PLAN
     try:
         plan = json.loads(path.read_text())
-        before, known, begun = plan["settings"], dict(plan.get("cases", {})), plan
+        before, known, begun = plan["settings"], plan.get("cases", {}), plan
+        if not isinstance(before, dict) or not isinstance(known, dict):
+            raise TypeError
     except FileNotFoundError:
         before, known, begun = None, {}, {}
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
     changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
     if before is not None and (before != settings or changed):
@@ -138,5 +140,5 @@ def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
         rules = plan.get("rules", {})
         known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}
         return tuple(sorted(map(int, seeds))), known
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return (), {}

@@ -62,7 +62,9 @@ def whole_numbers_too(values: DictConfig) -> Any:
     if not isinstance(actions, ListConfig):
         return values
     rows: Any = OmegaConf.to_container(actions)
-    rows = [[float(v) if type(v) is int else v for v in row] if isinstance(row, list) else row for row in rows]
+    rows = [
+        [float(v) if type(v) is int else v for v in row] if isinstance(row, list) else row for row in rows
+    ]
     return OmegaConf.merge(values, {"world": {"actions": rows}})
 
 
@@ -147,7 +149,10 @@ def check_names(config: Config) -> None:
     if config.pair is not None:
         right = is_path(config.pair) and "/" not in config.pair and config.pair not in ("", ".", "..")
         require(right, "pair", "the name of a folder", config.pair)
-    paths = {key: getattr(config, key) for key in ("output", "case_base", "source", "target", "source_file", "demonstrations")}
+    paths = {
+        key: getattr(config, key)
+        for key in ("output", "case_base", "source", "target", "source_file", "demonstrations")
+    }
     for key, path in (paths | {"wandb.folder": config.wandb.folder}).items():
         allowed = f"a path of at most {LONGEST_PATH} bytes, {LONGEST_NAME} a name"
         require(path is None or is_path(path), key, allowed, path)

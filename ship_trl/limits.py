@@ -57,21 +57,37 @@ def check_world(world: World) -> None:
     if not SHORTEST <= world.dt <= LONGEST:
         raise ConfigError(f"world.dt: must be from {SHORTEST:g} to {LONGEST:g} (seconds), got {world.dt}")
     count = len(world.actions)
-    at_most(min(MAX_ACTIONS, MAX_TRIED // world.max_steps), "world.actions", count, "their number; the planner tries all")
+    at_most(
+        min(MAX_ACTIONS, MAX_TRIED // world.max_steps),
+        "world.actions",
+        count,
+        "their number; the planner tries all",
+    )
     fastest = max(abs(speed) for speed, _ in world.actions) * world.dt
     turned = max(abs(turn) for _, turn in world.actions) * world.dt * world.max_steps
     if max(speed for speed, _ in world.actions) * world.dt < SMALLEST_STEP:
-        raise ConfigError(f"world.actions: must make at least {SMALLEST_STEP:g} m in a step of world.dt={world.dt:g} s")
+        raise ConfigError(
+            f"world.actions: must make at least {SMALLEST_STEP:g} m in a step of world.dt={world.dt:g} s"
+        )
     if fastest * world.max_steps > FARTHEST:
-        raise ConfigError(f"world.actions: must make at most {FARTHEST:g} m in an episode, got {fastest * world.max_steps:g}")
+        raise ConfigError(
+            f"world.actions: must make at most {FARTHEST:g} m in an episode, got {fastest * world.max_steps:g}"
+        )
     if turned > TURNED:
         raise ConfigError(f"world.actions: must turn by at most {TURNED:g} rad in an episode, got {turned:g}")
     at_most(WIDEST, "world.safe_distance", world.safe_distance, "metres")
     reach = min(WIDEST, fastest * world.max_steps)
-    at_most(reach, "world.goal_distance", world.goal_distance, "metres that the fastest action makes in an episode")
+    at_most(
+        reach,
+        "world.goal_distance",
+        world.goal_distance,
+        "metres that the fastest action makes in an episode",
+    )
     for key, value in vars(world.reward).items():
         if not abs(value) <= DEAREST:
-            raise ConfigError(f"world.reward.{key}: must be a finite number of at most {DEAREST:g} in size, got {value}")
+            raise ConfigError(
+                f"world.reward.{key}: must be a finite number of at most {DEAREST:g} in size, got {value}"
+            )
 
 
 def largest_reward(world: World) -> float:
@@ -99,13 +115,19 @@ def check_memory(config: Config, layers: Geometry) -> None:
     learn, hidden = config.learn, config.network.hidden
     below = [3 if config.colour else 1, *(layer.filters for layer in layers)]
     weights = sum(n * layer.filters * layer.kernel**2 for n, layer in zip(below, layers, strict=False))
-    at_most(MOST_WEIGHTS, "network.conv", weights + below[-1] * hidden, "weights; they take 2 GB while they learn")
+    at_most(
+        MOST_WEIGHTS, "network.conv", weights + below[-1] * hidden, "weights; they take 2 GB while they learn"
+    )
     maps = below[0] * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
     why = "10 GB of the maps of network.conv"
     at_most(MOST_NUMBERS // maps, "learn.num_envs", learn.num_envs, why)
     at_most(MOST_NUMBERS // maps, "learn.batch_size", learn.batch_size, why)
     kept = STATE_BYTES
-    if config.method is Method.feature_extraction and type(config.layers) is int and config.layers <= len(layers):
+    if (
+        config.method is Method.feature_extraction
+        and type(config.layers) is int
+        and config.layers <= len(layers)
+    ):
         # What frozen layers make of a state before and after, in two bytes a number.
         last = layers[config.layers - 1]
         kept += 4 * last.filters * last.side**2

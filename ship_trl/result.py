@@ -111,7 +111,11 @@ def from_json(values: Any) -> Result:
     version = given.get("schema_version", 1)
     if not is_whole(version) or not 1 <= version <= SCHEMA_VERSION:
         known = f"; up to {SCHEMA_VERSION} can be read"
-        raise ResultError(f"has schema_version {version}{known}" if is_whole(version) else "holds no whole number in schema_version")
+        raise ResultError(
+            f"has schema_version {version}{known}"
+            if is_whole(version)
+            else "holds no whole number in schema_version"
+        )
     found: Result = _typed(Result, given, "")
     return found
 

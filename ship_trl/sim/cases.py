@@ -132,14 +132,24 @@ def read_values(path: Path) -> Any:
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
-            raise ConfigError(f"{path}: must have at most {MOST_BYTES} bytes, as a case of {MAX_TARGET_SHIPS} ships has 700")
+            raise ConfigError(
+                f"{path}: must have at most {MOST_BYTES} bytes, as a case of {MAX_TARGET_SHIPS} ships has 700"
+            )
         text = data.decode()
         if "*" in text and not few_nodes(compose(text, Loader=SafeLoader)):
             raise ConfigError(f"{path}: must hold at most {MOST_NODES} values and keys, aliases written out")
         return OmegaConf.to_container(OmegaConf.load(io.StringIO(text)))
     except RecursionError:
         raise ConfigError(f"{path}: not readable as YAML: nested too deeply") from None
-    except (YAMLError, OmegaConfBaseException, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+    except (
+        YAMLError,
+        OmegaConfBaseException,
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+    ) as error:
         # PyYAML's own are not the only ones: of `!!int x`, `!!bool x` and `!!timestamp x` it makes Python's.
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
 
@@ -163,7 +173,9 @@ def typed(schema: type, values: dict[Any, Any], where: str, key: str = "") -> An
     except OmegaConfBaseException as error:
         raise ConfigError(where + (f"{key}." if key else "") + explain(error)) from None
     except (RecursionError, OverflowError):
-        raise ConfigError(f"{where}{key or 'case'}: an interpolation leads to itself, or to a number that is too large") from None
+        raise ConfigError(
+            f"{where}{key or 'case'}: an interpolation leads to itself, or to a number that is too large"
+        ) from None
 
 
 def check_case(case: Case, world: World, where: str) -> None:

@@ -118,7 +118,9 @@ def main() -> None:
         table.add_column(name, justify="right")
     # An empty folder, so that what an input leaves behind is seen.
     with tempfile.TemporaryDirectory() as empty, contextlib.chdir(empty):
-        wrong = report(kinds, options.examples // max(1, len(set(kinds) - {COMMANDS})), options.seed, table, console)
+        wrong = report(
+            kinds, options.examples // max(1, len(set(kinds) - {COMMANDS})), options.seed, table, console
+        )
     console.print(table)
     sys.exit(1 if wrong else 0)
 

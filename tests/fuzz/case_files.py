@@ -12,7 +12,9 @@ from tests.fuzz.hostile import any_float, damaged, magnitude, mostly, texts
 
 near = st.floats(-800, 800)
 # Where a number is allowed to be, and beyond.
-far = st.one_of(st.floats(-1e5, 1e5), magnitude(1e-40, 1e40), any_float, st.sampled_from([1e5, -1e5, 1.00001e5]))
+far = st.one_of(
+    st.floats(-1e5, 1e5), magnitude(1e-40, 1e40), any_float, st.sampled_from([1e5, -1e5, 1.00001e5])
+)
 wide = mostly(st.floats(-1e4, 1e4), far, 30)
 
 
@@ -163,6 +165,9 @@ bytes_of_files = st.one_of(
         lambda text, place, junk: text[: place % (len(text) + 1)] + junk + text[place % (len(text) + 1) :],
         st.just(GOOD.encode()),
         st.integers(0, 1000),
-        st.one_of(st.binary(min_size=1, max_size=3), st.sampled_from([b"&a ", b"*a", b"!!", b"${", b"\t", b"\n", b"? ", b"- ", b"<<: "])),
+        st.one_of(
+            st.binary(min_size=1, max_size=3),
+            st.sampled_from([b"&a ", b"*a", b"!!", b"${", b"\t", b"\n", b"? ", b"- ", b"<<: "]),
+        ),
     ),
 )

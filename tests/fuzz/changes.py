@@ -12,7 +12,21 @@ from tests.fuzz.hostile import at, leaves, put
 
 VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 7, 2**31, 2**63, 10**30, 10**400, 0.5, -0.0, 1e308, 1e-320, float("nan")),
-    *(float("inf"), "", "a", "a\nb", "${heading}", "${nothing}", "???", "NaN", "1e400", "../x", "\ud800", [], [[]]),
+    *(
+        float("inf"),
+        "",
+        "a",
+        "a\nb",
+        "${heading}",
+        "${nothing}",
+        "???",
+        "NaN",
+        "1e400",
+        "../x",
+        "\ud800",
+        [],
+        [[]],
+    ),
     *({}, [1], {"a": 1}, [0] * 50, "a" * 500),
 )
 CELLS = ("", "nan", "inf", "1e400", "-1", "1.5", "x", '"', "9" * 30, "goal", "4", "0")

@@ -108,7 +108,9 @@ def attempt(command: Command, folder: Path) -> bool:
     lines = done.stderr.splitlines()
     if done.returncode != 1 or done.stdout or len(lines) != 1 or not lines[0].startswith("ship_trl: "):
         raise FaultError(f"exit code {done.returncode}: {done.stdout[-200:]}{done.stderr[-600:]}")
-    check_line(lines[0].removeprefix("ship_trl: "), "study" if command.module == STUDY else "run", str(command))
+    check_line(
+        lines[0].removeprefix("ship_trl: "), "study" if command.module == STUDY else "run", str(command)
+    )
     if listing(folder) != before:
         raise FaultError(f"files were left or changed: {listing(folder) ^ before}")
     return False

@@ -65,7 +65,9 @@ def child(name: str, seconds: int, number: int, place: Path) -> None:
     (place / "corpus").mkdir()
     (place / "corpus" / "good").write_bytes(reader.good)
     words = sorted(set(re.findall(rb"[\w.]{2,}|[^\w\s]{1,3}", reader.good)))
-    escaped = ["".join(f"\\x{byte:02x}" for byte in word) for word in [*words, b"NaN", b"1e999", b"null", b"9" * 30]]
+    escaped = [
+        "".join(f"\\x{byte:02x}" for byte in word) for word in [*words, b"NaN", b"1e999", b"null", b"9" * 30]
+    ]
     (place / "words").write_text("".join(f'"{word}"\n' for word in escaped))
     flags = [f"-max_total_time={seconds}", f"-seed={number + 1}", f"-dict={place / 'words'}", "-max_len=4096"]
     flags += ["-print_final_stats=1", "-rss_limit_mb=4096", "-timeout=20", f"-artifact_prefix={place}/"]

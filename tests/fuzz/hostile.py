@@ -16,21 +16,102 @@ from tests.fuzz.judge import CONFIG_KEYS
 
 # As a shell hands them over: numbers out of range, words of YAML, of Hydra's grammar and of OmegaConf.
 WORDS = (
-    *("", "nan", ".nan", "inf", "-inf", ".inf", "1e400", "-1e400", "1e308", "-1e308", "1e39", "1e-39", "1e-320"),
+    *(
+        "",
+        "nan",
+        ".nan",
+        "inf",
+        "-inf",
+        ".inf",
+        "1e400",
+        "-1e400",
+        "1e308",
+        "-1e308",
+        "1e39",
+        "1e-39",
+        "1e-320",
+    ),
     *("0", "-1", "-0.0", "0.5", "1.5", "007", "0x10", "1_000", "1:30", "2001-01-01", "9" * 30, "9" * 400),
     *("9" * 5000, "1" + "0" * 12, "1000000000", "4294967296", "9223372036854775808", "true", "false", "yes"),
     *("null", "~", "None", "[]", "{}", "[1]", "[[1]]", "[[]]", "{a:1}", "[1,2]", "[[1,2]]", "[[nan,0]]"),
     *("[null]", "[[null]]", "[a,b]", "[{a:1}]", "[" * 50, "[" * 40 + "]" * 40, "''", "'a b'", '"', "'", '""'),
-    *("\u00fc", "\u65e5\u672c", "\u202e", "\u2028", "a\nb", "a\tb", "a\x1b[31mb", "\ud800", "\x85", "\U0001f6a2"),
-    *("${oc.env:HOME}", "${oc.env:NOWHERE}", "${oc.env:NOWHERE,3}", "${nothing}", "${output}", "${case_base}"),
+    *(
+        "\u00fc",
+        "\u65e5\u672c",
+        "\u202e",
+        "\u2028",
+        "a\nb",
+        "a\tb",
+        "a\x1b[31mb",
+        "\ud800",
+        "\x85",
+        "\U0001f6a2",
+    ),
+    *(
+        "${oc.env:HOME}",
+        "${oc.env:NOWHERE}",
+        "${oc.env:NOWHERE,3}",
+        "${nothing}",
+        "${output}",
+        "${case_base}",
+    ),
     *("${pair}", "${learn}", "${world.actions}", "${seed}", "${oc.decode:'[1,2]'}", "${oc.create:{}}", "${"),
-    *("${}", "${a", "${.}", "${..}", "${oc.dict.keys:learn}", "${hydra:runtime.cwd}", "???", "$", "\\", "\\\\"),
-    *("a=b", "a,b", "1,2", "choice(1,2)", "range(1,3)", "range(0,1e9)", "glob(*)", "sort(1,2)", "int(3)", "float(x)"),
+    *(
+        "${}",
+        "${a",
+        "${.}",
+        "${..}",
+        "${oc.dict.keys:learn}",
+        "${hydra:runtime.cwd}",
+        "???",
+        "$",
+        "\\",
+        "\\\\",
+    ),
+    *(
+        "a=b",
+        "a,b",
+        "1,2",
+        "choice(1,2)",
+        "range(1,3)",
+        "range(0,1e9)",
+        "glob(*)",
+        "sort(1,2)",
+        "int(3)",
+        "float(x)",
+    ),
     *("str(", "json_str(1)", "@", "..", ".", "/", "/dev/null", "/dev/zero", "/proc/self/mem", "a" * 300),
-    *("a/" * 3000, "cuda", "cuda:0", "cuda:x", "cuda:-1", "cuda:" + "9" * 30, "cpu:0", "pretrained", "all", "-", "+"),
+    *(
+        "a/" * 3000,
+        "cuda",
+        "cuda:0",
+        "cuda:x",
+        "cuda:-1",
+        "cuda:" + "9" * 30,
+        "cpu:0",
+        "pretrained",
+        "all",
+        "-",
+        "+",
+    ),
 )
 # Values that are right somewhere.
-FAIR = ("1", "2", "3", "4", "paper", "quick", "smoke", "scratch", "finetune", "random", "learned", "0.1", "10", "100")
+FAIR = (
+    "1",
+    "2",
+    "3",
+    "4",
+    "paper",
+    "quick",
+    "smoke",
+    "scratch",
+    "finetune",
+    "random",
+    "learned",
+    "0.1",
+    "10",
+    "100",
+)
 LINES = (
     ("+pair=high", "layers=3"),
     ("target=1", "method=scratch"),
@@ -38,21 +119,53 @@ LINES = (
 )
 GROUPS = tuple(sorted(path.name for path in conf_dir().iterdir() if path.is_dir()))
 STRANGE_KEYS = (
-    *("", ".", "a.b", "learn.", ".learn", "learn..lr", "hydra.run.dir", "hydra.mode", "hydra", "hydra/launcher"),
-    *("hydra/sweeper", "hydra.sweeper.params", "world@learn", "learn@_global_", "hydra/job_logging", "_target_"),
-    *("defaults", "world.actions.0", "world.actions[0]", "network.conv.0", "layers.a", "\u00fc", "a b", "seed ", " seed"),
+    *(
+        "",
+        ".",
+        "a.b",
+        "learn.",
+        ".learn",
+        "learn..lr",
+        "hydra.run.dir",
+        "hydra.mode",
+        "hydra",
+        "hydra/launcher",
+    ),
+    *(
+        "hydra/sweeper",
+        "hydra.sweeper.params",
+        "world@learn",
+        "learn@_global_",
+        "hydra/job_logging",
+        "_target_",
+    ),
+    *(
+        "defaults",
+        "world.actions.0",
+        "world.actions[0]",
+        "network.conv.0",
+        "layers.a",
+        "\u00fc",
+        "a b",
+        "seed ",
+        " seed",
+    ),
     *("${seed}", "'seed'", "package", "_global_", "learn/paper", "a" * 300),
 )
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 any_float = st.one_of(st.floats(), st.sampled_from([1e308, -1e308, 1e-300, 1e39, 3e38, 0.0, -0.0, 1e9]))
-any_int = st.one_of(st.integers(-3, 300), st.sampled_from([10**9, 10**12, 2**31, 2**63, 2**64, 10**30, 10**400]))
+any_int = st.one_of(
+    st.integers(-3, 300), st.sampled_from([10**9, 10**12, 2**31, 2**63, 2**64, 10**30, 10**400])
+)
 texts = st.text(st.characters(codec=None, exclude_characters="\x00"), max_size=12)
 scalars: SearchStrategy[Any] = st.one_of(
     st.none(), st.booleans(), any_int, any_float, texts, st.sampled_from(WORDS + FAIR)
 )
 trees = st.recursive(
-    scalars, lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(texts, inner, max_size=3)), max_leaves=8
+    scalars,
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(texts, inner, max_size=3)),
+    max_leaves=8,
 )
 
 
@@ -98,7 +211,15 @@ study_lines = st.lists(
             "{}={}".format,
             st.sampled_from(
                 [
-                    *("profile", "seeds", "first_seed", "block", "profile_seeds", "profile_seeds.quick", "pairs"),
+                    *(
+                        "profile",
+                        "seeds",
+                        "first_seed",
+                        "block",
+                        "profile_seeds",
+                        "profile_seeds.quick",
+                        "pairs",
+                    ),
                     *("arms", "reuse", "controls", "output", "launcher", "processes", "retries", "overrides"),
                     *("logger", "wandb", "wandb.mode", "wandb.project", "sseds", "pairs.0", "pairs[0]", ""),
                 ]
@@ -107,8 +228,25 @@ study_lines = st.lists(
                 typed_words,
                 st.sampled_from(
                     [
-                        *("smoke", "[high]", "[high,low]", "[scratch,FTW]", "2", "5", "joblib", "ray_local", "false"),
-                        *("[learn.lr=1e-3]", "[seed=1]", "[learn.lr]", "['learn.lr=[']", "[learn.lr=1e400]", "[=]"),
+                        *(
+                            "smoke",
+                            "[high]",
+                            "[high,low]",
+                            "[scratch,FTW]",
+                            "2",
+                            "5",
+                            "joblib",
+                            "ray_local",
+                            "false",
+                        ),
+                        *(
+                            "[learn.lr=1e-3]",
+                            "[seed=1]",
+                            "[learn.lr]",
+                            "['learn.lr=[']",
+                            "[learn.lr=1e400]",
+                            "[=]",
+                        ),
                     ]
                 ),
             ),
@@ -173,7 +311,9 @@ def damaged(draw: st.DrawFn, good: Any, most: int = 3) -> Any:
             case "add":
                 above = at(values, path[:-1])
                 more = (
-                    {**above, draw(texts): draw(scalars)} if isinstance(above, dict) else [*above, draw(scalars)]
+                    {**above, draw(texts): draw(scalars)}
+                    if isinstance(above, dict)
+                    else [*above, draw(scalars)]
                 )
                 values = put(values, path[:-1], more)
     return values
@@ -225,7 +365,11 @@ def networks(draw: st.DrawFn) -> dict[str, Any]:
     return draw(mostly(st.just(network), damaged(network), 4))
 
 
-any_big = mostly(st.one_of(st.integers(1, 1000), magnitude(1, 1e7).map(int)), st.one_of(any_int, magnitude(1, 1e13).map(int)), 6)
+any_big = mostly(
+    st.one_of(st.integers(1, 1000), magnitude(1, 1e7).map(int)),
+    st.one_of(any_int, magnitude(1, 1e13).map(int)),
+    6,
+)
 # Settings of the learner that decide how much a run holds in memory, and how large its numbers grow.
 SIZES = {
     key: any_big

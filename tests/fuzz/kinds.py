@@ -159,12 +159,20 @@ KINDS = {
     "overrides": Kind(hostile.overrides(), overrides),
     "study overrides": Kind(hostile.study_lines, study),
     "configurations": Kind(
-        sampled_from(["any"]).flatmap(lambda _: hostile.damaged(OmegaConf.to_container(base(), resolve=True))), configuration
+        sampled_from(["any"]).flatmap(
+            lambda _: hostile.damaged(OmegaConf.to_container(base(), resolve=True))
+        ),
+        configuration,
     ),
     "worlds": Kind(hostile.worlds().map(lambda world: {"world": world}), configuration),
     "networks": Kind(hostile.networks().map(lambda network: {"network": network}), configuration),
-    "learners": Kind(hostile.learners().map(lambda learner: {"learn": learner, "network": SMALL_NETWORK}), configuration),
+    "learners": Kind(
+        hostile.learners().map(lambda learner: {"learn": learner, "network": SMALL_NETWORK}), configuration
+    ),
     "case files": Kind(case_files.case_texts().map(lambda t: t.encode("utf-8", "surrogatepass")), case_file),
     "files that are no case": Kind(case_files.bytes_of_files, case_file),
-    **{f"{name} files": Kind(readers.contents(name), partial(readers.read, name)) for name in list(readers.READERS)[1:]},
+    **{
+        f"{name} files": Kind(readers.contents(name), partial(readers.read, name))
+        for name in list(readers.READERS)[1:]
+    },
 }

@@ -120,11 +120,15 @@ def contents(name: str) -> SearchStrategy[bytes]:
     good = READERS[name].good
     cut = st.integers(0, len(good)).map(lambda n: good[:n])
     written_over = st.builds(
-        lambda n, junk: good[:n] + junk + good[n + len(junk) :], st.integers(0, len(good)), st.binary(max_size=6)
+        lambda n, junk: good[:n] + junk + good[n + len(junk) :],
+        st.integers(0, len(good)),
+        st.binary(max_size=6),
     )
     choices = [cut, written_over, st.binary(max_size=100)]
     if name in JSON:
-        values = damaged(JSON[name]).map(lambda tree: json.dumps(tree, default=str).encode("utf-8", "replace"))
+        values = damaged(JSON[name]).map(
+            lambda tree: json.dumps(tree, default=str).encode("utf-8", "replace")
+        )
         choices += [values, values]
     if name == "curve":
         cell = st.one_of(st.text(max_size=5), st.floats().map(repr), st.integers().map(str), st.just("1e400"))
@@ -149,4 +153,3 @@ def read(name: str, content: bytes) -> bool:
     """Give a reader one file, in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder:
         return give(READERS[name], content, Path(folder))
-

@@ -40,20 +40,25 @@ def test_files_that_try_what_a_reader_of_yaml_may_do_wrong() -> None:
 
 
 @pytest.mark.parametrize("command", commands.SHORT, ids=lambda command: str(command)[:60])
-def test_the_command_refuses_in_one_line_and_leaves_nothing(command: commands.Command, tmp_path: Path) -> None:
+def test_the_command_refuses_in_one_line_and_leaves_nothing(
+    command: commands.Command, tmp_path: Path
+) -> None:
     commands.prepare(tmp_path)
     commands.attempt(command, tmp_path)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("command", commands.LONG[len(commands.SHORT) :], ids=lambda command: str(command)[:60])
+@pytest.mark.parametrize(
+    "command", commands.LONG[len(commands.SHORT) :], ids=lambda command: str(command)[:60]
+)
 def test_further_commands_refuse_in_one_line(command: commands.Command, tmp_path: Path) -> None:
     commands.prepare(tmp_path)
     commands.attempt(command, tmp_path)
 
 
 @pytest.mark.parametrize(
-    "line", ["", "no key", "seed:", "seed: two\nlines", "\x1b[31mseed: red", "banana: no", "seed: " + "a" * 3000]
+    "line",
+    ["", "no key", "seed:", "seed: two\nlines", "\x1b[31mseed: red", "banana: no", "seed: " + "a" * 3000],
 )
 def test_a_line_that_helps_nobody_is_a_fault(line: str) -> None:
     with pytest.raises(FaultError):

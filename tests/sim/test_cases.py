@@ -152,12 +152,21 @@ def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Pat
         (GOOD.replace("90.0", "!!python/object:os.system {}"), "not readable as YAML: could not determine"),
         (GOOD + SHIP * 20_000, "must have at most 64000 bytes"),
         # Small, and it unfolds into a million of millions.
-        ("a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)), "must hold at"),
-        ("a0: &a0 {x: 1}\n" + "".join(f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}]}}\n" for n in range(1, 40)), "must"),
+        (
+            "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)),
+            "must hold at",
+        ),
+        (
+            "a0: &a0 {x: 1}\n"
+            + "".join(f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}]}}\n" for n in range(1, 40)),
+            "must",
+        ),
         ("start: &a [*a]\n", "must hold at most 2000 values and keys, aliases written out"),
     ],
 )
-def test_what_unfolds_or_breaks_the_reader_is_refused(text: str, said: str, tmp_path: Path, world: World) -> None:
+def test_what_unfolds_or_breaks_the_reader_is_refused(
+    text: str, said: str, tmp_path: Path, world: World
+) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError) as error:

@@ -20,7 +20,10 @@ DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 # What Hydra finds only if an extra is installed.
 EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
 # Begins what the parser of Hydra's overrides says.
-GRAMMAR = "mismatched input|token recognition error|no viable alternative|extraneous input|LexerNoViableAlt|missing "
+GRAMMAR = (
+    "mismatched input|token recognition error|no viable alternative|extraneous input|missing "
+    "|LexerNoViableAltException"
+)
 HELP_FLAGS = {"--help", "-h"}
 
 HELP = """\
@@ -145,38 +148,44 @@ def hydra_errors() -> Iterator[None]:
     if os.environ.get("HYDRA_FULL_ERROR", "") not in ("", "0"):
         yield
         return
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        yield
+    except KeyboardInterrupt:
+        complain("interrupted; the unfinished run starts anew next time")
+        sys.exit(130)
+    except Exception as error:
+        line = explain_command(error)
+        if line is None:
+            raise
+        complain(line)
+        sys.exit(1)
+
+
+def explain_command(error: Exception) -> str | None:
+    """One line for what ended a command, or None where it is not the user's to mend."""
     import yaml
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
     from ship_trl.config import ConfigError, explain
 
-    os.environ["HYDRA_FULL_ERROR"] = "1"
-    try:
-        yield
-    except ConfigError as error:
-        complain(f"this sweep had a job that was refused: {error}")
-    except HydraException as error:
-        complain(explain_hydra(error))
-    except (OmegaConfBaseException, yaml.YAMLError) as error:
-        not_yaml = f"config: not YAML: {' '.join(str(error).split())}"
-        complain(explain(error) if isinstance(error, OmegaConfBaseException) else not_yaml)
-    except OSError as error:
-        if not explained(error):
-            raise
-        complain(explain_file(error))
-    except KeyboardInterrupt:
-        complain("interrupted; the unfinished run starts anew next time")
-        sys.exit(130)
-    except Exception as error:
-        # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]].
-        if not any(name in origin(error) for name in ("hydra", "antlr4")):
-            raise
-        known = isinstance(error, ValueError)
-        complain(explain_hydra(error) if known else f"overrides: Hydra cannot read them ({error})")
-    else:
-        return
-    sys.exit(1)
+    match error:
+        case ConfigError():
+            return f"this sweep had a job that was refused: {error}"
+        case HydraException():
+            return explain_hydra(error)
+        case OmegaConfBaseException():
+            return explain(error)
+        case yaml.YAMLError():
+            return f"config: not YAML: {' '.join(str(error).split())}"
+        case OSError():
+            return explain_file(error) if explained(error) else None
+    # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]].
+    if not origin(error).startswith(("hydra", "antlr4")):
+        return None
+    known = isinstance(error, ValueError)
+    return explain_hydra(error) if known else f"overrides: Hydra cannot read them ({error})"
 
 
 def explained(error: Exception) -> bool:

@@ -30,7 +30,7 @@ class ConfigError(Exception):
 
 
 def one_line(text: str) -> str:
-    """Make one line of a text that may hold what a user gave: line breaks, a terminal's commands, or very much."""
+    """Make one line of a text in which line breaks or a terminal's commands may stand, and cut a long one."""
     if len(text) > LONGEST_LINE:
         text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 3 :]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

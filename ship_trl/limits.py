@@ -1,6 +1,6 @@
 """How large a run may be: beyond these it would not fit into memory, or its numbers into 32 bits. No torch.
 
-They are far above what a run needs, and stop a slip of the keyboard with a line in place of a machine that swaps.
+They are far above what a run needs, and stop a slip of the keyboard before the machine swaps.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MAX_ACTIONS, MAX_TRIED = 100, 10_000
 # Seconds a step.
 SHORTEST, LONGEST = 1e-3, 1e3
 # Metres that the fastest action makes: a step, which must be more than what rounding changes, and an episode,
-# after which 32-bit numbers tell decimetres. Radians of the sharpest turn in an episode, which they tell to 0.001.
+# after which 32-bit numbers tell decimetres. Radians that an episode turns by, told to a thousandth.
 SMALLEST_STEP, FARTHEST, TURNED = 1e-3, 1e6, 1e4
 # Metres of a circle; a case's places reach as far.
 WIDEST = 1e5
@@ -31,9 +31,9 @@ FASTEST_RATE, LARGEST_SCALE, LARGEST_DELTA = 1.0, 1e3, 1e9
 LONGEST_COUNT = 10**9
 MOST_DRAWS = 10**6
 # Bytes of the replay, which a machine must hold at once: a state and what came of it take 60.
-REPLAY_BYTES, STATE_BYTES = 2**36, 60
-# Numbers of the conv layers' maps that are held at once, 10 GB: of a batch to learn from, and of the ships that sail.
-MOST_NUMBERS = 2_500_000_000
+REPLAY_BYTES, STATE_BYTES = 2**34, 60
+# Numbers of the conv layers' maps that are held at once, 4 GB: of a batch, and of the ships that sail.
+MOST_NUMBERS = 1_000_000_000
 # With Adam's two means, the gradient and the target network five times as many numbers are held, 2 GB.
 MOST_WEIGHTS = 100_000_000
 
@@ -69,14 +69,13 @@ def check_world(world: World) -> None:
         raise ConfigError(
             f"world.actions: must make at least {SMALLEST_STEP:g} m in a step of world.dt={world.dt:g} s"
         )
-    if fastest * world.max_steps > FARTHEST:
-        raise ConfigError(
-            f"world.actions: must make at most {FARTHEST:g} m in an episode, got {fastest * world.max_steps:g}"
-        )
+    sailed = fastest * world.max_steps
+    if sailed > FARTHEST:
+        raise ConfigError(f"world.actions: must make at most {FARTHEST:g} m in an episode, got {sailed:g}")
     if turned > TURNED:
         raise ConfigError(f"world.actions: must turn by at most {TURNED:g} rad in an episode, got {turned:g}")
     at_most(WIDEST, "world.safe_distance", world.safe_distance, "metres")
-    reach = min(WIDEST, fastest * world.max_steps)
+    reach = min(WIDEST, sailed)
     at_most(
         reach,
         "world.goal_distance",
@@ -119,7 +118,7 @@ def check_memory(config: Config, layers: Geometry) -> None:
         MOST_WEIGHTS, "network.conv", weights + below[-1] * hidden, "weights; they take 2 GB while they learn"
     )
     maps = below[0] * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
-    why = "10 GB of the maps of network.conv"
+    why = "4 GB of the maps of network.conv"
     at_most(MOST_NUMBERS // maps, "learn.num_envs", learn.num_envs, why)
     at_most(MOST_NUMBERS // maps, "learn.batch_size", learn.batch_size, why)
     kept = STATE_BYTES

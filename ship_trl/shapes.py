@@ -1,4 +1,4 @@
-"""Where single values, lists and groups stand in a configuration or a case, and where numbers are too large to be any.
+"""Where single values, lists and groups stand in a configuration or a case, and which integers are too large.
 
 OmegaConf checks types, but of these it does not say where they stand, or takes them.
 """
@@ -17,7 +17,7 @@ LARGEST_INTEGER = 2**63 - 1
 
 
 def check_shapes(schema: Any, values: Any, where: str = "", key: str = "") -> None:
-    """Check plain values against a type, from the outside in; what is no list or group is OmegaConf's to check.
+    """Check plain values against a type, from the outside in; what is left to check is OmegaConf's.
 
     Args:
         schema: a dataclass, or the type of one of its fields.
@@ -29,33 +29,35 @@ def check_shapes(schema: Any, values: Any, where: str = "", key: str = "") -> No
         ConfigError: a list or a group where there should be none, or none where there should be one, or an
             integer of more than 63 bits.
     """
-
-    def need(right: bool, allowed: str) -> None:
-        if not right:
-            raise ConfigError(f"{where}{key}: must be {allowed}, got {shown(values)}")
-
     if isinstance(schema, types.UnionType):
         schema = next(one for one in typing.get_args(schema) if one is not types.NoneType)
-    if values is None or schema is Any:
-        return
-    written = isinstance(values, str) and ("${" in values or values == "???")
-    if type(values) is int:
-        need(abs(values) <= LARGEST_INTEGER, f"at most {LARGEST_INTEGER} in size")
-    if typing.get_origin(schema) is list:
-        (inner,) = typing.get_args(schema)
-        rows = "a list of lists" if typing.get_origin(inner) is list else "a list"
-        need(written or isinstance(values, list), rows)
-        for index, value in enumerate(values if isinstance(values, list) else ()):
-            check_shapes(inner, value, where, f"{key}[{index}]")
-    elif dataclasses.is_dataclass(schema):
+    allowed = allowed_shape(schema, values)
+    if allowed is not None:
+        raise ConfigError(f"{where}{key}: must be {allowed}, got {shown(values)}")
+    if isinstance(values, list) and typing.get_origin(schema) is list:
+        for index, value in enumerate(values):
+            check_shapes(typing.get_args(schema)[0], value, where, f"{key}[{index}]")
+    if isinstance(values, dict) and dataclasses.is_dataclass(schema):
         hints = typing.get_type_hints(schema)
-        need(written or isinstance(values, dict), f"a group of {', '.join(hints)}")
-        for name, value in values.items() if isinstance(values, dict) else ():
-            # Of a name that is unknown it is said elsewhere which there are.
-            if name in hints:
-                check_shapes(hints[name], value, where, f"{key}.{name}" if key else str(name))
-    elif typing.get_origin(schema) is not dict:
-        need(not isinstance(values, dict | list), "a single value")
+        # Of a name that is unknown it is said elsewhere which there are.
+        for name in [name for name in values if name in hints]:
+            check_shapes(hints[name], values[name], where, f"{key}.{name}" if key else str(name))
+
+
+def allowed_shape(schema: Any, value: Any) -> str | None:
+    """Say what is allowed in place of a value, or None where it has the right shape, whatever is inside."""
+    if type(value) is int and abs(value) > LARGEST_INTEGER:
+        return f"at most {LARGEST_INTEGER} in size"
+    written = isinstance(value, str) and ("${" in value or value == "???")
+    if value is None or written or schema is Any or typing.get_origin(schema) is dict:
+        return None
+    if typing.get_origin(schema) is list:
+        rows = typing.get_origin(typing.get_args(schema)[0]) is list
+        return None if isinstance(value, list) else "a list of lists" if rows else "a list"
+    if dataclasses.is_dataclass(schema):
+        names = ", ".join(entry.name for entry in dataclasses.fields(schema))
+        return None if isinstance(value, dict) else f"a group of {names}"
+    return "a single value" if isinstance(value, dict | list) else None
 
 
 def shown(value: object) -> str:

@@ -155,7 +155,7 @@ def read_values(path: Path) -> Any:
 
 
 def few_nodes(root: Node | None) -> bool:
-    """Whether YAML holds no more than `MOST_NODES` once each alias is written out; one that holds itself never ends."""
+    """Whether YAML holds at most `MOST_NODES` once aliases are written out; some would never end."""
     waiting, seen = [root], 0
     while waiting and seen <= MOST_NODES:
         seen += 1
@@ -166,7 +166,7 @@ def few_nodes(root: Node | None) -> bool:
 
 
 def typed(schema: type, values: dict[Any, Any], where: str, key: str = "") -> Any:
-    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where` and a key, below `key`."""
+    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where` and `key`."""
     check_shapes(schema, values, where, key)
     try:
         return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))

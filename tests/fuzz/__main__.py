@@ -89,7 +89,7 @@ def each(given: Iterable[Command]) -> Tally:
 
 
 def report(kinds: list[str], examples: int, number: int, table: Table, console: Console) -> int:
-    """Fuzz kinds, a row of the table each, and show each sort of fault; returns how many inputs were at fault."""
+    """Fuzz kinds, a row of the table each, and show each sort of fault; returns how many there were."""
     wrong = 0
     for name in kinds:
         tally = each(LONG) if name == COMMANDS else fuzz(KINDS[name], max(1, examples), number)

@@ -1,4 +1,4 @@
-"""Changes of a file that keep its form: a value of a JSON or YAML file, or a cell of a table, becomes another."""
+"""Changes of a file that keep its form: a value of JSON or YAML, or a cell of a table, becomes another."""
 
 from __future__ import annotations
 

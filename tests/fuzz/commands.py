@@ -31,7 +31,7 @@ def run_with(*words: str) -> Command:
     return Command(RUN, ("+pair=high", "layers=3", *words))
 
 
-# What only the whole command shows: how a word comes through the shell's hands, and what is left in the folder.
+# What only the whole command shows: how it takes a word, and what it leaves in the folder.
 SHORT = (
     run_with("learn.replay_size=1000000000000"),
     run_with("learn.num_envs=1000000000"),

@@ -1,4 +1,4 @@
-"""`python -m tests.fuzz.guided`: Atheris over the readers, which keeps and changes inputs that reach new code.
+"""`python -m tests.fuzz.guided`: Atheris over the readers; inputs that reach new code are changed further.
 
 Nothing of the package is imported at the top: Atheris follows what is imported after it.
 """
@@ -31,7 +31,7 @@ NOTES = "notes.json"
 
 
 def child(name: str, seconds: int, number: int, place: Path) -> None:
-    """Fuzz one reader in this process, which libFuzzer ends; what became of the inputs is written to `place`."""
+    """Fuzz one reader in this process, which libFuzzer ends; figures are written to `place`."""
     import atheris
 
     with atheris.instrument_imports(include=list(INSTRUMENTED), enable_loader_override=False):

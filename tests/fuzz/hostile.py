@@ -284,7 +284,7 @@ def put(values: Any, path: tuple[Any, ...], value: Any) -> Any:
 
 @st.composite
 def damaged(draw: st.DrawFn, good: Any, most: int = 3) -> Any:
-    """A tree with up to so many places replaced, some by other trees, taken out, or put in under a wrong name."""
+    """A tree with up to so many places replaced, scaled, taken out, or put in under a wrong name."""
     values = good
     for _ in range(draw(st.integers(1, most))):
         places = leaves(values)
@@ -371,13 +371,13 @@ any_big = mostly(
     6,
 )
 # Settings of the learner that decide how much a run holds in memory, and how large its numbers grow.
-SIZES = {
-    key: any_big
-    for key in (
+SIZES = dict.fromkeys(
+    (
         *("episodes", "num_envs", "batch_size", "replay_size", "warmup_steps", "update_every"),
         *("evaluate_every", "jumpstart_draws"),
-    )
-}
+    ),
+    any_big,
+)
 RATES = {
     key: mostly(magnitude(1e-6, 1.0), any_float, 6)
     for key in (

@@ -1,4 +1,4 @@
-"""What becomes of an input: it runs with finite numbers, or one line names its key. Anything else is a fault."""
+"""What may become of an input: it runs with finite numbers, or one line names its key."""
 
 from __future__ import annotations
 

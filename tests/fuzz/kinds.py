@@ -1,4 +1,4 @@
-"""Kinds of input, each with what is tried of it: `attempt` says whether it ran, and raises where it did neither."""
+"""Kinds of input, each with what is tried of it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.architecture import geometry
 from ship_trl.checks import to_config
-from ship_trl.cli import hydra_errors, job_errors, refusals
+from ship_trl.cli import hydra_errors, refusals
 from ship_trl.config import ConfigError
 from ship_trl.paths import conf_dir
 from ship_trl.run.plan import make_run

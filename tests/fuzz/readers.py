@@ -1,7 +1,7 @@
-"""What reads files that a run or a person left: bytes in, and either they are read or its own error says why not.
+"""What reads files that a run or a person left: it reads them, or its own error says in one line why not.
 
-`python -m tests.fuzz.guided --seconds 600` gives them what a coverage-guided fuzzer makes up (Atheris, the extra
-`fuzz`), and prints one table.
+`python -m tests.fuzz.guided --seconds 600` gives them what a coverage-guided fuzzer makes up (Atheris, the
+extra `fuzz`), and prints one table.
 """
 
 from __future__ import annotations

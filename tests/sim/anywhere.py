@@ -57,7 +57,9 @@ def voyages(draw: st.DrawFn, most_ships: int = 3) -> Voyage:
     heading = math.degrees(bearing) + draw(st.floats(-40, 40))
     case = Case(start, heading, goal, "any", ships, "anywhere")
     check_case(case, world, "anywhere")
-    course = st.lists(st.integers(0, len(world.actions) - 1), min_size=world.max_steps, max_size=world.max_steps)
+    course = st.lists(
+        st.integers(0, len(world.actions) - 1), min_size=world.max_steps, max_size=world.max_steps
+    )
     return Voyage(world, case, draw(course), draw(course))
 
 

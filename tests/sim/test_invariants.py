@@ -109,7 +109,11 @@ def relative(voyage: Voyage) -> list[Reckoned]:
     found = []
     for action in voyage.actions:
         speed, turn = world.actions[action]
-        goal, ships, courses = turned(goal, -turn * world.dt), turned(ships, -turn * world.dt), courses - turn * world.dt
+        goal, ships, courses = (
+            turned(goal, -turn * world.dt),
+            turned(ships, -turn * world.dt),
+            courses - turn * world.dt,
+        )
         own = np.array([speed * world.dt, 0.0])
         way = (speeds * world.dt)[:, None] * np.stack((np.cos(courses), np.sin(courses)), -1)
         goal, later = goal - own, ships + way - own
@@ -136,7 +140,9 @@ def outcome_of(voyage: Voyage, step: int, now: Reckoned) -> str | None:
 @given(voyages())
 def test_frames_agree_with_each_other_and_with_the_environment(voyage: Voyage) -> None:
     ended, nearest = sail(voyage), math.inf
-    for step, (moment, chart, board) in enumerate(zip(ended, absolute(voyage), relative(voyage), strict=False)):
+    for step, (moment, chart, board) in enumerate(
+        zip(ended, absolute(voyage), relative(voyage), strict=False)
+    ):
         assert (board.to_goal, board.apart) == pytest.approx((chart.to_goal, chart.apart), abs=1e-6)
         assert abs(math.remainder(board.off_bow - chart.off_bow, 2 * math.pi)) < 1e-6
         nearest = min(nearest, chart.apart)
@@ -147,7 +153,9 @@ def test_frames_agree_with_each_other_and_with_the_environment(voyage: Voyage) -
             return
         assert moment.outcome == wanted
         reward = voyage.world.reward
-        paid = reward.w3 * reward.k1 * chart.to_goal + reward.w4 * reward.k2 * abs(math.degrees(board.off_bow))
+        paid = reward.w3 * reward.k1 * chart.to_goal + reward.w4 * reward.k2 * abs(
+            math.degrees(board.off_bow)
+        )
         paid += {"goal": reward.w1 * reward.goal, "collision": reward.w2 * reward.collision}.get(wanted, 0.0)
         # Near the goal a centimetre turns the line of sight.
         turned = math.degrees(NEAR / max(chart.to_goal, NEAR))
@@ -157,14 +165,14 @@ def test_frames_agree_with_each_other_and_with_the_environment(voyage: Voyage) -
 
 @given(voyages())
 def test_the_mirrored_world_is_sailed_alike_to_the_last_bit(voyage: Voyage) -> None:
-    """About the x axis, where cosines stay and sines change sign: nothing is rounded otherwise but the angle."""
+    """About the x axis, where cosines stay and sines change sign: nothing but the angle is rounded."""
     here, there = sail(voyage), sail(mirrored(voyage))
     assert [moment.outcome for moment in here] == [moment.outcome for moment in there]
     sign = torch.tensor([1.0, -1.0, -1.0, 1.0])
     for one, other in zip(here, there, strict=True):
         assert torch.equal(one.state * sign, other.state) and one.dcpa == other.dcpa
         assert other.reward == pytest.approx(one.reward, abs=1e-2, rel=1e-5)
-        # Port and starboard change sides; the picture's rotation begins with a quarter turn, which is rounded.
+        # Port and starboard change sides; the picture's rotation has a quarter turn in it, which is rounded.
         assert int((one.pixels.flip(-1).int() - other.pixels.int()).abs().max()) <= ROUNDED
 
 
@@ -190,7 +198,9 @@ def test_a_batch_is_its_ships_one_by_one_to_the_last_bit(voyage: Voyage, count: 
     single = ShipEnv(voyage.case, voyage.world, 1, from_pixels=True, colour=True)
     together, singles = env.reset(), [single.reset() for _ in range(count)]
     for first, other in list(zip(voyage.actions, voyage.also, strict=True))[:12]:
-        actions = torch.tensor([first if n % 2 else (other + n) % len(voyage.world.actions) for n in range(count)])
+        actions = torch.tensor(
+            [first if n % 2 else (other + n) % len(voyage.world.actions) for n in range(count)]
+        )
         stepped, together = env.step_and_maybe_reset(together.set("action", actions))
         for n in range(count):
             alone, singles[n] = single.step_and_maybe_reset(singles[n].set("action", actions[n : n + 1]))

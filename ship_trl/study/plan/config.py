@@ -114,16 +114,8 @@ def to_study(overrides: list[str]) -> StudyConfig:
         if "is not a ListConfig" in str(error.msg):
             raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
         raise ConfigError(explain(error)) from None
-    except (
-        yaml.YAMLError,
-        LookupError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-    ):
-        # OmegaConf makes Python's errors of an unclosed bracket in a key and of numbers of thousands of digits.
+    except (yaml.YAMLError, LookupError, ValueError, ArithmeticError, TypeError, RecursionError):
+        # Of an unclosed bracket in a key, or thousands of digits, OmegaConf makes Python's errors.
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None

@@ -56,16 +56,14 @@ def test_a_case_that_was_edited_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        *(
-            "",
-            "[]",
-            "{}",
-            '{"settings": {}, "cases": 3}',
-            '{"settings": []}',
-            '{"settings": {}, "cases": [[1, 2]]}',
-        )
-    ]
-    + ["[" * 100_000],
+        "",
+        "[]",
+        "{}",
+        '{"settings": {}, "cases": 3}',
+        '{"settings": []}',
+        '{"settings": {}, "cases": [[1, 2]]}',
+        "[" * 100_000,
+    ],
     ids=range(7),
 )
 def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:

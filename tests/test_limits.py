@@ -25,7 +25,7 @@ LARGE = {
     "world.dt=1e-320": "world.dt: must be from 0.001 to 1000 (seconds), got 1e-320",
     "world.dt=1e300": "world.dt: must be from 0.001 to 1000 (seconds), got 1e+300",
     "world.max_steps=1001": "world.max_steps: must be at most 1000 (the planner's memory",
-    f"world.max_steps=1000 world.actions=[{','.join(['[15,0]'] * 11)}]": "world.actions: must be at most 10 (",
+    f"world.max_steps=1000 world.actions=[{','.join(['[15,0]'] * 11)}]": "world.actions: must be at most 10",
     f"world.actions=[{','.join(['[15,0]'] * 101)}]": "world.actions: must be at most 100 (their number;",
     "world.actions=[[1e-9,0]]": "world.actions: must make at least 0.001 m in a step of world.dt=1 s",
     "world.actions=[[15,0],[-1e9,0]]": "world.actions: must make at most 1e+06 m in an episode, got 6e+10",

@@ -31,7 +31,7 @@ FASTEST_RATE, LARGEST_SCALE, LARGEST_DELTA = 1.0, 1e3, 1e9
 LONGEST_COUNT = 10**9
 MOST_DRAWS = 10**6
 # Bytes of the replay, which a machine must hold at once: a state and what came of it take 60.
-REPLAY_BYTES, STATE_BYTES = 2**34, 60
+REPLAY_BYTES, STATE_BYTES = 2**33, 60
 # Numbers of the conv layers' maps that are held at once, 4 GB: of a batch, and of the ships that sail.
 MOST_NUMBERS = 1_000_000_000
 # With Adam's two means, the gradient and the target network five times as many numbers are held, 2 GB.

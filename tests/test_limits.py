@@ -17,8 +17,8 @@ LARGE = {
     "learn.huber_delta=1e10": "learn.huber_delta: must be at most 1e+09",
     "learn.reward_scale=1e4": "learn.reward_scale: must be at most 1000 (with the constants of world.reward)",
     "world.reward.goal=1e6 world.reward.w1=1e6": "learn.reward_scale: must be at most 0.001 (with the",
-    "learn.replay_size=1000000000000": "learn.replay_size: must be at most 286331153 (16 GB)",
-    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 1363",
+    "learn.replay_size=1000000000000": "learn.replay_size: must be at most 143165576 (8 GB)",
+    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 6815",
     "learn.num_envs=1000000000": "learn.num_envs: must be at most 35241 (4 GB of the maps of network.conv)",
     "learn.batch_size=100000 learn.replay_size=100000": "learn.batch_size: must be at most 35241 (4 GB",
     "network.conv=[[4096,1,1],[4096,84,1]] layers=2": "network.conv: must be at most 100000000 (weights;",
@@ -44,7 +44,7 @@ def test_what_is_too_large_is_refused(line: str) -> None:
 
 
 def test_what_is_large_is_not() -> None:
-    large = ["learn.episodes=1000000000", "learn.replay_size=200000000", "learn.batch_size=30000"]
+    large = ["learn.episodes=1000000000", "learn.replay_size=100000000", "learn.batch_size=30000"]
     world = ["world.max_steps=1000", "world.dt=60", "world.goal_distance=99999", "world.reward.goal=1e6"]
     config = composed(*HIGH, *large, *world, "learn.num_envs=30000", "learn.lr=1")
     assert config.learn.episodes == BILLION and config.world.dt == 60.0

@@ -1,5 +1,7 @@
 """Lists, groups and single values stand where they should, and a complaint says where they do not."""
 
+from typing import Any
+
 import pytest
 from omegaconf import OmegaConf
 
@@ -8,7 +10,7 @@ from ship_trl.config import ConfigError, plain
 from tests.test_config import HIGH, composed
 
 HUGE = 10**400
-WRONG = {
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "number": ({"seed": HUGE}, "seed: must be at most 9223372036854775807 in size, got 1000"),
     "digits": ({"seed": 10**5000}, "seed: must be at most 9223372036854775807 in size, got one of thousands"),
     "float": ({"learn": {"lr": HUGE}}, "learn.lr: must be at most 9223372036854775807 in size, got 1000"),

@@ -7,6 +7,7 @@ import io
 import math
 import re
 import signal
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
@@ -169,6 +170,8 @@ def sail(case: Case, world: World, colour: bool = False) -> None:
 def learn(network: Network, settings: Learn, colour: bool = False) -> None:
     """Build a network and take one step on random pictures."""
     channels = 3 if colour else 1
+    # TorchRL advises against a tau above a half, and takes it.
+    warnings.filterwarnings("ignore", "Found an eps value")
     made = DuelingNetwork(channels, 7, Generator().manual_seed(0), network)
     draw = Noise(channels)
     agent = Agent(made, draw, 7, settings, Generator().manual_seed(0))

@@ -30,6 +30,8 @@ from tests.fuzz.judge import complaint, heard, in_time, learn, leaves_nothing, r
 
 # What a network is tried on: more would make a test slow.
 SMALL_WEIGHTS, SMALL_MAPS = 100_000, 1_000_000
+# Transitions; they are written over as they are made.
+SMALL_REPLAY = 100_000
 SMALL_NETWORK = {"conv": [[4, 8, 4], [6, 20, 1]], "hidden": 8}
 _base: list[DictConfig] = []
 
@@ -127,7 +129,8 @@ def small(network: Any, settings: Any) -> bool:
     below = [1, *(layer.filters for layer in layers)]
     weights = sum(n * layer.filters * layer.kernel**2 for n, layer in zip(below, layers, strict=False))
     maps = sum(layer.filters * layer.side**2 for layer in layers)
-    return weights < SMALL_WEIGHTS and maps * settings.batch_size < SMALL_MAPS and len(layers) < 10
+    held = settings.replay_size < SMALL_REPLAY
+    return held and weights < SMALL_WEIGHTS and maps * settings.batch_size < SMALL_MAPS and len(layers) < 10
 
 
 def case_file(content: bytes) -> bool:

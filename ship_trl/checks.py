@@ -9,6 +9,7 @@ import importlib.util
 import math
 import os
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,8 @@ def to_config(values: DictConfig) -> Config:
         raise ConfigError("config: interpolations lead to themselves") from None
     except OverflowError:
         raise ConfigError("config: an interpolation leads to a number that is too large") from None
+    # Once more, for an interpolation may lead to anything.
+    check_shapes(Config, asdict(config))
     check(config)
     return config
 

@@ -49,8 +49,10 @@ def allowed_shape(schema: Any, value: Any) -> str | None:
     if type(value) is int and abs(value) > LARGEST_INTEGER:
         return f"at most {LARGEST_INTEGER} in size"
     written = isinstance(value, str) and ("${" in value or value == "???")
-    if value is None or written or schema is Any or typing.get_origin(schema) is dict:
+    if value is None or written or schema is Any:
         return None
+    if typing.get_origin(schema) is dict:
+        return None if isinstance(value, dict) else "a group"
     if typing.get_origin(schema) is list:
         rows = typing.get_origin(typing.get_args(schema)[0]) is list
         return None if isinstance(value, list) else "a list of lists" if rows else "a list"

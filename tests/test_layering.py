@@ -36,7 +36,8 @@ ALLOWED = {
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": set(),
     "study": SIM
-    | {"architecture", "checks", "cli", "curve", "launchers", "progress", "result", "run", "transfer"},
+    | {"architecture", "checks", "cli", "curve", "launchers", "progress", "result", "run", "shapes"}
+    | {"transfer"},
     "report": {"cli", "config", "study"},
     "results": {"cli", "curve", "result", "run", "study", "view"},
     "policies": SIM | {"learn", "pretrained", "transfer"},

@@ -29,6 +29,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "long": ({"output": "a" * 300}, "output: must be a path of at most 3000 bytes, 200 a name, got aaa"),
     "deep": ({"output": "a/" * 2000}, "output: must be a path of at most 3000 bytes, 200 a name, got a/"),
     "itself": ({"output": "${case_base}", "case_base": "${output}"}, "output: Recursive interpolation"),
+    "resolved": ({"network": {"conv": "${seed}"}}, "network.conv: must be a list of lists, got 0"),
     "device": ({"device": "cuda:x"}, "device: must be cpu or cuda, got cuda:x"),
 }
 

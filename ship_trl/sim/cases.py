@@ -169,13 +169,16 @@ def typed(schema: type, values: dict[Any, Any], where: str, key: str = "") -> An
     """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where` and `key`."""
     check_shapes(schema, values, where, key)
     try:
-        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
+        made: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
     except OmegaConfBaseException as error:
         raise ConfigError(where + (f"{key}." if key else "") + explain(error)) from None
     except (RecursionError, OverflowError):
         raise ConfigError(
             f"{where}{key or 'case'}: an interpolation leads to itself, or to a number that is too large"
         ) from None
+    # Once more, for an interpolation may lead to anything.
+    check_shapes(schema, asdict(made), where, key)
+    return made
 
 
 def check_case(case: Case, world: World, where: str) -> None:

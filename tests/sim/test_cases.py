@@ -103,6 +103,7 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD.replace("goal: [0.0, 600.0]", "goal: {0: 0.0, 1: 600.0}"), "goal: must be a list, got {0: 0.0"),
         (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
         (GOOD.replace("90.0", "${heading}", 1), "heading: "),
+        (GOOD.replace("[0.0, 600.0]", "${heading}"), "goal: must be a list, got 90.0"),
         (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: start,"),
         (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 from ship_trl.checks import check_logger
 from ship_trl.config import ConfigError, Logger, WandbMode, explain
 from ship_trl.paths import conf_dir
+from ship_trl.shapes import check_shapes
 
 # Section 4.3: the case that is most like the new one, and by which arm its network was made.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
@@ -119,6 +120,8 @@ def to_study(overrides: list[str]) -> StudyConfig:
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
+    # OmegaConf takes an interpolation that leads to anything.
+    check_shapes(StudyConfig, asdict(config))
     check(config)
     return config
 

@@ -48,6 +48,8 @@ def allowed_shape(schema: Any, value: Any) -> str | None:
     """Say what is allowed in place of a value, or None where it has the right shape, whatever is inside."""
     if type(value) is int and abs(value) > LARGEST_INTEGER:
         return f"at most {LARGEST_INTEGER} in size"
+    if schema in (int, float) and type(value) is bool:
+        return "a number"
     written = isinstance(value, str) and ("${" in value or value == "???")
     if value is None or written or schema is Any:
         return None

@@ -18,6 +18,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "list": ({"world": [1]}, "world: must be a group of dt, max_steps, safe_distance,"),
     "group": ({"seed": {"a": 1}}, "seed: must be a single value, got {'a': 1}"),
     "lists": ({"network": {"conv": 8}}, "network.conv: must be a list of lists, got 8"),
+    "truth": ({"network": {"conv": [[8, 84, True]]}}, "network.conv[0][2]: must be a number, got True"),
     "row": ({"network": {"conv": [8, 8, 4]}}, "network.conv[0]: must be a list, got 8"),
     "key": ({"a\nb": 1}, "a\\nb: unknown key; allowed here: pair,"),
     "pair": ({"pair": "../x"}, "pair: must be the name of a folder, got ../x"),

@@ -128,11 +128,12 @@ def test_a_bad_value_is_refused_by_file_and_field(
         b"- 1\n- 2\n",
         b"start\n",
         b"7\n",
+        b'"1e400"\n',
         b"",
         b"# nothing\n",
         b"\xff\xfe\x00",
     ],
-    ids=["unclosed", "tab", "list", "word", "number", "empty", "comment", "binary"],
+    ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
 )
 def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"

@@ -138,11 +138,11 @@ def read_values(path: Path) -> Any:
         text = data.decode()
         if "*" in text and not few_nodes(compose(text, Loader=SafeLoader)):
             raise ConfigError(f"{path}: must hold at most {MOST_NODES} values and keys, aliases written out")
-        # Of a word in quotes that is a number OmegaConf makes no configuration.
-        loaded: Any = OmegaConf.load(io.StringIO(text))
-        return OmegaConf.to_container(loaded) if OmegaConf.is_config(loaded) else None
+        return OmegaConf.to_container(OmegaConf.load(io.StringIO(text)))
     except RecursionError:
         raise ConfigError(f"{path}: not readable as YAML: nested too deeply") from None
+    except AssertionError:  # OmegaConf's, of a number in quotes
+        raise ConfigError(f"{path}: not readable as YAML: a single value") from None
     except (
         YAMLError,
         OmegaConfBaseException,

@@ -5,9 +5,12 @@ Every complaint is a `ConfigError` whose one line names the key and what is allo
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.util
 import math
+import os
+import re
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -20,15 +23,16 @@ from ship_trl.config import (
     ConfigError,
     Logger,
     Method,
-    Reward,
     SourceWeights,
     World,
     bfloat16_allowed,
     explain,
 )
+from ship_trl.limits import check_learn, check_memory, check_sizes
+from ship_trl.shapes import check_shapes
 
-# With so many the planner's table of returns to come takes 1.6 GB at most.
-MAX_STEPS = 1000
+# Bytes of a file's name and of a path, beside what a run adds to them.
+LONGEST_NAME, LONGEST_PATH = 200, 3000
 
 
 def to_config(values: DictConfig) -> Config:
@@ -41,15 +45,17 @@ def to_config(values: DictConfig) -> Config:
         ConfigError: an unknown or missing key, a wrong type, or a value out of range.
     """
     try:
-        for key in ("world.actions", "network.conv"):
-            # OmegaConf does not say in which list of lists a number stands.
-            rows = OmegaConf.select(values, key)
-            right = not isinstance(rows, ListConfig) or all(isinstance(row, ListConfig) for row in rows)
-            require(right, key, "a list of lists", rows)
+        check_shapes(Config, OmegaConf.to_container(values))
         merged = OmegaConf.merge(OmegaConf.structured(Config), whole_numbers_too(values))
         config: Any = OmegaConf.to_object(merged)
     except OmegaConfBaseException as error:
         raise ConfigError(explain(error)) from None
+    except RecursionError:
+        raise ConfigError("config: interpolations lead to themselves") from None
+    except OverflowError:
+        raise ConfigError("config: an interpolation leads to a number that is too large") from None
+    # Once more, for an interpolation may lead to anything.
+    check_shapes(Config, asdict(config))
     check(config)
     return config
 
@@ -60,7 +66,9 @@ def whole_numbers_too(values: DictConfig) -> Any:
     if not isinstance(actions, ListConfig):
         return values
     rows: Any = OmegaConf.to_container(actions)
-    rows = [[float(v) if type(v) is int else v for v in row] for row in rows]
+    rows = [
+        [float(v) if type(v) is int else v for v in row] if isinstance(row, list) else row for row in rows
+    ]
     return OmegaConf.merge(values, {"world": {"actions": rows}})
 
 
@@ -73,25 +81,19 @@ def require(condition: bool, key: str, allowed: str, got: object) -> None:
 def at_least(least: float, keys: dict[str, float]) -> None:
     """Check that every named number is finite and not below `least`."""
     for key, value in keys.items():
-        require(math.isfinite(value) and value >= least, key, f"at least {least}", value)
+        require(least <= value < math.inf, key, f"at least {least}", value)
 
 
 def positive(keys: dict[str, float]) -> None:
     """Check that every named number is finite and above 0."""
     for key, value in keys.items():
-        require(math.isfinite(value) and value > 0, key, "above 0", value)
+        require(0 < value < math.inf, key, "above 0", value)
 
 
 def within(keys: dict[str, float]) -> None:
     """Check that every named number lies in [0, 1]."""
     for key, value in keys.items():
         require(0.0 <= value <= 1.0, key, "from 0 to 1", value)
-
-
-def finite(keys: dict[str, float]) -> None:
-    """Check that every named number is finite."""
-    for key, value in keys.items():
-        require(math.isfinite(value), key, "a finite number", value)
 
 
 def named(prefix: str, values: object, fields: str) -> dict[str, float]:
@@ -118,12 +120,9 @@ def check(config: Config) -> None:
         learn.batch_size,
     )
     check_world(world)
-    require(
-        config.device == "cpu" or config.device.split(":")[0] == "cuda",
-        "device",
-        "cpu or cuda",
-        config.device,
-    )
+    check_learn(learn, world)
+    known = re.fullmatch(r"cpu|cuda(:\d{1,3})?", config.device, re.ASCII)
+    require(known is not None, "device", "cpu or cuda", config.device)
     require(
         learn.backend is not BackendName.incremental or config.device == "cpu",
         "learn.backend",
@@ -137,16 +136,15 @@ def check(config: Config) -> None:
         f"auto or dense with network.conv={config.network.conv}",
         learn.backend.value,
     )
+    check_memory(config, layers)
     check_logger(config.logger)
+    check_names(config)
     check_arm(config)
 
 
 def check_world(world: World) -> None:
     """Check the physics and the reward."""
     positive(named("world", world, "dt max_steps safe_distance goal_distance"))
-    finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
-    most = f"at most {MAX_STEPS} (the planner's memory grows with its square)"
-    require(world.max_steps <= MAX_STEPS, "world.max_steps", most, world.max_steps)
     require(
         all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
         and any(v > 0 for v, _ in world.actions),
@@ -154,6 +152,31 @@ def check_world(world: World) -> None:
         "a list of [v in m/s, omega in rad/s], at least one with v above 0",
         world.actions,
     )
+    check_sizes(world)
+
+
+def check_names(config: Config) -> None:
+    """Check what becomes a file's name or a path."""
+    if config.pair is not None:
+        right = is_path(config.pair) and "/" not in config.pair and config.pair not in ("", ".", "..")
+        require(right, "pair", "the name of a folder", config.pair)
+    paths = {
+        key: getattr(config, key)
+        for key in ("output", "case_base", "source", "target", "source_file", "demonstrations")
+    }
+    for key, path in (paths | {"wandb.folder": config.wandb.folder}).items():
+        allowed = f"a path of at most {LONGEST_PATH} bytes, {LONGEST_NAME} a name"
+        require(path is None or is_path(path), key, allowed, path)
+
+
+def is_path(text: str) -> bool:
+    """Whether a file system may take a text for a path, with a little added to it."""
+    try:
+        names = [os.fsencode(name) for name in Path(text).parts]
+    except UnicodeEncodeError:
+        return False
+    short = sum(map(len, names)) + len(names) <= LONGEST_PATH
+    return short and all(len(name) <= LONGEST_NAME and b"\0" not in name for name in names)
 
 
 def check_logger(logger: Logger) -> None:

@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 # What Hydra finds only if an extra is installed.
 EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
+# Begins what the parser of Hydra's overrides says.
+GRAMMAR = (
+    "mismatched input|token recognition error|no viable alternative|extraneous input|missing "
+    "|LexerNoViableAltException"
+)
 HELP_FLAGS = {"--help", "-h"}
 
 HELP = """\
@@ -76,9 +81,10 @@ def print_help() -> None:
 
 
 def complain(line: str) -> None:
-    """Say in one line what is wrong; it may quote a file, whose control characters are shown and not sent."""
-    shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
-    print(f"ship_trl: {shown}", file=sys.stderr)
+    """Say in one line what is wrong."""
+    from ship_trl.config import one_line
+
+    print(f"ship_trl: {one_line(line)}", file=sys.stderr)
 
 
 def make_parser(module: str, description: str | None) -> argparse.ArgumentParser:
@@ -149,34 +155,44 @@ def hydra_errors() -> Iterator[None]:
     if os.environ.get("HYDRA_FULL_ERROR", "") not in ("", "0"):
         yield
         return
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        yield
+    except KeyboardInterrupt:
+        complain("interrupted; the same command goes on from the last checkpoint")
+        sys.exit(130)
+    except Exception as error:
+        line = explain_command(error)
+        if line is None:
+            raise
+        complain(line)
+        sys.exit(1)
+
+
+def explain_command(error: Exception) -> str | None:
+    """One line for what ended a command, or None where it is not the user's to mend."""
     import yaml
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
     from ship_trl.config import ConfigError, explain
 
-    os.environ["HYDRA_FULL_ERROR"] = "1"
-    try:
-        yield
-    except ConfigError as error:
-        complain(f"this sweep had a job that was refused: {error}")
-    except (HydraException, ValueError) as error:
-        if not isinstance(error, HydraException) and "hydra" not in origin(error):
-            raise
-        complain(explain_hydra(error))
-    except (OmegaConfBaseException, yaml.YAMLError) as error:
-        not_yaml = f"config: not YAML: {' '.join(str(error).split())}"
-        complain(explain(error) if isinstance(error, OmegaConfBaseException) else not_yaml)
-    except OSError as error:
-        if not explained(error):
-            raise
-        complain(explain_file(error))
-    except KeyboardInterrupt:
-        complain("interrupted; the same command goes on from the last checkpoint")
-        sys.exit(130)
-    else:
-        return
-    sys.exit(1)
+    match error:
+        case ConfigError():
+            return f"this sweep had a job that was refused: {error}"
+        case HydraException():
+            return explain_hydra(error)
+        case OmegaConfBaseException():
+            return explain(error)
+        case yaml.YAMLError():
+            return f"config: not YAML: {' '.join(str(error).split())}"
+        case OSError():
+            return explain_file(error) if explained(error) else None
+    # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]].
+    if not origin(error).startswith(("hydra", "antlr4")):
+        return None
+    known = isinstance(error, ValueError)
+    return explain_hydra(error) if known else f"overrides: Hydra cannot read them ({error})"
 
 
 def explained(error: Exception) -> bool:
@@ -218,10 +234,11 @@ def explain_hydra(error: Exception) -> str:
         if (conf_dir() / key).is_dir():
             return f"{key}: write +{key}=NAME; allowed: {names(key)}"
         return f"{key}: {allowed_keys(key)}"
-    if re.match(r"mismatched input|token recognition error|no viable alternative|extraneous input", text):
+    text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
+    if re.match(GRAMMAR, text):
         # A value that holds what Hydra's grammar takes for its own, as seed=0 in a path.
-        return f"overrides: {' '.join(text.split())}; quote such a value twice: \"KEY='VALUE'\""
-    return " ".join(text.split())
+        return f"overrides: {text}; quote such a value twice: \"KEY='VALUE'\""
+    return f"overrides: {text}"
 
 
 def allowed_keys(key: str) -> str:

@@ -18,8 +18,22 @@ PICTURE = 84
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
+# Characters of a complaint.
+LONGEST_LINE = 1000
+
+
 class ConfigError(Exception):
-    """Wrong input; its text is one line for the user."""
+    """Wrong input; its text is one line for the user, whatever was given."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
+
+
+def one_line(text: str) -> str:
+    """Make one line of a text in which line breaks or a terminal's commands may stand, and cut a long one."""
+    if len(text) > LONGEST_LINE:
+        text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 3 :]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class Method(StrEnum):
@@ -251,6 +265,6 @@ def explain(error: OmegaConfBaseException) -> str:
         return f"{key}: unknown key; allowed here: {', '.join(f.name for f in fields)}"
     if isinstance(error, ValidationError):
         return f"{key}: {lines[0]}"
-    if "missing mandatory value" in lines[0]:
+    if "missing mandatory value" in lines[0].lower():
         return f"{key}: missing; a value is needed"
     return f"{key}: {lines[0]}"

@@ -46,10 +46,11 @@ def read_curve(folder: Path) -> pd.DataFrame:
     try:
         data = (folder / CURVE).read_bytes()
         # Without `index_col` a line too long would move its columns by one.
-        lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
+        with np.errstate(invalid="raise"):  # of an infinite episode pandas would make some whole number
+            lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
     except FileNotFoundError:
         raise CurveError(f"{CURVE} is missing") from None
-    except (OSError, ValueError, OverflowError):
+    except (OSError, ValueError, ArithmeticError):
         raise CurveError(f"{CURVE} cannot be read") from None
     if not data.endswith(b"\n"):
         raise CurveError(f"{CURVE} ends within a line")

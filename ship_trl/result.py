@@ -109,8 +109,13 @@ def from_json(values: Any) -> Result:
     values = typing.cast("dict[str, Any]", values)
     given = {RENAMED.get(key, key): value for key, value in values.items()}
     version = given.get("schema_version", 1)
-    if type(version) is not int or not 1 <= version <= SCHEMA_VERSION:
-        raise ResultError(f"has schema_version {version}; up to {SCHEMA_VERSION} can be read")
+    if not is_whole(version) or not 1 <= version <= SCHEMA_VERSION:
+        known = f"; up to {SCHEMA_VERSION} can be read"
+        raise ResultError(
+            f"has schema_version {version}{known}"
+            if is_whole(version)
+            else "holds no whole number in schema_version"
+        )
     found: Result = _typed(Result, given, "")
     return found
 
@@ -149,8 +154,15 @@ def _fits(value: Any, kind: Any) -> bool:
             return type(value) in (int, float) and math.isfinite(value)
         except OverflowError:
             return False
+    if kind is int:
+        return is_whole(value)
     # Control characters would reach a terminal.
     return type(value) is kind and (kind is not str or value.isprintable())
+
+
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number of at most 63 bits, as all that count are."""
+    return type(value) is int and abs(value) < 2**63
 
 
 def _name(kind: Any) -> str:

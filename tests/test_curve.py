@@ -48,6 +48,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
         (HEADING + LINES[1].replace("-250.25", "x"), "cannot be read"),
         (HEADING + LINES[1].replace("1,9", "1.5,9"), "cannot be read"),
         (HEADING + LINES[1].replace("1,9", "99999999999999999999999,9"), "cannot be read"),
+        (HEADING + LINES[1].replace("1,9", "1e400,9"), "cannot be read"),
         (HEADING + LINES[1].rstrip("\n"), "ends within a line"),
         (HEADING + "1,9,,,,,,,,,,\n", "neither an episode nor an evaluation"),
         (HEADING + "1,9,1.0,5.0,9,goal,,,6.0,9,goal,\n", "neither an episode nor an evaluation"),

@@ -56,7 +56,8 @@ def test_an_older_result_is_read_and_named_as_older() -> None:
         ({"best": {"return": 1.0}}, "has no best.outcome"),
         ({"best": {"outcome": "goal"}}, "has no best.return"),
         ({"schema_version": SCHEMA_VERSION + 1}, f"has schema_version {SCHEMA_VERSION + 1}; up to"),
-        ({"schema_version": "2"}, "has schema_version 2"),
+        ({"schema_version": "2"}, "holds no whole number in schema_version"),
+        ({"seed": 2**63}, "holds no whole number in seed"),
     ],
 )
 def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:

@@ -16,6 +16,7 @@ from yaml import YAMLError
 from ship_trl.config import ConfigError, World, explain
 from ship_trl.outside import read_yaml
 from ship_trl.paths import conf_dir, is_name
+from ship_trl.shapes import check_shapes
 
 MAX_TARGET_SHIPS = 8
 # Metres, degrees, m/s. Up to here 32-bit numbers are right to a centimetre.
@@ -91,8 +92,8 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
         path = Path(name)
     else:
         found = [folder / f"{name}.yaml" for folder in case_folders()]
-        path = next((p for p in found if p.is_file()), found[-1])
-    if not path.is_file():
+        path = next((p for p in found if is_file(p)), found[-1])
+    if not is_file(path):
         raise ConfigError(
             f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file"
         )
@@ -109,18 +110,34 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
     # One by one first, because an error inside a list does not say in which entry it is.
     for index, ship in enumerate(ships if isinstance(ships, list) else ()):
         if isinstance(ship, dict):
-            typed(TargetShip, ship, f"{path}: target_ships[{index}].")
+            typed(TargetShip, ship, f"{path}: ", f"target_ships[{index}]")
     case = Case(**vars(typed(CaseFile, values, f"{path}: ")), name=path.stem)
     check_case(case, world, str(path))
     return case
 
 
-def typed(schema: type, values: dict[Any, Any], where: str) -> Any:
-    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where`."""
+def is_file(path: Path) -> bool:
+    """Whether there is a file; a name that no file can have names none."""
     try:
-        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def typed(schema: type, values: dict[Any, Any], where: str, key: str = "") -> Any:
+    """Values as an object of the dataclass `schema`; a `ConfigError` begins with `where` and `key`."""
+    check_shapes(schema, values, where, key)
+    try:
+        made: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
     except OmegaConfBaseException as error:
-        raise ConfigError(where + explain(error)) from None
+        raise ConfigError(where + (f"{key}." if key else "") + explain(error)) from None
+    except (RecursionError, OverflowError):
+        raise ConfigError(
+            f"{where}{key or 'case'}: an interpolation leads to itself, or to a number that is too large"
+        ) from None
+    # Once more, for an interpolation may lead to anything.
+    check_shapes(schema, asdict(made), where, key)
+    return made
 
 
 def check_case(case: Case, world: World, where: str) -> None:

@@ -40,7 +40,7 @@ class ValueBound:
     def __init__(self, step: Transition) -> None:
         self.step = step
         world, count = step.world, len(step.actions)
-        reach = float(step.actions[:, 0].max()) * world.dt
+        reach = float(step.actions[:, 0].abs().max()) * world.dt
         self.spacing = reach / GRID_STEPS_PER_ACTION
         self.turn = 2 * math.pi / ANGLES
         farthest = float(step.goal_distance(step.start)) + reach * world.max_steps

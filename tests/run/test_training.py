@@ -143,7 +143,7 @@ def test_an_unfinished_run_of_other_settings_is_not_lost(
     with pytest.raises(PowerCutError):
         train("out", *SCRATCH)
     before = files(Path("out/4"))
-    with pytest.raises(TakenError, match="an unfinished run of other settings, at episode [56] of 9"):
+    with pytest.raises(TakenError, match=r"an unfinished run of other settings, at episode [56] of 9"):
         train("out", *SCRATCH, "learn.lr=1e-3")
     assert files(Path("out/4")) == before
     after(10**9, cut)
@@ -156,7 +156,9 @@ def test_other_arithmetic_is_refused(after: Callable[[int, Callable[[], Any]], N
     with pytest.raises(PowerCutError):
         train("out", *SCRATCH, "learn.precision=fp32")
     before = files(Path("out/4"))
-    with pytest.raises(ConfigError, match=r"up to episode [56], computed by float32 incremental cpu, .* dense"):
+    with pytest.raises(
+        ConfigError, match=r"up to episode [56], computed by float32 incremental cpu, .* dense"
+    ):
         train("out", *SCRATCH, "learn.precision=fp32", "learn.backend=dense")
     assert files(Path("out/4")) == before
 

@@ -101,6 +101,13 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD.replace("target_ships:\n" + SHIP, "target_ships: ${nothing}\n"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, "  - ${nothing}\n"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, "  - ???\n"), "target_ships[0]"),
+        (GOOD.replace("start: [0.0, 0.0]", "start: [{}, 0.0]"), "start[0]: must be a single value, got {}"),
+        (GOOD.replace("goal: [0.0, 600.0]", "goal: {0: 0.0, 1: 600.0}"), "goal: must be a list, got {0: 0.0"),
+        (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
+        (GOOD.replace("90.0", "${heading}", 1), "heading: "),
+        (GOOD.replace("[0.0, 600.0]", "${heading}"), "goal: must be a list, got 90.0"),
+        (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: start,"),
+        (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],
 )
 def test_a_bad_value_is_refused_by_file_and_field(
@@ -123,11 +130,12 @@ def test_a_bad_value_is_refused_by_file_and_field(
         b"- 1\n- 2\n",
         b"start\n",
         b"7\n",
+        b'"1e400"\n',
         b"",
         b"# nothing\n",
         b"\xff\xfe\x00",
     ],
-    ids=["unclosed", "tab", "list", "word", "number", "empty", "comment", "binary"],
+    ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
 )
 def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"
@@ -137,7 +145,47 @@ def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Pat
     assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["9", "mine.yaml", "no/such/folder/mine.yaml", "", "."])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[" * 3000, "not readable as YAML: nested too deeply"),
+        (GOOD.replace("90.0", "9" * 5000), "not readable as YAML: Exceeds the limit"),
+        (GOOD.replace("90.0", "!!int ship"), "not readable as YAML: invalid literal"),
+        (GOOD.replace("90.0", "!!bool ship"), "not readable as YAML: 'ship'"),
+        (GOOD.replace("90.0", "!!timestamp x"), "not readable as YAML: 'NoneType'"),
+        (GOOD.replace("90.0", "!!python/object:os.system {}"), "not readable as YAML: could not determine"),
+        (GOOD + SHIP * 20_000, "must have at most 64000 bytes"),
+        # Small, and it unfolds into a million of millions.
+        (
+            "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)),
+            "must hold at",
+        ),
+        (
+            "a0: &a0 {x: 1}\n"
+            + "".join(f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}]}}\n" for n in range(1, 40)),
+            "must",
+        ),
+        ("start: &a [*a]\n", "must hold at most 2000 values and keys, aliases written out"),
+    ],
+)
+def test_what_unfolds_or_breaks_the_reader_is_refused(
+    text: str, said: str, tmp_path: Path, world: World
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load_case(str(path), world)
+    assert str(error.value).startswith(f"{path}: {said}") and "\n" not in str(error.value)
+
+
+def test_an_alias_will_do(tmp_path: Path, world: World) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(GOOD.replace("  - {x", "  - &ship {x") + "  - *ship\n")
+    one, other = load_case(str(path), world).target_ships
+    assert one == other
+
+
+@pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", "no/such/folder/mine.yaml", "", "."])
 def test_a_case_that_is_not_there(name: str, world: World) -> None:
     with pytest.raises(
         ConfigError, match=r"^target: no case .*; allowed: 1, 2, .*, new, ship, or a path"

@@ -41,6 +41,15 @@ def test_the_best_known_returns(name: str, world: World) -> None:
     assert total == pytest.approx(plan.episode_return, abs=1e-3) and ended and goal
 
 
+def test_the_fastest_action_may_go_astern(world: World, make_case: MakeCase) -> None:
+    astern = replace(world, actions=[[-15.0, 0.0], [0.5, 0.0]])
+    case = make_case(heading=-90.0)
+    # The grid of the bound is as fine as the fastest action needs, whichever way it goes.
+    assert ValueBound(Transition(case, astern, CPU)).rows < 300
+    plan = best_plan(case, astern, beam=50)
+    assert plan.goal and plan.actions == [0] * 36
+
+
 def test_case_ship_has_case_2s_ship_and_another_path(world: World) -> None:
     ship, second, third = (load_case(name, world) for name in ("ship", "2", "3"))
     assert ship.target_ships == [*second.target_ships, *third.target_ships]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 from ship_trl.checks import check_logger
 from ship_trl.config import ConfigError, Logger, WandbMode, explain
 from ship_trl.paths import conf_dir
+from ship_trl.shapes import check_shapes
 
 # Section 4.3: the case that is most like the new one, and by which arm its network was made.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
@@ -114,10 +115,13 @@ def to_study(overrides: list[str]) -> StudyConfig:
         if "is not a ListConfig" in str(error.msg):
             raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
         raise ConfigError(explain(error)) from None
-    except yaml.YAMLError:
+    except (yaml.YAMLError, LookupError, ValueError, ArithmeticError, TypeError, RecursionError):
+        # Of an unclosed bracket in a key, or thousands of digits, OmegaConf makes Python's errors.
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
+    # OmegaConf takes an interpolation that leads to anything.
+    check_shapes(StudyConfig, asdict(config))
     check(config)
     return config
 
@@ -143,6 +147,8 @@ def check(config: StudyConfig) -> None:
             "launcher: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib"
         )
     check_overrides(config)
+    if config.profile_seeds is None:
+        raise ConfigError("profile_seeds: must be a number of seeds for each profile, got None")
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
     control_names = {*CONTROL_PAIRS, *EXPLORING_PAIRS, *CONTROL_ARMS, *EXPLORING_ARMS}

@@ -40,7 +40,7 @@ def run_config(config: StudyConfig) -> Config:
             line = ["target=1", "method=scratch", f"profile={config.profile}", *config.of_runs]
             return to_config(compose("config", overrides=line))
     except HydraException as error:
-        raise ConfigError(f"overrides: {explain_hydra(error)}") from None
+        raise ConfigError(f"overrides: {explain_hydra(error).removeprefix('overrides: ')}") from None
 
 
 def episodes_of(config: StudyConfig) -> int:
@@ -82,7 +82,9 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     path = config.folder / PLAN
     try:
         plan = json.loads(path.read_text())
-        before, known, begun = plan["settings"], dict(plan.get("cases", {})), plan
+        before, known, begun = plan["settings"], plan.get("cases", {}), plan
+        if not isinstance(before, dict) or not isinstance(known, dict):
+            raise TypeError
     except FileNotFoundError:
         before, known, begun = None, {}, {}
     except (OSError, ValueError, KeyError, TypeError, RecursionError):

@@ -124,7 +124,8 @@ def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> Non
     Raises:
         BrokenRunError: it has not.
     """
-    if training["episode"].tolist() != list(range(1, count + 1)):
+    # Its length first: a damaged result may claim more episodes than there is memory.
+    if len(training) != count or training["episode"].tolist() != list(range(1, count + 1)):
         raise BrokenRunError(f"{CURVE} has not the {count} episodes of {RESULT}")
     if len(greedy) < 2 or greedy["episode"].iloc[0] != 0 or greedy["episode"].iloc[-1] != count:
         raise BrokenRunError(f"{CURVE} lacks greedy evaluations")

@@ -50,6 +50,11 @@ from tests.test_config import composed
         ("arms=[FE1-permuted]", "arms: FE1-permuted is one of the controls; allowed: controls=false"),
         ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
         ("pairs=[low]", "reuse: needs pair high with arm FTW"),
+        ("profile_seeds=${block}", "profile_seeds: must be a group, got 5"),
+        ("pairs=${profile}", "pairs: must be a list, got quick"),
+        ("[c", "[c: cannot be read"),
+        ("profile_seeds=${output}", "profile_seeds: must be a number of seeds for each profile"),
+        ("\x1b[31m=3", "\\x1b: unknown key"),
     ],
 )
 def test_what_is_wrong_is_said(override: str, said: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 from ship_trl.config import ConfigError
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import PLAN, write_plan
+from ship_trl.study.plan.manifest import PLAN, begun_with, write_plan
 
 
 def begin(folder: Path, *overrides: str) -> None:
@@ -53,12 +53,25 @@ def test_a_case_that_was_edited_is_refused(tmp_path: Path) -> None:
     begin(tmp_path, "pairs=[high]")  # it does not sail there
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"settings": {}, "cases": 3}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"settings": {}, "cases": 3}',
+        '{"settings": []}',
+        '{"settings": {}, "cases": [[1, 2]]}',
+        "[" * 100_000,
+    ],
+    ids=range(7),
+)
 def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / PLAN).write_text(text)
     with pytest.raises(ConfigError, match="is not a study's plan"):
         begin(tmp_path)
     assert (tmp_path / PLAN).read_text() == text
+    assert begun_with(tmp_path) == ((), {})
 
 
 def test_what_is_missing_now_is_named_too(tmp_path: Path) -> None:

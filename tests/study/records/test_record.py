@@ -65,6 +65,7 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
     ("changes", "said"),
     [
         ({"episodes": 49}, "curve.csv has not the 49 episodes"),
+        ({"episodes": 10**12}, "curve.csv has not the 1000000000000 episodes"),
         ({"seed": "zero"}, "holds no whole number in seed"),
         ({"best_known_return": float("nan")}, "holds no number in best_known_return"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),

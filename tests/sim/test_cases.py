@@ -104,8 +104,8 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD.replace("start: [0.0, 0.0]", "start: [{}, 0.0]"), "start[0]: must be a single value, got {}"),
         (GOOD.replace("goal: [0.0, 600.0]", "goal: {0: 0.0, 1: 600.0}"), "goal: must be a list, got {0: 0.0"),
         (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
-        (GOOD.replace("90.0", "${heading}", 1), "heading: "),
-        (GOOD.replace("[0.0, 600.0]", "${heading}"), "goal: must be a list, got 90.0"),
+        (GOOD.replace("90.0", "${heading}", 1), NO_INTERPOLATION),
+        (GOOD.replace("[0.0, 600.0]", "${heading}"), NO_INTERPOLATION),
         (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: start,"),
         (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],
@@ -148,24 +148,24 @@ def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Pat
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[" * 3000, "not readable as YAML: nested too deeply"),
+        ("[" * 3000, "not readable as YAML: line 1: nested too deeply"),
         (GOOD.replace("90.0", "9" * 5000), "not readable as YAML: Exceeds the limit"),
         (GOOD.replace("90.0", "!!int ship"), "not readable as YAML: invalid literal"),
         (GOOD.replace("90.0", "!!bool ship"), "not readable as YAML: 'ship'"),
         (GOOD.replace("90.0", "!!timestamp x"), "not readable as YAML: 'NoneType'"),
         (GOOD.replace("90.0", "!!python/object:os.system {}"), "not readable as YAML: could not determine"),
-        (GOOD + SHIP * 20_000, "must have at most 64000 bytes"),
+        (GOOD + SHIP * 20_000, "not readable as YAML: larger than 64000 bytes"),
         # Small, and it unfolds into a million of millions.
         (
             "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)),
-            "must hold at",
+            "not readable as YAML: line 2: no alias",
         ),
         (
             "a0: &a0 {x: 1}\n"
             + "".join(f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}]}}\n" for n in range(1, 40)),
-            "must",
+            "not readable as YAML: line 2: no alias",
         ),
-        ("start: &a [*a]\n", "must hold at most 2000 values and keys, aliases written out"),
+        ("start: &a [*a]\n", "not readable as YAML: line 1: no alias"),
     ],
 )
 def test_what_unfolds_or_breaks_the_reader_is_refused(
@@ -176,13 +176,6 @@ def test_what_unfolds_or_breaks_the_reader_is_refused(
     with pytest.raises(ConfigError) as error:
         load_case(str(path), world)
     assert str(error.value).startswith(f"{path}: {said}") and "\n" not in str(error.value)
-
-
-def test_an_alias_will_do(tmp_path: Path, world: World) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(GOOD.replace("  - {x", "  - &ship {x") + "  - *ship\n")
-    one, other = load_case(str(path), world).target_ships
-    assert one == other
 
 
 @pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", "no/such/folder/mine.yaml", "", "."])

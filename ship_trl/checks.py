@@ -22,6 +22,7 @@ from ship_trl.config import (
     Method,
     Reward,
     SourceWeights,
+    World,
     bfloat16_allowed,
     explain,
 )
@@ -49,6 +50,8 @@ def to_config(values: DictConfig) -> Config:
         config: Any = OmegaConf.to_object(merged)
     except OmegaConfBaseException as error:
         raise ConfigError(explain(error)) from None
+    except OverflowError:
+        raise ConfigError("config: holds a number that is too large") from None
     check(config)
     return config
 
@@ -101,7 +104,7 @@ def named(prefix: str, values: object, fields: str) -> dict[str, float]:
 def check(config: Config) -> None:
     """Check ranges and what the keys say together (cases are checked where they are loaded)."""
     bfloat16_allowed()
-    learn, world = config.learn, config.world
+    learn = config.learn
     counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
     at_least(1, named("learn", learn, counts))
     at_least(0, named("learn", learn, "warmup_steps jumpstart_draws") | {"seed": config.seed})
@@ -114,17 +117,7 @@ def check(config: Config) -> None:
         f"at most learn.replay_size={learn.replay_size}",
         learn.batch_size,
     )
-    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
-    finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
-    most = f"at most {MAX_STEPS} (the planner's memory grows with its square)"
-    require(world.max_steps <= MAX_STEPS, "world.max_steps", most, world.max_steps)
-    require(
-        all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
-        and any(v > 0 for v, _ in world.actions),
-        "world.actions",
-        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
-        world.actions,
-    )
+    check_world(config.world)
     require(
         config.device == "cpu" or config.device.split(":")[0] == "cuda",
         "device",
@@ -146,6 +139,21 @@ def check(config: Config) -> None:
     )
     check_logger(config.logger)
     check_arm(config)
+
+
+def check_world(world: World) -> None:
+    """Check physics and reward."""
+    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
+    finite(named("world.reward", world.reward, " ".join(f.name for f in dataclasses.fields(Reward))))
+    most = f"at most {MAX_STEPS} (the planner's memory grows with its square)"
+    require(world.max_steps <= MAX_STEPS, "world.max_steps", most, world.max_steps)
+    require(
+        all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
+        and any(v > 0 for v, _ in world.actions),
+        "world.actions",
+        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
+        world.actions,
+    )
 
 
 def check_logger(logger: Logger) -> None:

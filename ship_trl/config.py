@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 from pathlib import Path
 from typing import Any
 
+import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException, ValidationError
+
+from ship_trl.paths import read_file
 
 # Pixels a side of what the network sees.
 PICTURE = 84
@@ -228,6 +232,38 @@ class Config:
 def plain(values: Any) -> Any:
     """Return a config object as plain dicts, lists and words, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)
+
+
+# Characters of a YAML file: it is read in seconds.
+LONGEST = 200_000
+
+
+class WithoutAliases(yaml.SafeLoader):
+    """Reads YAML that says each of its values itself."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Read what comes next."""
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("an alias (*NAME) is not allowed")
+        return super().compose_node(parent, index)
+
+
+def read_yaml(path: Path) -> Any:
+    """Read a YAML file as OmegaConf does, but for aliases: a few can stand for more values than memory holds.
+
+    Raises:
+        OSError: it is not there, or is no file.
+        ValueError: it is no text, or one of more than `LONGEST` characters, or holds a number of thousands.
+        yaml.YAMLError: it is not YAML, has aliases, or lists in lists lie too deep.
+    """
+    text = read_file(path).decode()
+    if len(text) > LONGEST:
+        raise ValueError(f"longer than {LONGEST} characters")
+    try:
+        yaml.compose(text, WithoutAliases)
+        return OmegaConf.load(io.StringIO(text))
+    except RecursionError:
+        raise yaml.YAMLError("nested too deep") from None
 
 
 def explain(error: OmegaConfBaseException) -> str:

@@ -16,8 +16,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from ship_trl.checks import check_world
 from ship_trl.cli import complain
-from ship_trl.config import ConfigError, World, explain
+from ship_trl.config import ConfigError, World, explain, read_yaml
 from ship_trl.pretrained import PRETRAINED, find, is_pretrained, networks
 from ship_trl.result import RESULT
 from ship_trl.sim.cases import Case, load_case, load_world
@@ -136,12 +137,13 @@ def settings_of(folder: Path) -> tuple[World, bool]:
     """
     path = folder / CONFIG
     try:
-        values: Any = OmegaConf.load(path)
+        values: Any = read_yaml(path)
         world: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(World), values.world))
+        check_world(world)
         return world, bool(values.colour)
     except OmegaConfBaseException as error:
         raise ConfigError(f"policy: {path}: {explain(error)}") from None
-    except (OSError, AttributeError, ValueError, YAMLError) as error:
+    except (OSError, AttributeError, ValueError, OverflowError, YAMLError) as error:
         raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None
 
 

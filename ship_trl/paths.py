@@ -1,11 +1,14 @@
-"""Where the shipped YAML lies, and how a file that matters is written."""
+"""Where the shipped YAML lies, and how files that matter are read and written."""
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 def conf_dir() -> Path:
@@ -18,6 +21,30 @@ def conf_dir() -> Path:
         if (folder / "config.yaml").is_file():
             return folder
     raise FileNotFoundError(f"no conf/config.yaml beside or inside {package}")
+
+
+def read_file(path: Path) -> bytes:
+    """Read a file.
+
+    Raises:
+        OSError: it is not there, or is a folder, a pipe or a device: to read one of those might never end.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "is no file", str(path))
+    return path.read_bytes()
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        OSError: as `read_file`.
+        ValueError: it is not JSON, or lists in lists lie too deep.
+    """
+    try:
+        return json.loads(read_file(path))
+    except RecursionError:
+        raise ValueError("nested too deep") from None
 
 
 @contextmanager

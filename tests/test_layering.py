@@ -11,7 +11,7 @@ BELOW = {"config", "paths"}
 SIM = BELOW | {"sim"}
 ALLOWED = {
     "paths": set(),
-    "config": set(),
+    "config": {"paths"},
     "architecture": BELOW,
     "checks": {"architecture", "config"},
     "jit": set(),
@@ -20,7 +20,7 @@ ALLOWED = {
     "learn": BELOW | {"architecture", "jit"},
     "transfer": SIM | {"architecture", "learn", "result"},
     "result": {"paths"},
-    "curve": set(),
+    "curve": {"paths"},
     "view": SIM | {"curve", "learn"},
     "cli": BELOW,
     "pretrained": SIM,
@@ -38,7 +38,7 @@ ALLOWED = {
     "report": {"cli", "config", "study"},
     "results": {"cli", "curve", "result", "run", "study", "view"},
     "policies": SIM | {"learn", "pretrained", "transfer"},
-    "entries": SIM | {"cli", "learn", "policies", "pretrained", "result", "results", "transfer"},
+    "entries": SIM | {"checks", "cli", "learn", "policies", "pretrained", "result", "results", "transfer"},
     "evaluate": SIM | {"cli", "demonstrations", "entries", "learn", "pretrained", "results", "run", "view"},
     "viewer": SIM | {"demonstrations", "entries", "learn", "policies", "view"},
     "play": SIM | {"cli", "demonstrations", "run", "viewer", "watch"},

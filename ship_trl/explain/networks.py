@@ -14,7 +14,7 @@ from yaml import YAMLError
 
 from ship_trl.architecture import load_network
 from ship_trl.cli import complain
-from ship_trl.config import Config, ConfigError, Method, explain, plain
+from ship_trl.config import Config, ConfigError, Method, explain, plain, read_yaml
 from ship_trl.entries import SHOWN, Entry
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
@@ -158,11 +158,11 @@ def read_config(path: Path) -> Config:
         "objective": "late",
     }
     try:
-        values = OmegaConf.merge(OmegaConf.structured(Config), older, OmegaConf.load(path))
+        values = OmegaConf.merge(OmegaConf.structured(Config), older, read_yaml(path))
         config: Config = OmegaConf.to_object(values)  # type: ignore[assignment]
     except OmegaConfBaseException as error:
         raise ConfigError(f"{path}: {explain(error)}") from None
-    except (OSError, ValueError, YAMLError) as error:
+    except (OSError, ValueError, OverflowError, YAMLError) as error:
         raise ConfigError(f"{path} is not a configuration: {' '.join(str(error).split())}") from None
     return config
 

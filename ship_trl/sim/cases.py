@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from ship_trl.config import ConfigError, World, explain
+from ship_trl.config import ConfigError, World, explain, read_yaml
 from ship_trl.paths import conf_dir
 
 MAX_TARGET_SHIPS = 8
@@ -96,8 +96,8 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
             f"{key}: no case {name}; allowed: {', '.join(case_names())}, or a path to a YAML file"
         )
     try:
-        values = OmegaConf.to_container(OmegaConf.load(path))
-    except (YAMLError, UnicodeDecodeError, OSError) as error:
+        values = OmegaConf.to_container(read_yaml(path))
+    except (YAMLError, ValueError, OSError) as error:
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: must hold {', '.join(f.name for f in fields(CaseFile))}, not a list")
@@ -117,6 +117,8 @@ def typed(schema: type, values: dict[Any, Any], where: str) -> Any:
         return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), values))
     except OmegaConfBaseException as error:
         raise ConfigError(where + explain(error)) from None
+    except OverflowError:
+        raise ConfigError(f"{where.rstrip(' .:')}: holds a number that is too large") from None
 
 
 def check_case(case: Case, world: World, where: str) -> None:
@@ -127,8 +129,9 @@ def check_case(case: Case, world: World, where: str) -> None:
             raise ConfigError(f"{where}: {what}")
 
     def number(value: float, name: str) -> None:
-        # Not a number fails every comparison.
-        need(abs(value) <= LARGEST, f"{name}: must be a number of at most {LARGEST:g} in size, got {value}")
+        # OmegaConf lets a list stand for a number inside a list; what is not a number fails every comparison.
+        fits = isinstance(value, int | float) and abs(value) <= LARGEST
+        need(fits, f"{name}: must be a number of at most {LARGEST:g} in size, got {value}")
 
     for name in ("start", "goal"):
         point = getattr(case, name)

@@ -20,6 +20,13 @@ from tests.faults.trial import Kind
 KINDS = {
     "kill-run": ("kills", "of_runs"),
     "kill-study": ("kills", "of_studies"),
+    "disk-full": ("disk", "of_full_disks"),
+    "disk-closed": ("disk", "of_closed_folders"),
+    "together": ("together", "of_two"),
+    "clock": ("clock", "of_clocks"),
+    "memory": ("memory", "of_studies"),
+    "files": ("files", "of_files"),
+    "readers": ("readers", "of_readers"),
 }
 
 
@@ -55,7 +62,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
     parser.add_argument("--only", action="append", choices=KINDS, metavar="KIND", help=", ".join(KINDS))
     parser.add_argument("--seconds", type=float, default=60.0, metavar="N", help="of each kind (60)")
-    parser.add_argument("--kills", type=int, metavar="N", help="so many faults of each kind, in place of a time")
+    parser.add_argument(
+        "--kills", type=int, metavar="N", help="so many faults of each kind, in place of a time"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N")
     options = parser.parse_args()
     seconds = options.seconds if options.kills is None else float("inf")

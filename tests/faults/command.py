@@ -63,7 +63,9 @@ class Done:
         return self.code == 1 and bool(lines) and all(line.startswith("ship_trl: ") for line in lines)
 
     def __str__(self) -> str:
-        return f"exit code {self.code} after {self.seconds:.1f} s: {self.err.strip()[-1200:] or self.out[-300:]}"
+        return (
+            f"exit code {self.code} after {self.seconds:.1f} s: {self.err.strip()[-1200:] or self.out[-300:]}"
+        )
 
 
 @cache

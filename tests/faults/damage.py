@@ -25,8 +25,33 @@ EXECUTED = "EXECUTED"
 # Values that no reader expects where it reads them.
 ODD: tuple[Any, ...] = (
     *(None, True, -1, 0, 1, 2**31, 2**63, 2**64, 10**400, 1e308, -1e308, float("nan"), float("inf"), 1.5),
-    *("", "x", "nan", "1e999", "../../../../etc/passwd", "/etc/passwd", "a\x00b", "\ud800", "\n\n", "${oc.env:HOME}"),
-    *("${seed}", "??? ", "x" * 100_000, [], {}, [[]], [None], {"": 1}, [1] * 50, "☃", "-1", "0x10", "0" * 5000),
+    *(
+        "",
+        "x",
+        "nan",
+        "1e999",
+        "../../../../etc/passwd",
+        "/etc/passwd",
+        "a\x00b",
+        "\ud800",
+        "\n\n",
+        "${oc.env:HOME}",
+    ),
+    *(
+        "${seed}",
+        "??? ",
+        "x" * 100_000,
+        [],
+        {},
+        [[]],
+        [None],
+        {"": 1},
+        [1] * 50,
+        "☃",
+        "-1",
+        "0x10",
+        "0" * 5000,
+    ),
 )
 
 Damage = Callable[[Path, random.Random], str]
@@ -79,7 +104,9 @@ def spliced(path: Path, rng: random.Random) -> str:
     """Take some bytes out of a file, or put some of its own in at another place."""
     data = path.read_bytes()
     one, other, to = sorted(rng.randrange(len(data) + 1) for _ in range(3))
-    replace(path, data[:one] + data[other:] if rng.random() < 0.5 else data[:to] + data[one:other] + data[to:])
+    replace(
+        path, data[:one] + data[other:] if rng.random() < 0.5 else data[:to] + data[one:other] + data[to:]
+    )
     return f"spliced at {one}, {other}, {to}"
 
 

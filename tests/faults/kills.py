@@ -100,7 +100,7 @@ def of_runs(rng: random.Random, place: Path) -> Iterator[Trial]:
             if done.code != -signal.SIGKILL:
                 break
             kills += 1
-        what = f"{folder}: {' '.join(arguments[len(SHORT):])}: killed at {', '.join(words)}"
+        what = f"{folder}: {' '.join(arguments[len(SHORT) :])}: killed at {', '.join(words)}"
         yield conclude(done if done and done.code else None, arguments, "ship_trl", folder, what, kills)
 
 

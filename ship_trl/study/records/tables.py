@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl.config import ConfigError
 from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES
-from ship_trl.paths import replacing
+from ship_trl.paths import read_file, replacing
 from ship_trl.result import Result, ResultError, from_json
 from ship_trl.study.plan.jobs import PARTS
 from ship_trl.study.plan.manifest import JOB, PLAN, read_plan
@@ -157,7 +157,7 @@ def place(record: Record) -> tuple[str, str, str, int]:
 
 def digest(path: Path) -> str:
     """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_file(path)).hexdigest()
 
 
 def cells(result: Result) -> dict[str, str]:

@@ -1,8 +1,8 @@
-"""`python -m tests.faults [--only KIND] [--seconds N] [--kills N] [--seed N]`: faults, and what survives them.
+"""`python -m tests.faults [--only KIND] [--seconds N] [--kills N] [--seed N]`: faults, and what survives.
 
-Of each kind faults are made for so many seconds, or until there are so many; the same seed chooses the same
-ones. What is lost is said with the folder that it can be seen in. A table ends it, and exit code 1 if anything
-is lost.
+Of each kind faults are made for so many seconds, or until there are so many; the same seed chooses the
+same ones. What is lost is said with the folder that it can be seen in. A table ends it, and exit code 1 if
+anything is lost.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def find(name: str) -> Kind:
 
 
 def trials(name: str, seed: int, seconds: float, faults: int | None) -> tuple[int, int, int, list[str]]:
-    """Make faults of a kind; returns how many faults and trials, how many trials survived, and what was lost."""
+    """Make faults of a kind; returns how many, how many trials, how many of those survived, what was lost."""
     place = Path(tempfile.mkdtemp(prefix=f"faults-{name}-"))
     tried = count = survived = 0
     lost: list[str] = []

@@ -40,21 +40,25 @@ def jumping(jumps: list[tuple[float, float]]) -> Callable[[], None]:
 def of_clocks(rng: random.Random, place: Path) -> Iterator[Trial]:
     """Let the clock jump while a run goes on."""
     for number in itertools.count():
-        arguments, folder = rng.choice((ALONE, TRANSFER)), a_folder(place, number)
-        before, seconds = undisturbed(arguments)
-        future = rng.random() < 0.3
-        if future:
-            shutil.copytree(before, folder, dirs_exist_ok=True)
-            for path in folder.rglob("*"):
-                os.utime(path, (time.time() + 86400,) * 2)
+        arguments = rng.choice((ALONE, TRANSFER))
+        seconds = undisturbed(arguments)[1]
         jumps = [(rng.uniform(0, seconds), rng.choice(JUMPS)) for _ in range(rng.randint(1, 3))]
-        done = run(*arguments, folder=folder, before=jumping(jumps))
-        lost = difference(wanted(arguments), state(folder))
-        if done.code != 0 or done.err:
-            lost = str(done)
-        elif future and "holds this run already" not in done.out:
-            lost = "it was trained again"
-        if not lost:
-            shutil.rmtree(folder)
-        said = ", ".join(f"{by:g} s after {after:.1f} s" for after, by in jumps)
-        yield Trial(f"{folder}: {said}", lost, len(jumps))
+        yield one(arguments, jumps, rng.random() < 0.3, a_folder(place, number))
+
+
+def one(arguments: tuple[str, ...], jumps: list[tuple[float, float]], future: bool, folder: Path) -> Trial:
+    """Run a command, where what it found is of the `future` already finished."""
+    if future:
+        shutil.copytree(undisturbed(arguments)[0], folder, dirs_exist_ok=True)
+        for path in folder.rglob("*"):
+            os.utime(path, (time.time() + 86400,) * 2)
+    done = run(*arguments, folder=folder, before=jumping(jumps))
+    lost = difference(wanted(arguments), state(folder))
+    if done.code != 0 or done.err:
+        lost = str(done)
+    elif future and "holds this run already" not in done.out:
+        lost = "it was trained again"
+    if not lost:
+        shutil.rmtree(folder)
+    said = ", ".join(f"{by:g} s after {after:.1f} s" for after, by in jumps)
+    return Trial(f"{folder}: {said}", lost, len(jumps))

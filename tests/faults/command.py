@@ -1,4 +1,4 @@
-"""Our commands in forked children: torch is imported and kernels are loaded once, so that a start takes no time.
+"""Our commands in forked children: torch is imported and kernels are loaded once, so that a start is quick.
 
 A child has its own session, folder, standard streams and arguments, and ends as the command line ends. What a
 command starts by `sys.executable -m ship_trl` is forked in the same way.
@@ -16,30 +16,21 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
-# What a command may import, so that no child has to.
-HEAVY = (
-    "torch",
-    "torchrl",
-    "onnx",
-    "onnxruntime",
-    "onnxscript",
-    "pandas",
-    "scipy.stats",
-    "statsmodels.api",
-    "matplotlib.pyplot",
-    "ship_trl.run.experiment",
-    "ship_trl.study.report.write",
-    "ship_trl.explain.write",
-    "ship_trl.policies",
-    "ship_trl.viewer.film",
-    "ship_trl.view.comparison",
-    "hydra_plugins.hydra_joblib_launcher._core",
-)
+# What a command imports only when it is needed, so that no child has to.
+HEAVY = {
+    "ship_trl": ("ship_trl.run.experiment", "pandas", "hydra_plugins.hydra_joblib_launcher._core"),
+    "ship_trl.study": ("ship_trl.study.report.write", "scipy.stats", "statsmodels.api"),
+    "ship_trl.report": ("ship_trl.study.report.write", "scipy.stats", "statsmodels.api"),
+    "ship_trl.explain": ("ship_trl.explain.write",),
+    "ship_trl.export": ("onnx", "onnxruntime", "onnxscript"),
+    "ship_trl.record": ("ship_trl.viewer.film",),
+    "ship_trl.results": ("ship_trl.view.comparison", "ship_trl.study.analysis.stability"),
+}
 
 
 @dataclass(frozen=True)
@@ -69,19 +60,25 @@ class Done:
 
 
 @cache
-def warm() -> None:
-    """Import everything, and train once in this process, so that every kernel is loaded."""
+def load(module: str) -> None:
+    """Import all that a command needs."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for name in HEAVY:
+        for name in (module, *HEAVY.get(module, ())):
             importlib.import_module(name)
+
+
+@cache
+def warm() -> None:
+    """Train once in this process, so that every kernel is loaded."""
+    load("ship_trl")
     import torch
 
     torch.set_num_threads(1)
     arguments, place = sys.argv, Path.cwd()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         os.chdir(folder)
-        sys.argv = ["ship_trl", "profile=smoke", "+pair=high", "method=finetune", "layers=3"]
+        sys.argv = ["ship_trl", "profile=smoke", "target=1", "method=scratch", "learn.episodes=2"]
         try:
             importlib.import_module("ship_trl.__main__").main()
         finally:
@@ -101,7 +98,9 @@ class Child:
         before: Callable[[], None] = lambda: None,
     ) -> None:
         warm()
-        self._out, self._err = tempfile.TemporaryFile(), tempfile.TemporaryFile()
+        load(module)
+        # Closed when they have been read.
+        self._out, self._err = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115
         self._started = time.monotonic()
         sys.stdout.flush()
         sys.stderr.flush()
@@ -133,19 +132,24 @@ class Child:
         """Wait for its end for so many seconds, then kill it."""
         done = self.wait(limit)
         if done is None:
-            self.kill()
-            done = self._done(None)
+            killed = self.kill()
+            assert killed is not None
+            done = replace(killed, code=None)
         # Whatever it has left behind.
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
         return done
 
     def _done(self, code: int | None) -> Done:
-        texts = []
-        for file in (self._out, self._err):
-            file.seek(0)
-            texts.append(file.read().decode(errors="replace"))
-        return Done(code, *texts, time.monotonic() - self._started)
+        seconds = time.monotonic() - self._started
+        return Done(code, whole_text(self._out), whole_text(self._err), seconds)
+
+
+def whole_text(file: Any) -> str:
+    """Read what a child has said, and close the file."""
+    with file:
+        file.seek(0)
+        return str(file.read().decode(errors="replace"))
 
 
 def run(
@@ -199,7 +203,7 @@ def is_package(module: str) -> bool:
 
 
 def forked(real: Any, line: Sequence[str], **given: Any) -> Any:
-    """Stand for `subprocess.Popen` in a child: what would start our command is forked, the rest is started."""
+    """Stand for `subprocess.Popen` in a child: what starts our command is forked, the rest is started."""
     if list(line[:2]) != [sys.executable, "-m"] or not line[2].startswith("ship_trl"):
         return real(line, **given)
     return Forked(line, **given)
@@ -217,7 +221,8 @@ class Forked:
         preexec_fn: Callable[[], None] = lambda: None,
         text: bool = False,
     ) -> None:
-        self._said = tempfile.TemporaryFile() if stderr == subprocess.PIPE else None
+        # Closed when it has been read.
+        self._said = tempfile.TemporaryFile() if stderr == subprocess.PIPE else None  # noqa: SIM115
         self.returncode: int | None = None
         out = os.open(os.devnull, os.O_WRONLY) if stdout == subprocess.DEVNULL else stdout.fileno()
         err = self._said.fileno() if self._said else out
@@ -251,8 +256,7 @@ class Forked:
         """Wait for its end, and give what it said on stderr."""
         self.wait()
         assert self._said is not None
-        self._said.seek(0)
-        return "", self._said.read().decode()
+        return "", whole_text(self._said)
 
     def terminate(self) -> None:
         """Ask it to end."""

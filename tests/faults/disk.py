@@ -4,8 +4,8 @@ A command runs on a file system of its own, which holds what the command needs a
 none to as many as the command writes. Or it cannot be written at all: mounted so, or owned by somebody else.
 
 Survived: the command ends with exit code 0, or with code 1 and nothing on stderr but lines that begin with
-`ship_trl: `; nothing that was there before is lost, and no draft is left behind. With room again, or the right
-to write, the same command ends with exit code 0, and leaves the bytes that it leaves without a fault.
+`ship_trl: `; nothing that was there before is lost, and no draft is left behind. With room again, or the
+right to write, the same command ends with exit code 0, and leaves the bytes that it leaves without a fault.
 """
 
 import itertools
@@ -18,10 +18,10 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from tests.faults.command import Done, run
-from tests.faults.files import DRAFT, RUN, library, marks
+from tests.faults.files import RUN, library, marks
 from tests.faults.mounted import ROOM, apart, mount
 from tests.faults.runs import ALONE, STUDY, TRANSFER
-from tests.faults.trial import Trial, difference, state
+from tests.faults.trial import DRAFT, Trial, difference, state
 
 NOBODY = 65534
 # Commands that write, by name: module, arguments, and how often in a hundred.

@@ -5,15 +5,14 @@ the case base, a kept plan, demonstrations, a study and its tables. In a copy of
 (`damage.py`), and a command that reads it is run.
 
 Survived: the command ends with exit code 0, or with code 1 and nothing on stderr but lines that begin with
-`ship_trl: `; without a traceback; in thrice the time that it takes otherwise and half a minute; in 3 GiB more
-memory than it begins with. Nothing that was there is lost, but what the command is to replace; no draft is left
-behind; and nothing has been executed.
+`ship_trl: `; without a traceback; in thrice the time that it takes otherwise and half a minute; in 3 GiB
+more memory than it begins with. Nothing that was there is lost, but what the command is to replace; no
+draft is left behind; and nothing has been executed.
 """
 
 import itertools
 import os
 import random
-import re
 import resource
 import shutil
 from collections.abc import Callable, Iterator
@@ -30,13 +29,12 @@ from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.plan.manifest import write_plan
 from tests.faults.command import Done, run
 from tests.faults.damage import DAMAGES, EXECUTED
-from tests.faults.runs import STUDY, TRANSFER, a_folder
-from tests.faults.trial import Trial
+from tests.faults.runs import STUDY, TRANSFER, a_folder, undisturbed
+from tests.faults.trial import DRAFT, Trial
 from tests.study.synthetic import learning, write_run
 
 OUTPUT = "outputs/smoke"
 SOURCE, RUN = f"{OUTPUT}/near/scratch/seed=0", f"{OUTPUT}/near-met/FT3/seed=0"
-DRAFT = re.compile(r"(^|/)\.(?!locks/|plans/)[^/]*$")
 # Bytes, seconds.
 MEMORY, PATIENCE = 3 << 30, 30.0
 
@@ -57,13 +55,10 @@ class Reader:
 def library() -> Path:
     """Make one of each file, and the two other runs that a grid would have made."""
     folder = a_folder(Path(mkdtemp(prefix="faults-")), 0)
-    made: tuple[tuple[str, tuple[str, ...]], ...] = (
-        ("ship_trl", TRANSFER),
-        ("ship_trl.evaluate", ("keep_course", "target=met", "--demonstrations", "shown")),
-    )
-    for module, arguments in made:
-        done = run(*arguments, folder=folder, module=module)
-        assert done.code == 0, done
+    shutil.copytree(undisturbed(TRANSFER)[0], folder, dirs_exist_ok=True)
+    shown = ("keep_course", "target=met", "--demonstrations", "shown")
+    done = run(*shown, folder=folder, module="ship_trl.evaluate")
+    assert done.code == 0, done
     place = folder / "study"
     config = to_study([*STUDY, f"output={place}"])
     jobs = plan_jobs(config)

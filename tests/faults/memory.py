@@ -35,7 +35,9 @@ def pages(process: int) -> int:
 def of_studies(rng: random.Random, place: Path) -> Iterator[Trial]:
     """Take a grid's memory, or end it."""
     for number in itertools.count():
-        yield a_study(rng, a_folder(place, number)) if number % 4 == 3 else a_run(rng, a_folder(place, number))
+        yield (
+            a_study(rng, a_folder(place, number)) if number % 4 == 3 else a_run(rng, a_folder(place, number))
+        )
 
 
 def a_run(rng: random.Random, folder: Path) -> Trial:

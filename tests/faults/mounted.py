@@ -57,9 +57,10 @@ def call(name: str, *arguments: object) -> None:
 def possible() -> bool:
     """Whether this machine lets us mount."""
 
-    def work() -> str:
-        with tempfile.TemporaryDirectory() as folder:
-            mount(Path(folder))
-        return ""
+    with tempfile.TemporaryDirectory() as folder:
 
-    return apart(work) == ""
+        def work() -> str:
+            mount(Path(folder))
+            return ""
+
+        return apart(work) == ""

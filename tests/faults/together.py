@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from tests.faults.command import Child, run
+from tests.faults.kills import without_drafts
 from tests.faults.runs import ALONE, SHORT, TRANSFER, a_folder, undisturbed
 from tests.faults.trial import Trial, difference, state
 
@@ -72,9 +73,11 @@ def two(name: str, later: float, killed: float | None, folder: Path) -> Trial:
         if "same" in name and shown != 1:
             words.append(f"{shown} of two showed a finished run")
     if not words:
-        words = [difference(one_after_the_other(name), state(folder))]
+        words = [difference(one_after_the_other(name), without_drafts(state(folder)))]
     lost = "; ".join(filter(None, words))
     if not lost:
         shutil.rmtree(folder)
-    what = f"{folder}: {name}, {later:.2f} s later" + (f", first killed after {killed:.2f} s" if killed else "")
+    what = f"{folder}: {name}, {later:.2f} s later" + (
+        f", first killed after {killed:.2f} s" if killed else ""
+    )
     return Trial(what, lost)

@@ -15,6 +15,9 @@ TIMES = {"seconds", "begun"}
 # As a report has it in a sentence.
 MOMENT = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+Z:0-9]*")
 
+# A file that is written beside another, to be renamed over it.
+DRAFT = re.compile(r"(^|/)\.(?!locks/|plans/)[^/]*(/[^/]*)?$")
+
 
 @dataclass(frozen=True)
 class Trial:

@@ -3,9 +3,9 @@
 While a study runs, the process of its grid may have no more memory from some moment on, or is killed as the
 kernel would kill it. A single run has too little from the start.
 
-Survived: the study ends with exit code 0, or with code 1 and, as its last line on stderr, how many runs have no
-result. A single run may end as it likes, but not with exit code 0 and without a result. The same command again
-ends with exit code 0, and every file has the bytes that it has without a fault.
+Survived: the study ends with exit code 0, or with code 1 and, as its last line on stderr, how many runs have
+no result. A single run may end as it likes. The same command again ends with exit code 0, and every file has
+the bytes that it has without a fault.
 """
 
 import itertools

@@ -1,4 +1,4 @@
-"""File systems of our own, in a process of their own: small ones, and such as cannot be written. Linux only."""
+"""File systems of our own, in a process of their own: small ones, and some that cannot be written. Linux."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""The functions that read files, one after the other in one process: far more damages than commands could be given.
+"""The functions that read files, one after the other in one process: far more damages than by commands.
 
 Survived: a reader gives something or raises what it says that it raises, within ten seconds and 3 GiB, and
 nothing has been executed.

@@ -1,9 +1,11 @@
 """The small runs that faults are tried on: two cases of ten steps, a transfer between them, a small study."""
 
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
+from ship_trl.config import Config
 from tests.faults.command import run
 from tests.faults.trial import state
 
@@ -18,6 +20,8 @@ CASES = {
 SHORT = (
     *("profile=smoke", "world.max_steps=10", "learn.warmup_steps=20", "learn.jumpstart_draws=2"),
     *("learn.episodes=3", "learn.evaluate_every=2"),
+    # As many checkpoints as there can be, where runs keep any.
+    *(["checkpoint.seconds=0"] if "checkpoint" in {field.name for field in fields(Config)} else []),
 )
 ALONE = (*SHORT, "target=near", "method=scratch")
 TRANSFER = (*SHORT, "source=near", "target=met", "method=finetune", "layers=3")

@@ -4,8 +4,8 @@ The same command twice, or two transfers from the same source, are started withi
 and then the first is killed.
 
 Survived: both end with exit code 0 (but one that was killed), without a traceback, and every file has the
-bytes that it has where one command follows the other. Where none is killed the source was trained once, and of the
-same command twice one trained and the other showed the finished run.
+bytes that it has where one command follows the other. Where none is killed the source was trained once, and
+of the same command twice one trained and the other showed the finished run.
 """
 
 import itertools

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-# Files that differ from run to run and decide nothing: what was said, and what locks are held by.
-PASSING = {"log.txt", ".locks"}
+# Files that differ from run to run and decide nothing: what was said, what locks are held by, and what the
+# last grid of a study was asked for.
+PASSING = {"log.txt", ".locks", "multirun.yaml"}
 # Keys of JSON files that say when or how long.
 TIMES = {"seconds", "begun"}
 # As a report has it in a sentence.

@@ -10,6 +10,7 @@ both.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import lzma
 from collections.abc import Iterator
@@ -33,6 +34,8 @@ COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
 # The strongest that takes less than 100 MB of memory.
 PRESET = 6 | lzma.PRESET_EXTREME
+# No table has a first line of more bytes; of one with many columns pandas would take minutes.
+LONGEST = 10_000
 # Where a source network lies in its study's folder, case base or not; what is above is a machine's.
 INSIDE = 5
 
@@ -89,7 +92,10 @@ def read_tables(folder: Path) -> Tables:
             raise ConfigError(f"copy: {folder / name} is not the file that {PLAN} was kept with")
     runs, places = [], set()
     try:
-        rows = pd.read_csv(folder / RUNS, dtype=str, keep_default_na=False)
+        data = read_file(folder / RUNS)
+        if len(data.partition(b"\n")[0]) > LONGEST:
+            raise ValueError("its first line is too long")
+        rows = pd.read_csv(io.BytesIO(data), dtype=str, keep_default_na=False)
         for row in rows.to_dict("records"):
             part, result = run_of({str(key): cell for key, cell in row.items()})
             places.add(place_of(part, result))

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ship_trl.paths import read_file
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -18,6 +20,8 @@ COLUMNS = (
     "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
     "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa",
 )  # fmt: skip
+# No curve has a first line of more bytes; of one with many columns pandas would take minutes.
+LONGEST = 1000
 # What a line is, once it is read.
 TRAINING, GREEDY = "training", "greedy"
 # Both kinds have these; only training has an exploration rate.
@@ -44,7 +48,9 @@ def read_curve(folder: Path) -> pd.DataFrame:
 
     types = TYPES | {f"{GREEDY}_{name}": TYPES[name] for name in SHARED}
     try:
-        data = (folder / CURVE).read_bytes()
+        data = read_file(folder / CURVE)
+        if len(data.partition(b"\n")[0]) > LONGEST:
+            raise ValueError
         # Without `index_col` a line too long would move its columns by one.
         with np.errstate(invalid="raise"):  # of an infinite episode pandas would make some whole number
             lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from ship_trl.config import ConfigError, World, plain
-from ship_trl.paths import writing
+from ship_trl.paths import read_json, writing
 from ship_trl.sim.cases import Case
 
 SCHEMA_VERSION = 1
@@ -109,7 +109,7 @@ def read_demonstration(path: Path, actions: int) -> Demonstration:
         ConfigError: it is no demonstration, or not whole.
     """
     try:
-        values: Any = json.loads(path.read_text())
+        values: Any = read_json(path)
         if values["schema_version"] != SCHEMA_VERSION:
             raise ConfigError(f"demonstrations: {path} is of another schema_version than {SCHEMA_VERSION}")
         one = Demonstration(**values)
@@ -123,6 +123,6 @@ def read_demonstration(path: Path, actions: int) -> Demonstration:
             raise ValueError
         if not math.isfinite(one.episode_return):
             raise ValueError
-    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError, OverflowError):
         raise ConfigError(f"demonstrations: {path} is no whole demonstration") from None
     return one

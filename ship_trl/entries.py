@@ -146,7 +146,7 @@ def settings_of(folder: Path) -> tuple[World, bool]:
         raise ConfigError(f"policy: {path}: {error}") from None
     except OmegaConfBaseException as error:
         raise ConfigError(f"policy: {path}: {explain(error)}") from None
-    except (OSError, AttributeError, ValueError, YAMLError) as error:
+    except (OSError, AttributeError, ValueError, OverflowError, YAMLError) as error:
         raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None
 
 

@@ -13,6 +13,8 @@ import yaml
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.paths import read_file
+
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
@@ -33,8 +35,7 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
         yaml.YAMLError: it is not YAML, too large or too deep, or holds an interpolation or an alias.
         OSError: it cannot be read.
     """
-    with path.open("rb") as file:
-        data = file.read(LARGEST_YAML + 1)
+    data = read_file(path)
     if len(data) > LARGEST_YAML:
         raise yaml.YAMLError(f"larger than {LARGEST_YAML} bytes")
     try:

@@ -1,11 +1,14 @@
-"""Where the shipped YAML lies, and how a file that matters is written."""
+"""Where the shipped YAML lies, and how files that matter are read and written."""
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 # What results are named by may name a folder too.
 LONGEST_NAME = 100
@@ -31,6 +34,30 @@ def conf_dir() -> Path:
 def links(folder: Path, below: Path) -> list[Path]:
     """List what is a link of a folder and those that it lies in, up to `below`, which may be one itself."""
     return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
+
+
+def read_file(path: Path) -> bytes:
+    """Read a file.
+
+    Raises:
+        OSError: it is not there, or is a folder, a pipe or a device: to read one of those might never end.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "is no file", str(path))
+    return path.read_bytes()
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file.
+
+    Raises:
+        OSError: as `read_file`.
+        ValueError: it is not JSON, or lists in lists lie too deep.
+    """
+    try:
+        return json.loads(read_file(path))
+    except RecursionError:
+        raise ValueError("nested too deep") from None
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ship_trl.paths import replacing
+from ship_trl.paths import read_json, replacing
 
 RESULT = "result.json"
 # Goes up when a key is added, renamed or means something else. 1, before it was written down, called
@@ -181,10 +181,10 @@ def read_result(folder: Path) -> Result:
         ResultError: there is none, or it is not whole.
     """
     try:
-        values = json.loads((folder / RESULT).read_text())
+        values = read_json(folder / RESULT)
     except FileNotFoundError:
         raise ResultError("is missing") from None
-    except (OSError, ValueError, RecursionError):
+    except (OSError, ValueError):
         raise ResultError("cannot be read") from None
     return from_json(values)
 

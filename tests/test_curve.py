@@ -44,6 +44,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
         (None, "is missing"),
         ("", "cannot be read"),
         ("step,loss\n1,2\n", "cannot be read"),
+        (HEADING.rstrip("\n") + ",x" * 500_000, "cannot be read"),
         ("\x00\xff", "cannot be read"),
         (HEADING + LINES[1].replace("-250.25", "x"), "cannot be read"),
         (HEADING + LINES[1].replace("1,9", "1.5,9"), "cannot be read"),

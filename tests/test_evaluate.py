@@ -1,6 +1,7 @@
 """`python -m ship_trl.evaluate`: any policy on any case, and whether a folder holds what it claims."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -147,3 +148,24 @@ def test_help_knows_no_torch() -> None:
     line = [sys.executable, "-X", "importtime", "-m", "ship_trl.evaluate", "--help"]
     done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
     assert "target=CASE" in done.stdout and " torch\n" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("max_steps: 9223372036854775807", "world.max_steps: must be at most"),
+        ("dt: 1" + "0" * 400, "is not a configuration: int too large"),
+        ("dt: *nothing", "an alias (*NAME) is not allowed"),
+    ],
+)
+def test_a_world_that_no_run_has_is_refused(
+    change: str, said: str, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "copy"
+    (run,) = [path.parent for path in trained.rglob("result.json")]
+    shutil.copytree(run, folder)
+    key = change.split(":")[0]
+    lines = (folder / "config.yaml").read_text().splitlines()
+    lines = [f"  {change}" if line.strip().startswith(f"{key}:") else line for line in lines]
+    (folder / "config.yaml").write_text("\n".join(lines))
+    assert said in refused(capsys, str(folder))

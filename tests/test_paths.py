@@ -1,10 +1,11 @@
 """Files that matter are written beside and renamed."""
 
+import os
 from pathlib import Path
 
 import pytest
 
-from ship_trl.paths import conf_dir, replacing
+from ship_trl.paths import conf_dir, read_file, read_json, replacing
 
 
 def test_conf_is_the_checkout_s() -> None:
@@ -38,3 +39,24 @@ def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
         fail()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_what_is_no_file_is_not_waited_for(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    with pytest.raises(OSError, match="is no file") as raised:
+        read_file(path)
+    assert raised.value.filename == str(path)
+
+
+def test_json_that_lies_too_deep_is_an_error_of_its_value(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("[" * 200_000)
+    with pytest.raises(ValueError, match="nested too deep"):
+        read_json(path)

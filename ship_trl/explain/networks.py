@@ -163,7 +163,7 @@ def read_config(path: Path) -> Config:
         config: Config = OmegaConf.to_object(values)  # type: ignore[assignment]
     except OmegaConfBaseException as error:
         raise ConfigError(f"{path}: {explain(error)}") from None
-    except (OSError, ValueError, YAMLError) as error:
+    except (OSError, ValueError, OverflowError, YAMLError) as error:
         raise ConfigError(f"{path} is not a configuration: {' '.join(str(error).split())}") from None
     return config
 

@@ -12,6 +12,7 @@ from ship_trl.config import ConfigError, Method
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.result import Result
 from ship_trl.run import console
+from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.parts import source_weights
 from ship_trl.run.plan import Run, check_folder
 from ship_trl.run.process import configure_process
@@ -48,6 +49,8 @@ def run_experiment(run: Run, place: str = "") -> Result:
             source = find_source(run, place)
             result = train_run(run, device, source, place)
         else:
+            # It may have been killed before it took them away itself.
+            Checkpoints(run.folder).remove()
             console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
     retain(run, result)
     console.say_result(result, run.folder, place) if place else console.show_result(result, run.folder)
@@ -70,7 +73,9 @@ def find_source(run: Run, place: str) -> Entry | None:
             # It may be asked for as a run of its own at the same time.
             with console.held(source.lock(), source.title):
                 result = source.result()
-                if result is None:
+                if result is not None:
+                    Checkpoints(source.folder).remove()
+                else:
                     check_folder(source)
                     console.say(f"two trainings: first the source, {source.title}; then {run.title}")
                     result = train_run(source, device, None, place)

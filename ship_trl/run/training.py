@@ -28,7 +28,7 @@ PLANS = ".plans"
 
 
 def train_run(run: Run, device: torch.device, source: Entry | None, place: str = "") -> Result:
-    """Train one network and write everything about it into the run's folder, `result.json` last.
+    """Train one network and write everything about it into the run's folder, `result.json` last of its files.
 
     Where a process left a checkpoint of this run, it goes on from there.
 
@@ -54,9 +54,10 @@ def train_run(run: Run, device: torch.device, source: Entry | None, place: str =
                 save_best(run, history)
         write_files(run, parts, known)
         result = make_result(run, parts, known, journal.seconds)
+        # First of all: what a tracker does may fail, or wait for a network.
+        write_result(run.folder, result)
+        journal.checkpoints.remove()
         tracker.finish(result)
-    write_result(run.folder, result)
-    journal.checkpoints.remove()
     return result
 
 

@@ -148,8 +148,9 @@ def check_case(case: Case, world: World, where: str) -> None:
             raise ConfigError(f"{where}: {what}")
 
     def number(value: float, name: str) -> None:
-        # Not a number fails every comparison.
-        need(abs(value) <= LARGEST, f"{name}: must be a number of at most {LARGEST:g} in size, got {value}")
+        # OmegaConf lets a list stand for a number inside a list; what is not a number fails every comparison.
+        fits = isinstance(value, int | float) and abs(value) <= LARGEST
+        need(fits, f"{name}: must be a number of at most {LARGEST:g} in size, got {value}")
 
     for name in ("start", "goal"):
         point = getattr(case, name)

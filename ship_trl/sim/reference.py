@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 
 from ship_trl.config import World, plain
-from ship_trl.paths import conf_dir, replacing
+from ship_trl.paths import conf_dir, read_json, replacing
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
@@ -69,8 +69,11 @@ def write_plan(path: Path, plan: Plan) -> None:
 def _read(path: Path, case: Case, world: World) -> Plan | None:
     """Read a plan and sail it; None where it is not there, or does not reach what it says."""
     try:
-        kept = json.loads(path.read_text())
-        plan = sail(case, world, [int(action) for action in kept["actions"]])
+        kept = read_json(path)
+        actions = kept["actions"]
+        if not all(type(action) is int and 0 <= action < len(world.actions) for action in actions):
+            return None
+        plan = sail(case, world, actions)
         return plan if abs(plan.episode_return - kept["return"]) < ROUNDING else None
     except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RuntimeError):
         return None

@@ -18,7 +18,7 @@ from typing import Any
 from filelock import FileLock
 
 from ship_trl.config import ConfigError, Method, World
-from ship_trl.paths import writing
+from ship_trl.paths import read_json, writing
 from ship_trl.result import RENAMED
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import MEASURES, similarity
@@ -55,7 +55,7 @@ class Entry:
         """The best greedy return; minus infinity where none is written down."""
         try:
             return float(self.scores["best"]["return"])
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             return -math.inf
 
 
@@ -80,9 +80,9 @@ class CaseBase:
         found = []
         for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
             try:
-                values = json.loads(file.read_text())
+                values = read_json(file)
                 one = Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()})
-            except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+            except (OSError, ValueError, TypeError, AttributeError):
                 continue
             if all(type(word) is str and word.isprintable() for word in (one.arm, one.fingerprint)):
                 found.append(one)

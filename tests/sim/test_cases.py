@@ -74,6 +74,8 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD.replace("start: [0.0, 0.0]", "start: [.nan, 0.0]"), "start[0]"),
         (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, .inf]"), "goal[1]"),
         (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 1.0e+300]"), "goal[1]"),
+        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, [600.0]]"), "goal[1]"),
+        (GOOD.replace("heading: 90.0", "heading: 1" + "0" * 400, 1), "holds a number that is too large"),
         (with_ship(x="-.inf"), "target_ships[0].x"),
         (with_ship(heading=".nan"), "target_ships[0].heading"),
         (with_ship(speed=".inf"), "target_ships[0].speed"),
@@ -134,8 +136,17 @@ def test_a_bad_value_is_refused_by_file_and_field(
         b"",
         b"# nothing\n",
         b"\xff\xfe\x00",
+        b"[" * 100_000,
+        b"\n".join(
+            b"a%d: &a%d [%s]" % (n, n, b",".join([b"*a%d" % (n - 1) if n else b"x"] * 10)) for n in range(9)
+        ),
+        b"word," * 100_000,
+        b"start: " + b"9" * 5000,
     ],
-    ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
+    ids=[
+        *("unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"),
+        *("deep", "aliases", "long", "digits"),
+    ],
 )
 def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"

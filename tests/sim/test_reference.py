@@ -41,7 +41,18 @@ def test_a_plan_is_searched_for_once(searches: list[str], tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     "text",
-    ["", "[]", '{"return": 1}', '{"return": 1e9, "actions": [3]}', '{"return": 1, "actions": [99]}', "\0"],
+    [
+        *(
+            "",
+            "[]",
+            '{"return": 1}',
+            '{"return": 1e9, "actions": [3]}',
+            '{"return": 1, "actions": [99]}',
+            "\0",
+        ),
+        *('{"return": 1, "actions": [18446744073709551616]}', '{"return": 1, "actions": [Infinity]}'),
+        "[" * 200_000,
+    ],
 )
 def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Path, text: str) -> None:
     case = load_case("2", WORLD)

@@ -15,7 +15,7 @@ import yaml
 from ship_trl.config import ConfigError, Logger, plain
 from ship_trl.launchers import die_with_parent
 from ship_trl.paths import links, replacing
-from ship_trl.result import Result, ResultError, read_result
+from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PARTS, Job
 from ship_trl.study.plan.manifest import run_config
@@ -115,7 +115,8 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
     `watch` is called about once a second.
     """
     for stage in sorted({job.stage for job in jobs}):
-        left, failures = [job for job in jobs if job.stage == stage], 0
+        # Without its source a run would train one of its own, beside the study's.
+        left, failures = [job for job in jobs if job.stage == stage and has_source(job, config)], 0
         while left and failures <= config.retries:
             for batch in batches(left, config):
                 with started(command(batch, config), config.folder / LOG) as child:
@@ -129,6 +130,12 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
             before, left = left, [job for job in left if finished(job, config) is None]
             failures += len(left) == len(before)
     return [job for job in jobs if finished(job, config) is None]
+
+
+def has_source(job: Job, config: StudyConfig) -> bool:
+    """Whether the run that a job begins with is finished, if it begins with one of the study's."""
+    origin = source_of(job, config)
+    return origin is None or (config.folder / origin / RESULT).exists()
 
 
 def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:

@@ -93,6 +93,8 @@ class Display:
 def last_episode(path: Path) -> int:
     """Read the last whole line's episode; 0 where there is none."""
     try:
+        if not path.is_file():
+            return 0
         with path.open("rb") as file:
             file.seek(0, 2)
             file.seek(max(0, file.tell() - TAIL))

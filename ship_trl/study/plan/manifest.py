@@ -15,7 +15,7 @@ from ship_trl.architecture import others
 from ship_trl.checks import to_config
 from ship_trl.cli import explain_hydra
 from ship_trl.config import Config, ConfigError, World, plain
-from ship_trl.paths import conf_dir, replacing
+from ship_trl.paths import conf_dir, read_json, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PAIRS, Job
@@ -81,7 +81,7 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     cases = fingerprints(jobs, shared.world)
     path = config.folder / PLAN
     try:
-        plan = json.loads(path.read_text())
+        plan = read_json(path)
         before, known, begun = plan["settings"], plan.get("cases", {}), plan
         if not isinstance(before, dict) or not isinstance(known, dict):
             raise TypeError
@@ -121,13 +121,13 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
         ConfigError: there is none, or it is another program's; `key` names what it is of.
     """
     try:
-        plan = json.loads(path.read_text())
+        plan = read_json(path)
         jobs = [[job[name] for name in JOB] for job in plan["jobs"]]
         if not isinstance(plan["settings"], dict) or not isinstance(plan["cases"], dict):
             raise TypeError
         if not all(list(map(type, job)) == [str, int, str, str, str, int] for job in jobs):
             raise TypeError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         raise ConfigError(f"{key}: {path} is not a study's plan") from None
     return dict(plan)
 
@@ -135,7 +135,7 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
 def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
     """Return the seeds and the rules that a study was begun with; nothing where there is no plan to read."""
     try:
-        plan = json.loads((folder / PLAN).read_text())
+        plan = read_json(folder / PLAN)
         seeds = plan.get("judged") or {job["seed"] for job in plan["jobs"] if job["part"] == PAIRS}
         rules = plan.get("rules", {})
         known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from ship_trl.config import ConfigError
 from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES
 from ship_trl.outside import Bounded
-from ship_trl.paths import is_name, replacing
+from ship_trl.paths import is_name, read_file, replacing
 from ship_trl.result import Result, ResultError, from_json
 from ship_trl.study.plan.jobs import PARTS
 from ship_trl.study.plan.manifest import JOB, PLAN, read_plan
@@ -35,6 +35,8 @@ COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
 # The strongest that takes less than 100 MB of memory.
 PRESET = 6 | lzma.PRESET_EXTREME
+# No table has a first line of more bytes; of one with many columns pandas would take minutes.
+LONGEST = 10_000
 # Where a source network lies in its study's folder, case base or not; what is above is a machine's.
 INSIDE = 5
 # Of the curves unpacked, at most: a study of a thousand runs of 5,000 episodes has 0.4 GB.
@@ -93,7 +95,10 @@ def read_tables(folder: Path) -> Tables:
             raise ConfigError(f"copy: {folder / name} is not the file that {PLAN} was kept with")
     runs, places = [], set()
     try:
-        rows = pd.read_csv(folder / RUNS, dtype=str, keep_default_na=False)
+        data = read_file(folder / RUNS)
+        if len(data.partition(b"\n")[0]) > LONGEST:
+            raise ValueError("its first line is too long")
+        rows = pd.read_csv(io.BytesIO(data), dtype=str, keep_default_na=False)
         for row in rows.to_dict("records"):
             part, result = run_of({str(key): cell for key, cell in row.items()})
             places.add(place_of(part, result))
@@ -163,7 +168,7 @@ def place(record: Record) -> tuple[str, str, str, int]:
 
 def digest(path: Path) -> str:
     """SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(read_file(path)).hexdigest()
 
 
 def cells(result: Result) -> dict[str, str]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
 from ship_trl.cli import complain
 from ship_trl.config import ConfigError
-from ship_trl.paths import links, replacing
+from ship_trl.paths import links, read_json, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.placebo import placebo
@@ -97,7 +96,7 @@ def write(study: Study, folder: Path, output: Path) -> None:
 def missing(folder: Path, study: Study) -> int:
     """How many runs the study planned that are neither there nor named as broken."""
     try:
-        jobs = json.loads((folder / PLAN).read_text())["jobs"]
+        jobs = read_json(folder / PLAN)["jobs"]
         planned = {folder / j["part"] / j["label"] / j["arm"] / f"seed={j['seed']}" for j in jobs}
     except (OSError, ValueError, KeyError, TypeError):
         return 0

@@ -178,6 +178,10 @@ HOSTILE = {
         spoil("runs.csv", lambda d: d[:-9], signed=False),
         "runs.csv is not the file that study.json",
     ),
+    "columns without end": (
+        spoil("runs.csv", lambda d: b"run," * 100_000 + d),
+        "runs.csv cannot be read: its first line is too long",
+    ),
     "curves cut short": (spoil(FILES[0], lambda d: d[:-40], signed=False), "curves.csv.xz is not the file"),
     "curves cut short, and signed": (spoil(FILES[0], lambda d: d[:-40]), "curves.csv.xz cannot be read"),
     "not compressed": (spoil(FILES[0], lambda d: b"run,episode\n"), "curves.csv.xz cannot be read"),

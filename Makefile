@@ -37,7 +37,7 @@ test: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m precision
 
 test-long: $(VENV)/.test

@@ -18,8 +18,8 @@ from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers
 
-# Seconds: so long a run waits for a network at its start.
-START = 30.0
+# Seconds: so long a run waits for a network at its start, and for its upload at its end.
+START, END = 30.0, 120.0
 
 
 class WandbTracker:
@@ -73,7 +73,7 @@ class WandbTracker:
             tags=[config.profile],
             config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
             reinit="finish_previous",
-            settings=wandb.Settings(init_timeout=START),
+            settings=wandb.Settings(init_timeout=START, finish_timeout=END),
         )
 
     def _noted(self) -> str | None:

@@ -17,7 +17,7 @@ from ship_trl.launchers import die_with_parent
 from ship_trl.paths import links, replacing
 from ship_trl.result import RESULT, Result, ResultError, read_result
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import PARTS, Job
+from ship_trl.study.plan.jobs import PARTS, Job, source_of
 from ship_trl.study.plan.manifest import run_config
 
 LOG, JOBS, BASE = "log.txt", "jobs", "case_base"

@@ -1,6 +1,8 @@
 """`logger=all`: wandb and TensorBoard hold what the CSV and the pictures hold, and a run says where."""
 
 import csv
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tests.test_cli import KEYS, files, ship_trl
+from tests.test_cli import KEYS, environment, files, ship_trl
 
 LINE = ("profile=smoke", "target=1", "method=scratch", "logger=all")
 RUN = "1/scratch/seed=0"
@@ -74,3 +76,38 @@ def test_no_key_is_written_or_said(logged: tuple[Path, str]) -> None:
     for key in KEYS.values():
         assert key not in said
         assert not [name for name, data in found.items() if key.encode() in data]
+
+
+def test_a_run_that_was_stopped_is_there_once(tmp_path: Path) -> None:
+    code = (
+        "import signal, sys\n"
+        "from ship_trl.run import tracking\n"
+        "log, seen = tracking.Tracker.log, []\n"
+        "def counted(tracker, event):\n"
+        "    log(tracker, event)\n"
+        "    seen.append(event)\n"
+        "    len(seen) != 5 or signal.raise_signal(signal.SIGTERM)\n"
+        "tracking.Tracker.log = counted\n"
+        "from ship_trl.__main__ import main\n"
+        "main()\n"
+    )
+    stopped = subprocess.run(
+        [sys.executable, "-c", code, *LINE],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=900,
+    )
+    words = "ship_trl: stopped at episode 3 of 6; the same command goes on from there\n"
+    assert (stopped.returncode, stopped.stderr) == (143, words)
+    said = ship_trl(*LINE, folder=tmp_path).stdout
+    assert "goes on from its checkpoint, episode 3 of 6" in said
+    output = tmp_path / "outputs/smoke"
+    (run,) = (output / "wandb").glob("offline-run-*")
+    assert f"wandb sync outputs/smoke/wandb/{run.name}" in said
+    with (output / RUN / "curve.csv").open() as file:
+        returns = [float(line["return"]) for line in csv.DictReader(file) if line["return"]]
+    shown = EventAccumulator(str(output / RUN), size_guidance={"scalars": 0}).Reload().Scalars("train/return")
+    assert [scalar.step for scalar in shown] == [1, 2, 3, 4, 5, 6]
+    assert [scalar.value for scalar in shown] == [np.float32(value) for value in returns]

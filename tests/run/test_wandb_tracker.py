@@ -1,0 +1,134 @@
+"""Whatever wandb lacks, the training goes on; and a run that goes on is one run there."""
+
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ship_trl.config import ConfigError
+from ship_trl.run.plan import make_run
+from ship_trl.run.rows import row
+from ship_trl.run.wandb_tracker import WandbTracker
+from tests.run.test_tracking import FINISHED
+from tests.test_config import composed
+
+LINE = ("target=1", "method=scratch", "logger=wandb", "output=out")
+
+
+class Error(Exception):
+    """As wandb's own."""
+
+
+class Server:
+    """Stands for wandb: what was begun and logged, and what fails."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.begun: list[dict[str, Any]] = []
+        self.logged: list[dict[str, Any]] = []
+        self.known: dict[str, int] = {}
+        self.fails: dict[str, Exception] = {}
+
+    def init(self, **given: Any) -> Any:
+        self.begun.append(given)
+        if (error := self.fails.get(given["mode"])) is not None:
+            raise error
+        folder = self.root / f"wandb/{given['mode']}-run-{len(self.begun)}-{given['id']}"
+        (folder / "files").mkdir(parents=True)
+        resumed = self.known.get(given["id"], 0) if given["resume"] else 0
+        return types.SimpleNamespace(
+            dir=str(folder / "files"),
+            url=None,
+            starting_step=resumed,
+            define_metric=lambda *_, **__: None,
+            log=self.log,
+            finish=self.finish,
+        )
+
+    def log(self, values: dict[str, Any]) -> None:
+        if (error := self.fails.get("log")) is not None:
+            raise error
+        self.logged.append(values)
+
+    def finish(self, exit_code: int) -> None:
+        if (error := self.fails.get("finish")) is not None:
+            raise error
+
+
+@pytest.fixture
+def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Server:
+    found = Server(tmp_path / "out")
+    module = types.ModuleType("wandb")
+    module.__dict__.update(init=found.init, Error=Error, Settings=lambda **given: given)
+    monkeypatch.setitem(sys.modules, "wandb", module)
+    return found
+
+
+def tracker(*overrides: str) -> WandbTracker:
+    run = make_run(composed(*LINE, *overrides))
+    run.folder.mkdir(parents=True, exist_ok=True)
+    found = WandbTracker(run)
+    found.remember()
+    return found
+
+
+def test_without_a_network_or_with_a_wrong_key_it_logs_offline(
+    server: Server, capsys: pytest.CaptureFixture[str]
+) -> None:
+    server.fails["online"] = Error("the network\nis gone")
+    tracker("wandb.mode=online").log(row(FINISHED))
+    assert [given["mode"] for given in server.begun] == ["online", "offline"] and len(server.logged) == 1
+    assert capsys.readouterr().out == "wandb: the network is gone; this run is logged offline\n"
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_training(server: Server) -> None:
+    server.fails["offline"] = OSError(28, "No space left on device")
+    with pytest.raises(ConfigError, match=r"wandb: .*No space left on device; logger=csv does without"):
+        tracker()
+
+
+@pytest.mark.parametrize("call", ["log", "finish"])
+def test_what_fails_later_is_said_once_and_ends_nothing(
+    call: str, server: Server, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = tracker()
+    server.fails[call] = OSError(28, "No space left on device")
+    found.log(row(FINISHED))
+    found.log(row(FINISHED))
+    found.close(failed=False)
+    said = capsys.readouterr().out
+    assert said.count("the run goes on without it") == 1
+
+
+def test_no_wait_is_without_end(server: Server) -> None:
+    tracker()
+    settings = server.begun[0]["settings"]
+    assert 0 < settings["init_timeout"] <= 60 and 0 < settings["finish_timeout"] <= 300
+
+
+def test_offline_a_run_that_goes_on_takes_the_place_of_its_first_part(server: Server) -> None:
+    tracker().log(row(FINISHED))
+    (first,) = server.root.glob("wandb/*")
+    tracker()
+    (second,) = server.root.glob("wandb/*")
+    assert first != second and server.begun[0]["id"] == server.begun[1]["id"]
+
+
+def test_online_it_goes_on_under_its_id_and_logs_nothing_twice(server: Server) -> None:
+    found = tracker("wandb.mode=online")
+    for _ in range(3):
+        found.log(row(FINISHED))
+    server.known[server.begun[0]["id"]] = 3
+    again = tracker("wandb.mode=online")
+    for _ in range(5):  # of which the server has three
+        again.log(row(FINISHED))
+    assert server.begun[1]["id"] == server.begun[0]["id"] and server.begun[1]["resume"] == "allow"
+    assert len(server.logged) == 5
+
+
+def test_other_settings_are_another_run(server: Server) -> None:
+    tracker()
+    tracker("learn.lr=1e-3")
+    assert server.begun[0]["id"] != server.begun[1]["id"] and len(list(server.root.glob("wandb/*"))) == 2

@@ -155,7 +155,7 @@ def test_help_knows_no_torch() -> None:
     [
         ("max_steps: 9223372036854775807", "world.max_steps: must be at most"),
         ("dt: 1" + "0" * 400, "is not a configuration: int too large"),
-        ("dt: *nothing", "an alias (*NAME) is not allowed"),
+        ("dt: *nothing", "no alias (*nothing) is allowed"),
     ],
 )
 def test_a_world_that_no_run_has_is_refused(

@@ -159,7 +159,7 @@ def hydra_errors() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        complain("interrupted; the same command goes on from the last checkpoint")
+        complain("interrupted; the same command goes on from the last checkpoint, if there is one")
         sys.exit(130)
     except Exception as error:
         line = explain_command(error)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from ship_trl.architecture import Geometry
-from ship_trl.config import PICTURE, Config, ConfigError, Learn, Method, World
+from ship_trl.architecture import Geometry, cut_by_words, linear_from
+from ship_trl.config import PICTURE, BackendName, Config, ConfigError, Learn, Method, World
 
 # With so many the planner's table of returns to come takes 2.3 GB at most.
 MAX_STEPS = 1000
@@ -122,12 +122,11 @@ def check_memory(config: Config, layers: Geometry) -> None:
     at_most(MOST_NUMBERS // maps, "learn.num_envs", learn.num_envs, why)
     at_most(MOST_NUMBERS // maps, "learn.batch_size", learn.batch_size, why)
     kept = STATE_BYTES
-    if (
-        config.method is Method.feature_extraction
-        and type(config.layers) is int
-        and config.layers <= len(layers)
-    ):
+    incremental = config.device == "cpu" and learn.backend is not BackendName.dense and cut_by_words(layers)
+    frozen = config.layers if config.method is Method.feature_extraction else 0
+    # As `Agent` chooses what is kept.
+    if incremental and type(frozen) is int and linear_from(layers) <= frozen <= len(layers):
         # What frozen layers make of a state before and after, in two bytes a number.
-        last = layers[config.layers - 1]
+        last = layers[frozen - 1]
         kept += 4 * last.filters * last.side**2
     at_most(REPLAY_BYTES // kept, "learn.replay_size", learn.replay_size, f"{REPLAY_BYTES >> 30} GB")

@@ -72,6 +72,15 @@ def writing(path: Path, draft: Path | None = None) -> Iterator[None]:
         raise
 
 
+def sync(path: Path) -> None:
+    """Wait until a file, or a folder's names, are on the disk: a power cut may else leave an empty file."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a neighbouring name to write to, then rename it over `path`.
@@ -84,6 +93,8 @@ def replacing(path: Path) -> Iterator[Path]:
             yield draft
             # Some writers make files that only their owner may read; results are for the group too.
             draft.chmod(0o644)
+            sync(draft)
             draft.replace(path)
+            sync(path.parent)
     finally:
         draft.unlink(missing_ok=True)

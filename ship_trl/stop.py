@@ -15,7 +15,11 @@ class StoppedError(KeyboardInterrupt):
 
     def __init__(self, text: str, number: signal.Signals) -> None:
         super().__init__(text)
-        self.number = number
+        self.text, self.number = text, number
+
+    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, signal.Signals]]:
+        """Let a process of a pool send it: by itself it would be made of its text alone."""
+        return StoppedError, (self.text, self.number)
 
 
 class Stop:
@@ -27,17 +31,21 @@ class Stop:
 
     def __init__(self) -> None:
         self.asked: signal.Signals | None = None
+        self._interrupts = 0
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Stop:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
-                self._before[number] = signal.signal(number, self._ask)
+                # One that is ignored stays so, as of a process in the background; None was set by no Python.
+                if signal.getsignal(number) not in (signal.SIG_IGN, None):
+                    self._before[number] = signal.signal(number, self._ask)
         return self
 
     def _ask(self, number: int, _: FrameType | None) -> None:
         # A shell's Ctrl-C reaches this process and its launcher, which then asks once more by SIGTERM.
-        if number == self.asked == signal.SIGINT:
+        self._interrupts += number == signal.SIGINT
+        if self._interrupts > 1:
             raise KeyboardInterrupt
         self.asked = self.asked or signal.Signals(number)
 

@@ -48,3 +48,8 @@ def test_what_is_large_is_not() -> None:
     world = ["world.max_steps=1000", "world.dt=60", "world.goal_distance=99999", "world.reward.goal=1e6"]
     config = composed(*HIGH, *large, *world, "learn.num_envs=30000", "learn.lr=1")
     assert config.learn.episodes == BILLION and config.world.dt == 60.0
+
+
+@pytest.mark.parametrize("line", ["layers=1", "layers=2 learn.backend=dense", "layers=3 learn.backend=dense"])
+def test_a_replay_of_states_may_be_large_whatever_is_frozen(line: str) -> None:
+    composed("+pair=high", "method=feature_extraction", *line.split(), "learn.replay_size=1000000")

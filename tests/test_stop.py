@@ -1,6 +1,7 @@
 """The first Ctrl-C or SIGTERM asks, a second Ctrl-C does not."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import threading
 
 import pytest
 
-from ship_trl.stop import Stop
+from ship_trl.stop import Stop, StoppedError
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -33,6 +34,21 @@ def test_what_a_launcher_sends_after_a_ctrl_c_is_no_second_one() -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
         assert stop.asked is signal.SIGINT
+
+
+def test_a_signal_that_was_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with Stop() as stop:
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert stop.asked is None
+
+
+def test_a_pool_can_send_what_was_said() -> None:
+    error = pickle.loads(pickle.dumps(StoppedError("stopped", signal.SIGTERM)))
+    assert (str(error), error.number) == ("stopped", signal.SIGTERM)
 
 
 def test_outside_the_main_thread_it_changes_nothing() -> None:

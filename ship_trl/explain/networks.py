@@ -154,6 +154,7 @@ def read_config(path: Path) -> Config:
     # Not in configurations of older programs, which knew one of each.
     older = {
         "network": plain(load_network()),
+        "checkpoint": {"every": 1.0, "seconds": 0.0},
         "learn": {"backend": "auto"},
         "demonstrations": None,
         "objective": "late",

@@ -83,6 +83,21 @@ class TransitionStorage(Storage):
         """Give the entries that are held, [L, ...] each, unread ones too; not copies."""
         return {key: rows[: self._len] for key, rows in self._rows.items()}
 
+    def load_rows(self, rows: Mapping[NestedKey, Tensor]) -> None:
+        """Take over entries as `rows` gave them; further ones of as many rows may be written."""
+        self._rows, self._len = {}, 0
+        for key, value in rows.items():
+            self._len = len(value)
+            self._rows[key] = value.new_zeros((self.max_size, *value.shape[1:]), device=self.device)
+            self._rows[key][: self._len] = value
+
+    def write(self, key: NestedKey, number: int, value: Tensor) -> Tensor:
+        """Write one row of an entry, and return it as it is held."""
+        if key not in self._rows:
+            self._rows[key] = value.new_zeros((self.max_size, *value.shape), device=self.device)
+        self._rows[key][number] = value
+        return self._rows[key][number]
+
     def state_dict(self) -> dict[str, Any]:
         """Give the transitions and how many there are."""
         return {"rows": {key: rows.clone() for key, rows in self._rows.items()}, "length": self._len}
@@ -107,11 +122,6 @@ class TransitionStorage(Storage):
 def dotted(key: NestedKey) -> str:
     """Write a key as one word."""
     return key if isinstance(key, str) else ".".join(key)
-
-
-def padded(rows: Tensor, capacity: int) -> Tensor:
-    """Add empty rows: [L, ...] to [capacity, ...]."""
-    return torch.cat((rows, rows.new_zeros(capacity - len(rows), *rows.shape[1:])))
 
 
 def as_drawn(batch: TensorDict) -> TensorDict:
@@ -238,10 +248,9 @@ class StateReplay(TensorDictReplayBuffer):
         self._waiting.clear()
         named = {name.removeprefix("rows."): v for name, v in kept.items() if name.startswith("rows.")}
         rows: dict[NestedKey, Tensor] = {unravel_key(tuple(name.split("."))): v for name, v in named.items()}
-        rows |= self._compute(rows)
-        length = len(rows["action"]) if rows else 0
-        whole = {key: padded(value, self._storage.max_size) for key, value in rows.items()}
-        self._storage.load_state_dict({"rows": whole, "length": length})
+        self._storage.load_rows(rows)
+        if rows:
+            self._compute(rows)
         cursor, count = kept["cursor"].tolist()
         self._writer.load_state_dict({"_cursor": cursor, "_write_count": count})
         self.generator.set_state(kept["generator"].cpu())
@@ -252,21 +261,16 @@ class StateReplay(TensorDictReplayBuffer):
             return {}
         return {self.observation: STATES[0], ("next", self.observation): STATES[1]}
 
-    def _compute(self, rows: Mapping[NestedKey, Tensor]) -> dict[NestedKey, Tensor]:
-        """Compute observations again from the states among rows."""
-        # The state after one step is mostly the state before the next.
+    def _compute(self, rows: Mapping[NestedKey, Tensor]) -> None:
+        """Compute observations again from the states among rows, straight to where they are stored."""
+        # The state after one step is mostly the state before the next: where each was first written.
         known: dict[bytes, Tensor] = {}
-        found: dict[NestedKey, Tensor] = {}
-        for key, source in self._computed().items() if rows else ():
+        for key, source in self._computed().items():
             assert self._encode is not None
-            values = []
-            for state in rows[source].split(1):
-                name = state.numpy().tobytes()
-                if name not in known:
-                    known[name] = self._encode(state)
-                values.append(known[name])
-            found[key] = torch.cat(values)
-        return found
+            for number, state in enumerate(rows[source].split(1)):
+                name = state.cpu().numpy().tobytes()
+                found = known[name] if name in known else self._encode(state)[0]
+                known[name] = self._storage.write(key, number, found)
 
     def __getitem__(self, index: Any) -> Any:
         self._store()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -38,8 +37,8 @@ class CheckpointError(Exception):
 class About:
     """What a checkpoint says of itself.
 
-    `config_hash` tells of which run it is; `computed` in which precision, by which backend and on which kind
-    of device, for with others it would not go on with the same bits. `episode` of `episodes` are sailed, in
+    `config_hash` tells of which run it is; `computed` by what arithmetic (`Parts.computed`), for with another
+    it would not go on with the same bits. `episode` of `episodes` are sailed, in
     `steps` of the environment and `seconds`.
     """
 
@@ -106,23 +105,20 @@ class Checkpoints:
         self.folder.mkdir(exist_ok=True)
         tensors = {name: value.contiguous() for name, value in tensors.items()}
         header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
-        with replacing(self._oldest()) as draft, draft.open("wb") as file:
-            file.write(save(tensors, {ENTRY: header}))
-            file.flush()
-            # So that after a power cut the rename is not on the disk without what was renamed.
-            os.fsync(file.fileno())
+        with replacing(self._oldest()) as draft:
+            draft.write_bytes(save(tensors, {ENTRY: header}))
         self.begin(about.episode)
 
-    def read(self, config_hash: str) -> tuple[Checkpoint | None, list[str]]:
+    def read(self, config_hash: str) -> tuple[Checkpoint | None, dict[Path, str]]:
         """Read a run's newest whole checkpoint, None without one; say of each damaged one what is wrong."""
-        damaged: list[str] = []
+        damaged: dict[Path, str] = {}
         for path in self._newest_first():
             try:
                 found = read(path)
                 if found.about.config_hash == config_hash:
                     return found, damaged
             except CheckpointError as error:
-                damaged.append(f"{path} {error}")
+                damaged[path] = str(error)
         return None, damaged
 
     def about(self) -> About | None:

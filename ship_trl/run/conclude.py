@@ -1,13 +1,15 @@
-"""What a finished training leaves: its last network, its pictures and its result."""
+"""What a finished training leaves: a last network, pictures, a result, and a place in the case base."""
 
 from __future__ import annotations
 
 import math
 import platform
+from pathlib import Path
 
 import torch
 
 from ship_trl import __version__
+from ship_trl.architecture import others
 from ship_trl.config import Method
 from ship_trl.learn.rollout import Episode
 from ship_trl.result import SCHEMA_VERSION, Evaluation, Result
@@ -16,7 +18,7 @@ from ship_trl.run.parts import Parts
 from ship_trl.run.plan import ALGORITHM_VERSION, Run
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.random_policy import random_return
-from ship_trl.transfer.casebase import POLICY_LAST
+from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
 from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
@@ -82,3 +84,15 @@ def evaluation(episode: Episode, at: int) -> Evaluation:
     """Give a greedy episode as numbers; without target ships there is no DCPA."""
     dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
     return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)
+
+
+def retain(run: Run, result: Result) -> Entry:
+    """Keep a finished run's network in the case base, for later targets (section 4.2)."""
+    values = result.to_json()
+    scores = {key: values[key] for key in ("best", "final", "best_known_return")}
+    arm = run.config.arm
+    if run.config.method is not Method.scratch:
+        arm += f"-from-{Path(str(run.config.source)).stem}"
+    base = CaseBase(Path(run.config.case_base))
+    network = others(run.config.network)
+    return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder, network)

@@ -7,12 +7,12 @@ from pathlib import Path
 import torch
 from torch import Generator
 
-from ship_trl.architecture import others
-from ship_trl.config import ConfigError, Method
+from ship_trl.config import ConfigError
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
+from ship_trl.run.conclude import retain
 from ship_trl.run.parts import source_weights
 from ship_trl.run.plan import Run, check_folder
 from ship_trl.run.process import configure_process
@@ -82,15 +82,3 @@ def find_source(run: Run, place: str) -> Entry | None:
             return retain(source, result)
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry
-
-
-def retain(run: Run, result: Result) -> Entry:
-    """Keep a finished run's network in the case base, for later targets (section 4.2)."""
-    values = result.to_json()
-    scores = {key: values[key] for key in ("best", "final", "best_known_return")}
-    arm = run.config.arm
-    if run.config.method is not Method.scratch:
-        arm += f"-from-{Path(str(run.config.source)).stem}"
-    base = CaseBase(Path(run.config.case_base))
-    network = others(run.config.network)
-    return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder, network)

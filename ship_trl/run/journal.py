@@ -66,26 +66,32 @@ class Journal:
             console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
             self.checkpoints.begin(training.episode)
 
-    def go_on(self) -> None:
+    def go_on(self, in_a_grid: bool = False) -> None:
         """Put the training where the newest whole checkpoint of this run was written, if there is one.
 
+        A damaged one is said and taken away. One that was computed by other arithmetic would not lead to the
+        bits of a run that was never stopped: a grid, which nobody watches, begins such a run anew.
+
         Raises:
-            ConfigError: it was computed in another precision, by another backend or on another device; or
-                it is not what this program writes.
+            ConfigError: it was computed by other arithmetic, or is not what this program writes.
         """
         found, damaged = self.checkpoints.read(self._run.config_hash)
-        for line in damaged:
-            console.say(f"checkpoint: {line}; " + ("the one before it is used" if found else "begun anew"))
+        for path, reason in damaged.items():
+            then = "the one before it is used" if found else "the run begins anew"
+            console.say(f"checkpoint: {path} {reason}; {then}")
+            path.unlink(missing_ok=True)
         if found is None:
             return
-        about, tensors, folder = found.about, found.tensors, self._run.folder
+        about, tensors, folder = found.about, found.tensors, self.checkpoints.folder
         if about.computed != self._parts.computed:
-            if self._run.config.overwrite:
+            differs = f"was computed by {about.computed}, and here it would be {self._parts.computed}"
+            if in_a_grid:
+                console.say(f"{folder}, episode {about.episode}, {differs}; the run begins anew")
+                self.checkpoints.remove()
                 return
             raise ConfigError(
-                f"output: {folder} holds this run up to episode {about.episode}, computed by "
-                f"{about.computed}, and here it would be {self._parts.computed}; allowed: the same "
-                "learn.precision=, learn.backend= and device=, or overwrite=true to begin anew"
+                f"output: {folder}, episode {about.episode}, {differs}; allowed: the same machine, device=, "
+                f"learn.precision= and learn.backend=, or remove {folder} to begin anew"
             )
         try:
             self._parts.training.load_state_dict(within("training", tensors))
@@ -93,8 +99,8 @@ class Journal:
             self._parts.history.restore(rows, within("best", tensors), self._parts.sail)
         except (KeyError, ValueError, IndexError, RuntimeError) as error:
             raise ConfigError(
-                f"output: the checkpoint in {self.checkpoints.folder} is not what this program writes "
-                f"({type(error).__name__}); allowed: overwrite=true to begin anew"
+                f"output: {folder} is not what this program writes ({type(error).__name__}); "
+                f"allowed: remove {folder} to begin anew"
             ) from None
         self._started -= about.seconds
         self._kept = about.episode

@@ -49,10 +49,11 @@ class Parts:
 
     @property
     def computed(self) -> str:
-        """Say in which precision, by which backend and on which kind of device it learns."""
-        agent = self.agent
+        """Say by what arithmetic it learns: precision, backend, processor or device, and torch."""
+        agent, device = self.agent, self.eval_env.device.type
         precision = str(agent.dtype).removeprefix("torch.")
-        return f"{precision} {agent.backend.name} {self.eval_env.device.type}"
+        place = torch.backends.cpu.get_cpu_capability() if device == "cpu" else device
+        return f"{precision} {agent.backend.name} {place} torch-{torch.__version__}"
 
     def sail(self, network: DuelingNetwork) -> Episode:
         """Sail the greedy episode of a network."""

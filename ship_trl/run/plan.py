@@ -20,7 +20,7 @@ from ship_trl.demonstrations import Demonstration, read_demonstrations
 from ship_trl.paths import conf_dir, links
 from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.result import RESULT, Result, ResultError, read_result
-from ship_trl.run.checkpoint import Checkpoints
+from ship_trl.run.checkpoint import FOLDER, Checkpoints
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import rank
 
@@ -220,7 +220,7 @@ def check_folder(run: Run) -> None:
             if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
                 raise ConfigError(f"output: {parent} is not a folder that can be written")
             break
-    if run.result() is None and (linked := links(run.folder, Path(run.config.output))):
+    if run.result() is None and (linked := links(run.folder / FOLDER, Path(run.config.output))):
         raise ConfigError(
             f"output: {linked[0]} is a link, and what it leads to would be replaced; "
             "allowed: only output= itself may be one"

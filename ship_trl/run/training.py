@@ -12,7 +12,7 @@ from ship_trl.config import ConfigError
 from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
 from ship_trl.result import Result, write_result
 from ship_trl.run import console
-from ship_trl.run.conclude import make_result, write_files
+from ship_trl.run.conclude import make_result, retain, write_files
 from ship_trl.run.history import History
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import make_parts
@@ -41,20 +41,23 @@ def train_run(run: Run, device: torch.device, source: Entry | None, place: str =
     console.say(f"{place}: {run.title}" if place else run.title)
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)
-    journal.go_on()
+    journal.go_on(in_a_grid=bool(place))
     known = best_known(run.target, run.config.world, Path(run.config.case_base) / PLANS).episode_return
     history, training, episodes = parts.history, parts.training, run.config.learn.episodes
-    with Tracker(run, history.rows) as tracker, Stop() as stop:
+    with Tracker(run, history.rows) as tracker:
         # That of a checkpoint may be older than the file.
         save_best(run, history)
-        events = sail(training, journal, stop)
-        for event in console.progress(run.title, episodes, events, place, training.episode):
-            tracker.log(event)
-            if history.add(event, parts.agent.target_network):
-                save_best(run, history)
+        with Stop() as stop:
+            events = sail(training, journal, stop)
+            for event in console.progress(run.title, episodes, events, place, training.episode):
+                tracker.log(event)
+                if history.add(event, parts.agent.target_network):
+                    save_best(run, history)
         write_files(run, parts, known)
         result = make_result(run, parts, known, journal.seconds)
-        # First of all: what a tracker does may fail, or wait for a network.
+        # Before the result, which says that nothing is left to do; and that before the trackers, which may
+        # fail, or wait for a network.
+        retain(run, result)
         write_result(run.folder, result)
         journal.checkpoints.remove()
         tracker.finish(result)

@@ -31,7 +31,6 @@ class WandbTracker:
 
     def __init__(self, run: Run) -> None:
         os.environ.setdefault("WANDB_SILENT", "true")
-        import wandb
 
         self._note = run.folder / FOLDER / "wandb"
         self._mark = run.config_hash
@@ -44,12 +43,14 @@ class WandbTracker:
             self._folder.mkdir(parents=True, exist_ok=True)
             try:
                 self._wandb = self._begin(run, "online" if online else "offline")
-            except wandb.Error as error:
+            except Exception as error:  # wandb's own, and those of what it is made of
                 if not online:
                     raise
                 console.say(f"wandb: {in_a_line(error)}; this run is logged offline")
+                # The one that could not be begun is still in wandb's hands.
+                self._id = secrets.token_hex(4)
                 self._wandb = self._begin(run, "offline")
-        except (wandb.Error, OSError) as error:
+        except Exception as error:
             raise ConfigError(f"wandb: {in_a_line(error)}; logger=csv does without") from None
         self._wandb.define_metric("episode", hidden=True)
         for name in ("train/*", "greedy/*"):

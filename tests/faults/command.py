@@ -124,8 +124,12 @@ class Child:
 
     def kill(self, group: bool = True) -> Done | None:
         """Kill it, or all of its session, and give how it ended."""
-        # Before its end is asked for: the group is gone with its last process.
-        (os.killpg if group else os.kill)(self.pid, signal.SIGKILL)
+        # Before its end is asked for: the group is gone with its last process. One that was forked just now
+        # has none of its own yet.
+        try:
+            (os.killpg if group else os.kill)(self.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            os.kill(self.pid, signal.SIGKILL)
         return self.wait()
 
     def finish(self, limit: float) -> Done:

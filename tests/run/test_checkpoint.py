@@ -38,7 +38,7 @@ def written(run: Path, *steps: int) -> Checkpoints:
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     found, damaged = written(tmp_path, 150).read(ABOUT.config_hash)
-    assert found is not None and damaged == []
+    assert found is not None and damaged == {}
     assert found.about == at(150)
     assert found.tensors.keys() == tensors(150).keys()
     for name, value in tensors(150).items():
@@ -111,7 +111,8 @@ def test_a_damaged_one_is_named_and_the_one_before_it_read(
     found, damaged = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found.about == at(30)
     # A file that does not even tell its place among them is passed over as the oldest.
-    assert len(damaged) <= 1 and all("2.safetensors" in line and "\n" not in line for line in damaged)
+    assert set(damaged) <= {checkpoints.folder / "2.safetensors"}
+    assert not any("\n" in reason for reason in damaged.values())
     checkpoints.write(tensors(90), at(90))
     found, _ = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found.about == at(90)
@@ -119,7 +120,7 @@ def test_a_damaged_one_is_named_and_the_one_before_it_read(
 
 def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
     assert (
-        Checkpoints(tmp_path).read(ABOUT.config_hash) == (None, []) and Checkpoints(tmp_path).about() is None
+        Checkpoints(tmp_path).read(ABOUT.config_hash) == (None, {}) and Checkpoints(tmp_path).about() is None
     )
     checkpoints = written(tmp_path, 30, 60)
     for path in checkpoints.folder.iterdir():
@@ -130,7 +131,7 @@ def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
 
 def test_that_of_other_settings_is_not_read(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30)
-    assert checkpoints.read("another hash") == (None, [])
+    assert checkpoints.read("another hash") == (None, {})
     assert checkpoints.about() == at(30)
 
 
@@ -155,4 +156,4 @@ def test_a_disk_that_is_full_leaves_the_one_before(tmp_path: Path) -> None:
         checkpoints.write(tensors(90), at(90))
     assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
     found, damaged = checkpoints.read(ABOUT.config_hash)
-    assert found is not None and found.about == at(60) and damaged == []
+    assert found is not None and found.about == at(60) and damaged == {}

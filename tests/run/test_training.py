@@ -151,16 +151,23 @@ def test_an_unfinished_run_of_other_settings_is_not_lost(
     assert len(read_curve(Path("out/4/scratch/seed=0"))) == 9 + 4
 
 
-def test_other_arithmetic_is_refused(after: Callable[[int, Callable[[], Any]], None]) -> None:
+def test_other_arithmetic_is_refused_and_a_grid_begins_anew(
+    after: Callable[[int, Callable[[], Any]], None], capsys: pytest.CaptureFixture[str]
+) -> None:
     after(9, cut)
     with pytest.raises(PowerCutError):
         train("out", *SCRATCH, "learn.precision=fp32")
     before = files(Path("out/4"))
-    with pytest.raises(
-        ConfigError, match=r"up to episode [56], computed by float32 incremental cpu, .* dense"
-    ):
-        train("out", *SCRATCH, "learn.precision=fp32", "learn.backend=dense")
+    dense = (*SCRATCH, "learn.precision=fp32", "learn.backend=dense")
+    with pytest.raises(ConfigError, match=r"computed by float32 incremental .* dense .* or remove out/4/"):
+        train("out", *dense)
     assert files(Path("out/4")) == before
+    after(10**9, cut)
+    whole = left(train("one", *dense))
+    run = make_run(composed(*LINE, "output=out", *dense))
+    run_experiment(run, "1 of 2")
+    assert left(run.folder) == whole
+    assert "the run begins anew" in capsys.readouterr().out
 
 
 def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(

@@ -18,7 +18,7 @@ from ship_trl.transfer.casebase import POLICY
 def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
     """Rename the folder of each damaged run, and say so; nothing is deleted.
 
-    A run without a result was stopped, not damaged: it begins anew in its folder. A source without its
+    A run without a result was stopped, not damaged: it goes on in its folder. A source without its
     network counts as damaged if a run that is to do begins with it.
 
     Raises:

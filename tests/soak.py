@@ -1,0 +1,102 @@
+"""`python -m tests.soak --minutes 120`: one run after another in one process, and what that process holds.
+
+Each run has another seed, and every fourth is a transfer that freezes layers. All are written to the same
+folder, which is emptied after each, so that memory, open files, threads and disk should stay as they are.
+With `--study` studies are run one after another, each in processes of its own, and it is their parent that
+is looked at.
+"""
+
+import argparse
+import contextlib
+import io
+import shutil
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from ship_trl.run.experiment import run_experiment
+from ship_trl.run.plan import make_run
+from ship_trl.study.__main__ import main as run_study
+from tests.test_config import composed
+
+RUN = ("profile=smoke", "learn.episodes=30", "learn.jumpstart_draws=3", "checkpoint.seconds=0")
+STUDY = ("profile=smoke", "pairs=[high]", "arms=[scratch,FE3]", "controls=false", "reuse=false", "seeds=1")
+MEASURED = ("MB resident", "open files", "threads", "MB on disk")
+# Of the second fifth of the time, which is after everything is loaded and compiled; and so many of a kind.
+GROWTH, MORE = 0.05, 2
+
+
+def held(folder: Path) -> tuple[float, float, float, float]:
+    """Measure this process and its folder, as `MEASURED` names it."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    disk = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    files = len(list(Path("/proc/self/fd").iterdir()))
+    return int(status["VmRSS"].split()[0]) / 1024, files, int(status["Threads"]), disk / 2**20
+
+
+def one_run(number: int, folder: Path) -> None:
+    arm = ("+pair=high", "+arm=FE3") if number % 4 == 3 else ("target=4", "method=scratch")
+    run_experiment(make_run(composed(*RUN, *arm, f"seed={number}", f"output={folder}/out")))
+
+
+def one_study(number: int, folder: Path) -> None:
+    with contextlib.suppress(SystemExit):
+        run_study([*STUDY, f"first_seed={number}", f"output={folder}/out"])
+
+
+def soak(
+    work: Callable[[int, Path], None], seconds: float, folder: Path
+) -> list[tuple[float, float, float, float]]:
+    """Work for so many seconds; returns what was held after each piece of it."""
+    rows: list[tuple[float, float, float, float]] = []
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        with contextlib.redirect_stdout(io.StringIO()):
+            work(len(rows), folder)
+        assert any((folder / "out").rglob("result.json")), "nothing was trained"
+        shutil.rmtree(folder / "out")
+        rows.append(held(folder))
+        if len(rows) & (len(rows) - 1) == 0:
+            say(len(rows), rows[-1])
+    return rows
+
+
+def say(number: int, row: tuple[float, ...]) -> None:
+    """One line."""
+    words = ", ".join(f"{value:.0f} {name}" for value, name in zip(row, MEASURED, strict=True))
+    sys.stdout.write(f"after {number}: {words}\n")
+    sys.stdout.flush()
+
+
+def grown(rows: list[tuple[float, float, float, float]]) -> list[str]:
+    """Name what is more in the last fifth than in the second."""
+    fifth = len(rows) // 5
+    found = []
+    for column, name in enumerate(MEASURED):
+        values = [row[column] for row in rows]
+        before, after = (statistics.median(part) for part in (values[fifth : 2 * fifth], values[-fifth:]))
+        if after > before * (1 + GROWTH) and after > before + MORE:
+            found.append(f"{name}: {before:.0f}, and at the end {after:.0f}")
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=120.0)
+    parser.add_argument("--study", action="store_true", help="studies in place of runs")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="soak-") as folder:
+        rows = soak(one_study if options.study else one_run, 60 * options.minutes, Path(folder))
+    if len(rows) < 10:
+        sys.exit("too few were done to tell")
+    say(len(rows), rows[-1])
+    found = grown(rows)
+    sys.stdout.write(f"{len(rows)} in {options.minutes:g} minutes; {'; '.join(found) or 'nothing grew'}\n")
+    sys.exit(bool(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -7,6 +7,7 @@ import math
 import os
 import secrets
 import signal
+import time
 from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ RAY = "hydra_plugins.hydra_ray_launcher"
 LAUNCHER = "SHIP_TRL_LAUNCHER"
 # Begins the names of joblib's processes.
 JOBLIB = "LokyProcess"
+# Seconds; a step of the environment and a checkpoint take a tenth.
+TIME_TO_STOP = 2.0
 # Of Linux's prctl: a signal when the parent dies.
 PR_SET_PDEATHSIG = 1
 
@@ -33,6 +36,21 @@ GRID = "SHIP_TRL_GRID"
 def launches() -> None:
     """Remember that this process is the one that may start others."""
     os.environ[LAUNCHER] = str(os.getpid())
+
+
+def let_runs_stop() -> None:
+    """On Ctrl-C, leave the processes of a grid, which it reaches too, time to write their checkpoints.
+
+    joblib would kill them at once. A second Ctrl-C does not wait.
+    """
+
+    def wait(*_: object) -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        time.sleep(TIME_TO_STOP)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, wait)
 
 
 def die_with_launcher() -> None:

@@ -6,10 +6,14 @@ import signal
 import subprocess
 import sys
 import threading
+import time
+from pathlib import Path
 
 import pytest
 
 from ship_trl.stop import Stop, StoppedError
+from ship_trl.study.launch.progress import last_episode
+from tests.test_cli import environment
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -70,3 +74,27 @@ def test_a_process_ends_as_one_that_the_signal_killed() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=os.environ
     )
     assert (done.returncode, done.stdout) == (-signal.SIGTERM, "last words\n")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM)])
+def test_a_grid_writes_its_checkpoints_first(number: signal.Signals, code: int, tmp_path: Path) -> None:
+    line = ("target=4", "method=scratch", "profile=smoke", "learn.episodes=3000", "seed=0,1", "output=out")
+    child = subprocess.Popen(
+        [sys.executable, "-m", "ship_trl", "-m", *line, "hydra.launcher.n_jobs=2"],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    runs = [tmp_path / f"out/4/scratch/seed={seed}" for seed in (0, 1)]
+    until = time.monotonic() + 300
+    while not all(last_episode(run / "curve.csv") > 0 for run in runs) and time.monotonic() < until:
+        time.sleep(0.1)
+    os.killpg(child.pid, number)  # as a terminal's Ctrl-C reaches them all
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == code, said
+    for run in runs:
+        assert (run / "checkpoint/1.safetensors").is_file(), said

@@ -65,7 +65,7 @@ ALLOWED = {
     | {"architecture", "cli", "entries", "learn", "outside", "policies", "pretrained", "result", "run"}
     | {"transfer"},
     "export": SIM | {"__version__", "cli", "entries", "learn", "policies", "pretrained", "run", "transfer"},
-    "bench": SIM | {"architecture", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
+    "bench": SIM | {"architecture", "checks", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run"},
     "__init__": SIM | {"learn", "policies", "pretrained"},
 }

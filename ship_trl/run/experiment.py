@@ -49,10 +49,10 @@ def run_experiment(run: Run, place: str = "") -> Result:
             source = find_source(run, place)
             result = train_run(run, device, source, place)
         else:
-            # It may have been killed before it took them away itself.
-            Checkpoints(run.folder).remove()
             console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
-    retain(run, result)
+        # A process may have been killed between the result and these two.
+        retain(run, result)
+        Checkpoints(run.folder).remove()
     console.say_result(result, run.folder, place) if place else console.show_result(result, run.folder)
     return result
 
@@ -73,12 +73,15 @@ def find_source(run: Run, place: str) -> Entry | None:
             # It may be asked for as a run of its own at the same time.
             with console.held(source.lock(), source.title):
                 result = source.result()
-                if result is not None:
-                    Checkpoints(source.folder).remove()
-                else:
+                if result is None:
                     check_folder(source)
                     console.say(f"two trainings: first the source, {source.title}; then {run.title}")
                     result = train_run(source, device, None, place)
-            return retain(source, result)
+                entry = retain(source, result)
+                Checkpoints(source.folder).remove()
+            return entry
+    if source.result() is not None:
+        # As above, of a process that was killed.
+        Checkpoints(source.folder).remove()
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry

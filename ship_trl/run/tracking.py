@@ -36,6 +36,8 @@ def open_folder(run: Run, going_on: bool = False) -> None:
         for path in run.folder.iterdir():
             if path.name != FOLDER or not going_on:
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        # It goes when all is done.
+        (run.folder / FOLDER).mkdir(exist_ok=True)
         with replacing(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
     except OSError as error:

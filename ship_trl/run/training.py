@@ -55,10 +55,10 @@ def train_run(run: Run, device: torch.device, source: Entry | None, place: str =
                     save_best(run, history)
         write_files(run, parts, known)
         result = make_result(run, parts, known, journal.seconds)
-        # Before the result, which says that nothing is left to do; and that before the trackers, which may
-        # fail, or wait for a network.
-        retain(run, result)
+        # Before the trackers, which may fail, or wait for a network. The checkpoints' folder goes last: as
+        # long as it is there, something is left to do.
         write_result(run.folder, result)
+        retain(run, result)
         journal.checkpoints.remove()
         tracker.finish(result)
     return result

@@ -58,5 +58,5 @@ def test_a_new_run_replaces_an_unfinished_one(tmp_path: Path) -> None:
     (run.folder / "curve.csv").write_text("left over")
     with Tracker(run) as tracker:
         tracker.log(FINISHED)
-    assert sorted(p.name for p in run.folder.iterdir()) == ["config.yaml", "curve.csv"]
+    assert sorted(p.name for p in run.folder.iterdir()) == ["checkpoint", "config.yaml", "curve.csv"]
     assert "left over" not in (run.folder / "curve.csv").read_text()

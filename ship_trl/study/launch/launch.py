@@ -16,6 +16,7 @@ from ship_trl.config import ConfigError, Logger, plain
 from ship_trl.launchers import die_with_parent
 from ship_trl.paths import links, replacing
 from ship_trl.result import RESULT, Result, ResultError, read_result
+from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PARTS, Job, source_of
 from ship_trl.study.plan.manifest import run_config
@@ -55,10 +56,13 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
 
 
 def finished(job: Job, config: StudyConfig) -> Result | None:
-    """Give the result of a job that is done, or None."""
+    """Give the result of a job that is done, or None; with a checkpoint left, something is to do."""
+    folder = job.folder(config.folder)
     try:
-        found = read_result(job.folder(config.folder))
+        found = read_result(folder)
     except ResultError:
+        return None
+    if (folder / CHECKPOINTS).exists():
         return None
     return found if (found.arm, found.seed) == (job.arm, job.seed) else None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 
-from ship_trl.cli import complain, explain_file
+from ship_trl.cli import complain, refusals
 from ship_trl.config import ConfigError
 from ship_trl.progress import in_words
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
@@ -48,24 +48,19 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.write(HELP)
         return
     try:
-        config = to_study(given)
-        check_account(config)
-        jobs = plan_jobs(config)
-        if has_tables(config.folder):
-            raise ConfigError(
-                f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER"
-            )
-        # They are read when the runs are judged, which may be days from now.
-        margins()
-        write_plan(jobs, config)
-        left = study(jobs, config)
-        conclude(jobs, left, config)
-    except ConfigError as error:
-        complain(str(error))
-        sys.exit(1)
-    except OSError as error:
-        complain(explain_file(error))
-        sys.exit(1)
+        with refusals():
+            config = to_study(given)
+            check_account(config)
+            jobs = plan_jobs(config)
+            if has_tables(config.folder):
+                raise ConfigError(
+                    f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER"
+                )
+            # They are read when the runs are judged, which may be days from now.
+            margins()
+            write_plan(jobs, config)
+            left = study(jobs, config)
+            conclude(jobs, left, config)
     except KeyboardInterrupt:
         complain("interrupted; the same command goes on where it was")
         sys.exit(130)

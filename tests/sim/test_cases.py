@@ -7,17 +7,10 @@ import pytest
 from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, load_case
+from tests.fuzz.case_files import GOOD
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 SHIPPED = [*PAPER, "ship"]
-GOOD = """\
-start: [0.0, 0.0]
-heading: 90.0
-goal: [0.0, 600.0]
-ideal_path: straight
-target_ships:
-  - {x: 100.0, y: 300.0, heading: 180.0, speed: 15.0}
-"""
 # Whatever stands in its braces.
 NO_INTERPOLATION = "not readable as YAML: line"
 SHIP = "  - {x: 100.0, y: 300.0, heading: 180.0, speed: 15.0}\n"

@@ -23,16 +23,13 @@ from ship_trl.explain.networks import read_config
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.outside import LARGEST_YAML, Bounded, read_yaml
 from ship_trl.result import ResultError, read_result
-from ship_trl.run.plan import make_run
-from ship_trl.run.tracking import open_folder
-from ship_trl.sim.cases import Case, load_case
+from ship_trl.sim.cases import load_case
 from ship_trl.sim.reference import best_known, plan_name
 from ship_trl.study.plan.manifest import read_plan
 from ship_trl.study.records.tables import CURVES, KEPT, PLAN, RUNS, digest, read_tables
 from ship_trl.transfer.casebase import CaseBase
 from ship_trl.transfer.layers import load_weights, saved_network
 from tests.a_result import a_result
-from tests.test_config import composed
 
 EXECUTED = Path("executed")
 KEY = "SHIP_TRL_A_SECRET"
@@ -263,97 +260,3 @@ def test_what_is_packed_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         Bounded(file, 1000).readall()
     with lzma.open(path) as file:
         assert len(Bounded(file, 10**6).readall()) == 10**6
-
-
-def a_tree(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-@pytest.fixture
-def private(tmp_path: Path) -> Path:
-    """A folder that no command has to do with."""
-    folder = tmp_path / "private"
-    (folder / "scratch" / "seed=0").mkdir(parents=True)
-    (folder / "notes").write_text("mine")
-    (folder / "scratch" / "seed=0" / "notes").write_text("mine")
-    return folder
-
-
-@pytest.mark.parametrize("linked", ["1", "1/scratch", "1/scratch/seed=0"])
-def test_no_run_is_written_through_a_link(linked: str, tmp_path: Path, private: Path) -> None:
-    before, link = a_tree(private), tmp_path / "out" / linked
-    link.parent.mkdir(parents=True)
-    link.symlink_to(private)
-    config = composed("target=1", "method=scratch", "overwrite=true", f"output={tmp_path / 'out'}")
-    with pytest.raises(ConfigError, match=rf"^output: {link} is a link, .* allowed: only output= itself"):
-        make_run(config)
-    assert a_tree(private) == before
-
-
-def test_the_output_itself_may_be_a_link_and_links_in_a_run_are_not_followed(
-    tmp_path: Path, private: Path
-) -> None:
-    before = a_tree(private)
-    (tmp_path / "disk").mkdir()
-    (tmp_path / "out").symlink_to(tmp_path / "disk")
-    config = composed("target=1", "method=scratch", "overwrite=true", f"output={tmp_path / 'out'}")
-    run = make_run(config)
-    run.folder.mkdir(parents=True)
-    (run.folder / "inside").symlink_to(private)
-    (run.folder / "config.yaml").symlink_to(private / "notes")
-    open_folder(run)
-    assert a_tree(private) == before
-    assert [path.name for path in run.folder.iterdir()] == ["config.yaml"]
-    assert not (run.folder / "config.yaml").is_symlink()
-
-
-@pytest.fixture
-def base(tmp_path: Path) -> CaseBase:
-    return CaseBase(tmp_path / "base")
-
-
-@pytest.fixture
-def finished(tmp_path: Path) -> Path:
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for name in ("policy.safetensors", "config.yaml"):
-        (folder / name).write_text(name)
-    return folder
-
-
-def test_an_entry_is_where_its_file_lies_whatever_it_says(
-    base: CaseBase, finished: Path, world: World, private: Path
-) -> None:
-    case = load_case("2", world)
-    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 1.0}}, finished)
-    values = json.loads((stored.path / "entry.json").read_text())
-    elsewhere = values | {"case": "../../private", "config_hash": "../../../x", "seed": "../0"}
-    (stored.path / "entry.json").write_text(json.dumps(elsewhere))
-    (found,) = base.entries()
-    assert found.path == stored.path and found.policy.parent == stored.path
-    for more in ({"path": str(private)}, {"arm": "\x1b[2J"}, {"fingerprint": ["a"]}):
-        (stored.path / "entry.json").write_text(json.dumps(values | more))
-        assert base.entries() == []
-
-
-def test_nothing_is_deleted_through_a_link_of_a_case_base(
-    base: CaseBase, finished: Path, world: World, private: Path
-) -> None:
-    case: Case = load_case("2", world)
-    place, before = base.place(case, "scratch", 0, "abc"), a_tree(private)
-    place.parent.mkdir(parents=True)
-    place.symlink_to(private)
-    with pytest.raises(OSError, match="seed=0-abc"):
-        base.retain(case, "scratch", 0, "abc", {}, finished)
-    assert a_tree(private) == before and list(place.parent.iterdir()) == [place]
-
-
-@pytest.mark.parametrize("name", ["policy.safetensors", "config.yaml"])
-def test_no_file_is_copied_through_a_link(
-    name: str, base: CaseBase, finished: Path, world: World, private: Path
-) -> None:
-    (finished / name).unlink()
-    (finished / name).symlink_to(private / "notes")
-    with pytest.raises(ConfigError, match=rf"^output: {finished / name} is a link"):
-        base.retain(load_case("2", world), "scratch", 0, "abc", {}, finished)
-    assert not list(base.folder.rglob("*"))

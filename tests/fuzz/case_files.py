@@ -8,7 +8,8 @@ from typing import Any
 import yaml
 from hypothesis import strategies as st
 
-from tests.fuzz.hostile import any_float, damaged, magnitude, mostly, texts
+from tests.fuzz.trees import damaged
+from tests.fuzz.values import any_float, magnitude, mostly, texts
 
 near = st.floats(-800, 800)
 # Where a number is allowed to be, and beyond.

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from tests.fuzz.hostile import at, leaves, put
+from tests.fuzz.trees import at, leaves, put
 
 VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 7, 2**31, 2**63, 10**30, 10**400, 0.5, -0.0, 1e308, 1e-320, float("nan")),

@@ -25,7 +25,7 @@ from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.manifest import run_config
-from tests.fuzz import case_files, commands, hostile, readers
+from tests.fuzz import case_files, commands, lines, readers, settings, trees
 from tests.fuzz.judge import complaint, heard, in_time, learn, leaves_nothing, refusal, sail
 
 # What a network is tried on: more would make a test slow.
@@ -159,18 +159,16 @@ def command(given: commands.Command) -> bool:
 
 
 KINDS = {
-    "overrides": Kind(hostile.overrides(), overrides),
-    "study overrides": Kind(hostile.study_lines, study),
+    "overrides": Kind(lines.overrides(), overrides),
+    "study overrides": Kind(lines.study_lines, study),
     "configurations": Kind(
-        sampled_from(["any"]).flatmap(
-            lambda _: hostile.damaged(OmegaConf.to_container(base(), resolve=True))
-        ),
+        sampled_from(["any"]).flatmap(lambda _: trees.damaged(OmegaConf.to_container(base(), resolve=True))),
         configuration,
     ),
-    "worlds": Kind(hostile.worlds().map(lambda world: {"world": world}), configuration),
-    "networks": Kind(hostile.networks().map(lambda network: {"network": network}), configuration),
+    "worlds": Kind(settings.worlds().map(lambda world: {"world": world}), configuration),
+    "networks": Kind(settings.networks().map(lambda network: {"network": network}), configuration),
     "learners": Kind(
-        hostile.learners().map(lambda learner: {"learn": learner, "network": SMALL_NETWORK}), configuration
+        settings.learners().map(lambda learner: {"learn": learner, "network": SMALL_NETWORK}), configuration
     ),
     "case files": Kind(case_files.case_texts().map(lambda t: t.encode("utf-8", "surrogatepass")), case_file),
     "files that are no case": Kind(case_files.bytes_of_files, case_file),

@@ -26,8 +26,9 @@ from ship_trl.study.plan.manifest import PLAN, begun_with, read_plan
 from ship_trl.study.records.record import BrokenRunError, make_record
 from tests.a_result import a_result
 from tests.fuzz.case_files import GOOD
-from tests.fuzz.hostile import damaged, mostly
 from tests.fuzz.judge import FaultError, listing
+from tests.fuzz.trees import damaged
+from tests.fuzz.values import mostly
 
 ERRORS = (ConfigError, ResultError, CurveError, BrokenRunError)
 WORLD = load_world()

@@ -158,17 +158,19 @@ class Training:
             raise DivergedError(f"a Q-value is not finite after environment step {self.steps}")
         return Evaluated(self.episode, self.steps, sailed)
 
-    def state_dict(self) -> dict[str, torch.Tensor]:
-        """Give all that decides how it goes on, as tensors on the CPU by dotted names.
+    def check_finite(self) -> None:
+        """Check all that it learned, which an episode's loss or a greedy evaluation may not show yet.
 
         Raises:
-            DivergedError: it cannot go on, because a loss or a weight is not finite.
+            DivergedError: a loss or a weight is not finite.
         """
-        assert self._current is not None, "begin() comes first"
         self._mean_loss()
-        agent = self.agent.state_dict()
-        if not all(bool(value.isfinite().all()) for value in agent.values()):
+        if not all(bool(value.isfinite().all()) for value in self.agent.state_dict().values()):
             raise DivergedError(f"a weight is not finite after environment step {self.steps}")
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """Give all that decides how it goes on, as tensors on the CPU by dotted names."""
+        assert self._current is not None, "begin() comes first"
         flat = self._current.flatten_keys(".")
         own = {
             "counters": torch.tensor([self.episode, self.steps, self.updates]),
@@ -176,7 +178,7 @@ class Training:
             "lengths": self._lengths,
             "losses": torch.stack(self._losses) if self._losses else torch.empty(0),
             **below("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
-            **below("agent", agent),
+            **below("agent", self.agent.state_dict()),
             **below("replay", self.replay.kept()),
         }
         return {name: value.detach().cpu() for name, value in own.items()}

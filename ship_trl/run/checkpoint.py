@@ -158,29 +158,8 @@ def read_about(path: Path) -> About:
     Raises:
         CheckpointError: there is none, or it is damaged.
     """
-    header = read_header(path)
-    values: dict[str, Any] = {name: header.get(name) for name in KINDS}
-    for name, kinds in KINDS.items():
-        if type(values[name]) not in kinds:
-            raise CheckpointError(f"has no right {name} in its header")
-    return About(**values)
-
-
-def read_header(path: Path) -> dict[str, Any]:
-    """Read the header's entry.
-
-    Raises:
-        CheckpointError: there is none, or it is damaged.
-    """
     with opened(path, "numpy") as file:
-        entry = (file.metadata() or {}).get(ENTRY, "")
-    try:
-        values = json.loads(entry)
-    except (ValueError, RecursionError):
-        raise CheckpointError("is no checkpoint") from None
-    if not isinstance(values, dict):
-        raise CheckpointError("is no checkpoint")
-    return values
+        return about_of(header_of(file))
 
 
 def read(path: Path) -> Checkpoint:
@@ -189,12 +168,41 @@ def read(path: Path) -> Checkpoint:
     Raises:
         CheckpointError: there is none, or it is damaged.
     """
-    about = read_about(path)
     with opened(path, "pt") as file:
+        header = header_of(file)
+        about = about_of(header)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    if read_header(path).get("digest") != digest(tensors, about):
+    if header.get("digest") != digest(tensors, about):
         raise CheckpointError("is damaged")
     return Checkpoint(about, tensors)
+
+
+def header_of(file: Any) -> dict[str, Any]:
+    """Give the header's entry of an opened file.
+
+    Raises:
+        CheckpointError: it is no checkpoint's.
+    """
+    try:
+        values = json.loads((file.metadata() or {}).get(ENTRY, ""))
+    except (ValueError, RecursionError):
+        raise CheckpointError("is no checkpoint") from None
+    if not isinstance(values, dict):
+        raise CheckpointError("is no checkpoint")
+    return values
+
+
+def about_of(header: dict[str, Any]) -> About:
+    """Give what a header says.
+
+    Raises:
+        CheckpointError: an entry is missing, or of another kind.
+    """
+    values: dict[str, Any] = {name: header.get(name) for name in KINDS}
+    for name, kinds in KINDS.items():
+        if type(values[name]) not in kinds:
+            raise CheckpointError(f"has no right {name} in its header")
+    return About(**values)
 
 
 @contextmanager

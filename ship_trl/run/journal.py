@@ -45,6 +45,7 @@ class Journal:
             DivergedError: a loss or a weight is not finite; what was written before is kept.
         """
         training, history = self._parts.training, self._parts.history
+        training.check_finite()
         about = About(
             config_hash=self._run.config_hash,
             computed=self._parts.computed,

@@ -30,11 +30,17 @@ def environment() -> dict[str, str]:
 
 
 def ship_trl(
-    *arguments: str, folder: Path, module: str = "ship_trl", code: int = 0
+    *arguments: str, folder: Path, module: str = "ship_trl", code: int = 0, first: str = ""
 ) -> subprocess.CompletedProcess[str]:
-    """Run `python -m ship_trl ...` in `folder` and check its exit code."""
+    """Run `python -m ship_trl ...` in `folder` and check its exit code; lines of Python may come first."""
+    program = ["-m", module]
+    if first:
+        then = (
+            f"import runpy, sys; sys.argv[0] = {module!r}; runpy.run_module({module!r}, run_name='__main__')"
+        )
+        program = ["-c", f"{first}\n{then}"]
     done = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
+        [sys.executable, *program, *arguments],
         cwd=folder,
         env=environment(),
         capture_output=True,

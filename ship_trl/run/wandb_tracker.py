@@ -74,7 +74,7 @@ class WandbTracker:
             tags=[config.profile],
             config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
             reinit="finish_previous",
-            settings=wandb.Settings(init_timeout=START, finish_timeout=END),
+            settings=wandb.Settings(init_timeout=START, finish_timeout=END, finish_timeout_raises=True),
         )
 
     def _noted(self) -> str | None:
@@ -138,12 +138,14 @@ class WandbTracker:
         """End the run, so that the next one of a sweep is a run of its own, and say where it is."""
         folder, url = shown(Path(self._wandb.dir).parent), self._wandb.url
         self._try(lambda: self._wandb.finish(exit_code=int(failed)))
-        console.say(f"wandb: {url or f'{folder}; to upload it: wandb sync {shlex.quote(str(folder))}'}")
+        # What a server did not take is in the folder whole.
+        uploaded = url if url and not self._failed else None
+        console.say(f"wandb: {uploaded or f'{folder}; to upload it: wandb sync {shlex.quote(str(folder))}'}")
 
 
 def in_a_line(error: Exception) -> str:
     """Give an error's text as one line."""
-    return " ".join(str(error).split()) or type(error).__name__
+    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
 def shown(folder: Path) -> Path:

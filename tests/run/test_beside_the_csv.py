@@ -1,8 +1,6 @@
 """`logger=all`: wandb and TensorBoard hold what the CSV and the pictures hold, and a run says where."""
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import pytest
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tests.test_cli import KEYS, environment, files, ship_trl
+from tests.test_cli import KEYS, files, ship_trl
 
 LINE = ("profile=smoke", "target=1", "method=scratch", "logger=all")
 RUN = "1/scratch/seed=0"
@@ -79,28 +77,18 @@ def test_no_key_is_written_or_said(logged: tuple[Path, str]) -> None:
 
 
 def test_a_run_that_was_stopped_is_there_once(tmp_path: Path) -> None:
-    code = (
-        "import signal, sys\n"
+    first = (
+        "import signal\n"
         "from ship_trl.run import tracking\n"
         "log, seen = tracking.Tracker.log, []\n"
         "def counted(tracker, event):\n"
         "    log(tracker, event)\n"
         "    seen.append(event)\n"
         "    len(seen) != 5 or signal.raise_signal(signal.SIGTERM)\n"
-        "tracking.Tracker.log = counted\n"
-        "from ship_trl.__main__ import main\n"
-        "main()\n"
+        "tracking.Tracker.log = counted"
     )
-    stopped = subprocess.run(
-        [sys.executable, "-c", code, *LINE],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=900,
-    )
-    words = "ship_trl: stopped at episode 3 of 6; the same command goes on from there\n"
-    assert (stopped.returncode, stopped.stderr) == (143, words)
+    stopped = ship_trl(*LINE, folder=tmp_path, code=143, first=first)
+    assert stopped.stderr == "ship_trl: stopped at episode 3 of 6; the same command goes on from there\n"
     said = ship_trl(*LINE, folder=tmp_path).stdout
     assert "goes on from its checkpoint, episode 3 of 6" in said
     output = tmp_path / "outputs/smoke"

@@ -1,8 +1,6 @@
 """A full disk: every writer of a run's files names the file, and the command says so in one line."""
 
 import resource
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +22,7 @@ from ship_trl.view.film import write_gif
 from tests.a_result import a_result
 from tests.learn.networks import network
 from tests.run.test_tracking import FINISHED
-from tests.test_cli import environment
+from tests.test_cli import ship_trl
 from tests.test_config import composed
 from tests.view.sailing import sail
 
@@ -123,19 +121,9 @@ def test_an_error_of_the_file_system_is_one_line(
 
 def test_a_run_on_a_full_disk_ends_with_one_line(tmp_path: Path) -> None:
     # Weights are larger, and what else is written, compiled loops too, is smaller.
-    code = (
-        "import resource, runpy, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000,) * 2);"
-        "sys.argv[0] = 'ship_trl'; runpy.run_module('ship_trl', run_name='__main__')"
-    )
+    first = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000,) * 2)"
     line = ("profile=smoke", "learn.warmup_steps=1000000", "target=1", "method=scratch")
-    done = subprocess.run(
-        [sys.executable, "-c", code, *line],
-        cwd=tmp_path,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=900,
-    )
+    done = ship_trl(*line, folder=tmp_path, code=1, first=first)
     place = Path("outputs/smoke/1/scratch/seed=0/policy.safetensors")
-    assert (done.returncode, done.stderr) == (1, f"ship_trl: {place}: File too large\n")
+    assert done.stderr == f"ship_trl: {place}: File too large\n"
     assert not (tmp_path / place.parent / "result.json").exists()

@@ -15,7 +15,7 @@ from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.conclude import retain
 from ship_trl.run.parts import source_weights
 from ship_trl.run.plan import Run, check_folder
-from ship_trl.run.process import configure_process
+from ship_trl.run.process import configure_process, release_memory
 from ship_trl.run.training import train_run
 from ship_trl.transfer.casebase import CaseBase, Entry
 from ship_trl.transfer.layers import load_weights
@@ -53,6 +53,7 @@ def run_experiment(run: Run, place: str = "") -> Result:
         # A process may have been killed between the result and these two.
         retain(run, result)
         Checkpoints(run.folder).remove()
+    release_memory()
     console.say_result(result, run.folder, place) if place else console.show_result(result, run.folder)
     return result
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import gc
 import logging
 
 import torch
@@ -22,9 +24,22 @@ def configure_process() -> None:
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     logging.getLogger("torchrl").setLevel(logging.WARNING)
-    try:
-        mallopt = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError, TypeError):
-        return
     for option, value in ((M_MMAP_THRESHOLD, 1 << 30), (M_TRIM_THRESHOLD, 1 << 30), (M_TOP_PAD, 1 << 26)):
-        mallopt(option, value)
+        of_glibc("mallopt", option, value)
+
+
+def release_memory() -> None:
+    """Give the memory of a run that is over back to the system.
+
+    Its parts refer to one another in a circle (a replay and its transforms do), which Python finds now and
+    then; and what is free glibc keeps, as `configure_process` tells it to. A process that trained runs with
+    frozen layers, one after another, so held 4.5 GB, of which it used 0.6.
+    """
+    gc.collect()
+    of_glibc("malloc_trim", 0)
+
+
+def of_glibc(function: str, *arguments: int) -> None:
+    """Call a function of glibc, where there is one."""
+    with contextlib.suppress(AttributeError, OSError, TypeError):
+        getattr(ctypes.CDLL(None), function)(*arguments)

@@ -1,11 +1,13 @@
 """How a run uses the machine."""
 
+import platform
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import torch
 
-from ship_trl.run.process import configure_process
+from ship_trl.run.process import configure_process, release_memory
 
 
 @pytest.fixture
@@ -24,3 +26,22 @@ def test_numbers_that_cost_a_hundred_times_as_much_are_zero_where_they_can_be(ab
     for _ in range(40):
         average *= 0.9
     assert (float(average.abs().max()) == 0.0) == able
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="glibc's memory alone is kept")
+def test_memory_is_kept_between_updates_and_given_back_after_a_run() -> None:
+    configure_process()
+    parts = [torch.ones(25_000_000) for _ in range(4)]
+    # A run leaves small things behind it, without which glibc would give back all that is above them.
+    left = torch.ones(1000)
+    held = resident()
+    parts.clear()
+    assert resident() > held - 50
+    release_memory()
+    assert resident() < held - 300 and float(left.sum()) == 1000
+
+
+def resident() -> float:
+    """MB of this process that are in memory."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.partition("VmRSS:")[2].split()[0]) / 1024

@@ -20,9 +20,10 @@ def main() -> None:
 
     from ship_trl.checks import to_config
     from ship_trl.cli import job_errors
-    from ship_trl.launchers import die_with_launcher, launches, let_runs_stop, place_in_grid
+    from ship_trl.launchers import die_with_launcher, launches, place_in_grid
     from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
+    from ship_trl.stop import heed_sigterm
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
     def entry(values: DictConfig) -> float:
@@ -38,8 +39,7 @@ def main() -> None:
             return objective(run, result)
 
     launches()
-    if {"-m", "--multirun"} & set(sys.argv):
-        let_runs_stop()
+    heed_sigterm()
     with hydra_errors():
         entry()
 

@@ -166,7 +166,9 @@ def check_names(config: Config) -> None:
     }
     for key, path in (paths | {"wandb.folder": config.wandb.folder}).items():
         allowed = f"a path of at most {LONGEST_PATH} bytes, {LONGEST_NAME} a name"
-        require(path is None or is_path(path), key, allowed, path)
+        # An empty output, as of an unset variable of a shell, would be the folder that one works in.
+        named = path != "" or key not in ("output", "case_base", "wandb.folder")
+        require(path is None or (named and is_path(path)), key, allowed, path)
 
 
 def is_path(text: str) -> bool:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, NoReturn
 
-from ship_trl.paths import conf_dir
+from ship_trl.paths import DISK, conf_dir
 
 if TYPE_CHECKING:
     import argparse
 
-# The disk is full, a quota or a limit is reached, or it is broken; an error of writing may name no file.
-DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 # What Hydra finds only if an extra is installed.
 EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
 # Begins what the parser of Hydra's overrides says.
@@ -126,7 +124,7 @@ def job_errors() -> Iterator[None]:
     from hydra.types import RunMode
 
     from ship_trl.config import ConfigError
-    from ship_trl.stop import StoppedError, die_of
+    from ship_trl.stop import TIME_TO_STOP, StoppedError, die_of
 
     try:
         yield
@@ -134,7 +132,9 @@ def job_errors() -> Iterator[None]:
         complain(str(error))
         if HydraConfig.get().mode is RunMode.RUN:
             sys.exit(128 + error.number)
-        # A process of a grid would be given the next run.
+        # A process of a grid would be given the next run. When the first ends, joblib kills the others,
+        # which may still write.
+        time.sleep(TIME_TO_STOP)
         die_of(error.number)
     except (ConfigError, OSError) as error:
         if not explained(error):

@@ -70,6 +70,8 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
             entries += packaged(name, targets, world)
         elif Path(name).is_dir():
             entries += of_folder(Path(name), targets)
+        elif "/" in name and ":" not in name and not Path(name).exists():
+            raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
         elif not targets:
             raise ConfigError(
                 f"target: none given for {name}; allowed: target=CASE, or several behind commas"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import math
 import os
 import secrets
 import signal
+import sys
 import time
 from multiprocessing import current_process
 from pathlib import Path
@@ -17,20 +19,19 @@ from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
+from ship_trl.cli import complain
+from ship_trl.stop import TIME_TO_STOP, die_of
+
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
 RAY = "hydra_plugins.hydra_ray_launcher"
 # The process that starts those of a grid.
 LAUNCHER = "SHIP_TRL_LAUNCHER"
-# Begins the names of joblib's processes.
-JOBLIB = "LokyProcess"
-# Seconds; a step of the environment and a checkpoint take a tenth.
-TIME_TO_STOP = 2.0
-# Of Linux's prctl: a signal when the parent dies.
-PR_SET_PDEATHSIG = 1
-
-
 # How many runs a grid has.
 GRID = "SHIP_TRL_GRID"
+# Begins the names of joblib's processes.
+JOBLIB = "LokyProcess"
+# Of Linux's prctl: a signal when the parent dies.
+PR_SET_PDEATHSIG = 1
 
 
 def launches() -> None:
@@ -39,18 +40,39 @@ def launches() -> None:
 
 
 def let_runs_stop() -> None:
-    """On Ctrl-C, leave the processes of a grid, which it reaches too, time to write their checkpoints.
+    """On Ctrl-C and SIGTERM, leave the processes of a grid time to write their checkpoints.
 
-    joblib would kill them at once. A second Ctrl-C does not wait.
+    Ctrl-C reaches them too, and joblib would kill them at once; a second one does not wait. SIGTERM is passed
+    on to them: they would be told of this process's end, but that of the first process of a container kills
+    all others with it.
     """
 
     def wait(*_: object) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        time.sleep(TIME_TO_STOP)
+        time.sleep(2 * TIME_TO_STOP)
         raise KeyboardInterrupt
+
+    def pass_on(number: int, _: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        for child in children():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, number)
+        time.sleep(2 * TIME_TO_STOP)
+        die_of(signal.Signals(number))
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, wait)
+    if signal.getsignal(signal.SIGTERM) is not signal.SIG_IGN:
+        signal.signal(signal.SIGTERM, pass_on)
+
+
+def children() -> list[int]:
+    """List the processes that this one has started; none where the system does not tell."""
+    try:
+        words = [path.read_text() for path in Path("/proc/self/task").glob("*/children")]
+    except OSError:
+        return []
+    return [int(word) for word in " ".join(words).split()]
 
 
 def die_with_launcher() -> None:
@@ -75,10 +97,12 @@ def die_with_parent() -> None:
 
 
 class CountRuns(Callback):
-    """Tells the processes of a grid how many runs it has."""
+    """Tells the processes of a grid how many runs it has, and lets them stop; however it is a grid."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Before the launcher starts."""
+        let_runs_stop()
+        refuse_links(Path(config.hydra.sweep.dir))
         sweeper = config.hydra.sweeper
         runs = OmegaConf.select(sweeper, "n_trials")
         if runs is None:
@@ -91,6 +115,15 @@ class CountRuns(Callback):
                 # Hydra itself says what is wrong with them, or its sweeper knows another way.
                 return
         os.environ[GRID] = str(runs)
+
+
+def refuse_links(folder: Path) -> None:
+    """End a grid of which Hydra or submitit would write through a link, to anywhere."""
+    for path in (folder / "multirun.yaml", folder / ".submitit"):
+        if path.is_symlink():
+            complain(f"output: {path} is a link; allowed: only output= itself may be one")
+            # Hydra makes warnings of a callback's exceptions.
+            sys.exit(1)
 
 
 def place_in_grid(number: int) -> str:

@@ -35,9 +35,9 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
         yaml.YAMLError: it is not YAML, too large or too deep, or holds an interpolation or an alias.
         OSError: it cannot be read.
     """
-    data = read_file(path)
-    if len(data) > LARGEST_YAML:
+    if path.is_file() and path.stat().st_size > LARGEST_YAML:
         raise yaml.YAMLError(f"larger than {LARGEST_YAML} bytes")
+    data = read_file(path)
     try:
         text = data.decode()
         refuse_more_than_values(text)

@@ -5,11 +5,17 @@ from __future__ import annotations
 import errno
 import json
 import os
+import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+# Bytes of any file that is read whole, at most: a curve of ten million episodes.
+LARGEST = 1 << 30
+# The disk is full, a quota or a limit is reached, or it is broken; an error of writing may name no file.
+DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 # What results are named by may name a folder too.
 LONGEST_NAME = 100
 
@@ -36,15 +42,26 @@ def links(folder: Path, below: Path) -> list[Path]:
     return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
 
 
-def read_file(path: Path) -> bytes:
-    """Read a file.
+def read_file(path: Path, most: int = LARGEST) -> bytes:
+    """Read a file of at most so many bytes.
 
     Raises:
-        OSError: it is not there, or is a folder, a pipe or a device: to read one of those might never end.
+        OSError: it is not there, or larger, or is a folder, a pipe or a device: to read one of those might
+            never end.
     """
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "is no file", str(path))
+    if path.stat().st_size > most:
+        raise OSError(errno.EFBIG, f"is larger than {most} bytes", str(path))
     return path.read_bytes()
+
+
+def remove(path: Path) -> None:
+    """Take away what is there: a file, a link, or a folder with all in it."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def read_json(path: Path) -> Any:
@@ -87,7 +104,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
     A reader sees the old file or the whole new one; after an error only the old one is left.
     """
-    draft = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    # A name that nobody can guess: a link that waits under it would be written through.
+    draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         with writing(path, draft):
             yield draft

@@ -127,8 +127,8 @@ def _typed(schema: Any, given: dict[str, Any], where: str) -> Any:
     for entry in dataclasses.fields(schema):
         key = "return" if entry.name == "episode_return" else entry.name
         if key not in given:
-            optional = entry.default is dataclasses.MISSING and entry.default_factory is dataclasses.MISSING
-            if optional:
+            required = entry.default is dataclasses.MISSING and entry.default_factory is dataclasses.MISSING
+            if required:
                 raise ResultError(f"has no {where}{key}")
             continue
         value, kind = given[key], hints[entry.name]

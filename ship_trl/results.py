@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from ship_trl.cli import complain, explain_file, make_parser
+from ship_trl.config import one_line
 from ship_trl.curve import CurveError, read_curve, split
 from ship_trl.result import RESULT, Evaluation, Result, ResultError, read_result
 from ship_trl.run.plan import DAMAGED
@@ -133,7 +134,7 @@ def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
         if path.parent.name.startswith(DAMAGED):
             continue
         try:
-            part = "/".join(path.relative_to(folder).parts[:-4])
+            part = one_line("/".join(path.relative_to(folder).parts[:-4]))
             found.append(Found(read_result(path.parent), path.parent, folder, part))
         except ResultError as error:
             broken.append((path, str(error)))

@@ -9,6 +9,9 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any, NoReturn
 
+# Seconds that the runs of a grid have; a step of the environment and a checkpoint take a tenth.
+TIME_TO_STOP = 2.0
+
 
 class StoppedError(KeyboardInterrupt):
     """A training that was asked to stop and did; its text says where it stands and how to go on."""
@@ -54,6 +57,30 @@ class Stop:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
+
+
+class TerminatedError(BaseException):
+    """SIGTERM, where what a process has started is to be ended before it ends."""
+
+
+def unwind_at_sigterm() -> None:
+    """Raise `TerminatedError` at the first SIGTERM; further ones are ignored."""
+
+    def unwind(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise TerminatedError
+
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, unwind)
+
+
+def heed_sigterm() -> None:
+    """End by SIGTERM where nothing else is done at it, even as the first process of a container.
+
+    The system does not end that one by a signal which it does not handle.
+    """
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, lambda number, _: die_of(signal.Signals(number)))
 
 
 def die_of(number: signal.Signals) -> NoReturn:

@@ -34,9 +34,9 @@ ALLOWED = {
     "vector_env": SIM,
     "run": SIM
     | {"__version__", "architecture", "curve", "demonstrations", "learn", "pretrained", "progress"}
-    | {"result", "stop", "transfer", "view"},
+    | {"outside", "result", "stop", "transfer", "view"},
     "cases": SIM | {"cli", "transfer", "view"},
-    "launchers": set(),
+    "launchers": {"cli", "stop"},
     "study": SIM
     | {
         "architecture",
@@ -49,10 +49,11 @@ ALLOWED = {
         "result",
         "run",
         "shapes",
+        "stop",
     }
     | {"transfer"},
     "report": {"cli", "config", "study"},
-    "results": {"cli", "curve", "result", "run", "study", "view"},
+    "results": {"cli", "config", "curve", "result", "run", "study", "view"},
     "policies": SIM | {"learn", "pretrained", "transfer"},
     "entries": SIM
     | {"checks", "cli", "learn", "outside", "policies", "pretrained", "result", "results", "transfer"},
@@ -66,7 +67,7 @@ ALLOWED = {
     | {"transfer"},
     "export": SIM | {"__version__", "cli", "entries", "learn", "policies", "pretrained", "run", "transfer"},
     "bench": SIM | {"architecture", "checks", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
-    "__main__": BELOW | {"checks", "cli", "launchers", "run"},
+    "__main__": BELOW | {"checks", "cli", "launchers", "run", "stop"},
     "__init__": SIM | {"learn", "policies", "pretrained"},
 }
 # What each room of the study may import of the others; rules and margins are what the analysis plan fixes.
@@ -89,6 +90,7 @@ WITHOUT_TORCH = (
     "shapes",
     "paths",
     "run/checkpoint",
+    "run/folder",
     "run/plan",
     "stop",
     "result",

@@ -6,10 +6,12 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError, World
+from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import make_run
-from ship_trl.run.tracking import open_folder
+from ship_trl.run.wandb_tracker import begin_wandb
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import CaseBase
+from tests.test_cli import ship_trl
 from tests.test_config import composed
 
 
@@ -75,11 +77,11 @@ def test_an_entry_is_where_its_file_lies_whatever_it_says(
     case = load_case("2", world)
     stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 1.0}}, finished)
     values = json.loads((stored.path / "entry.json").read_text())
-    elsewhere = values | {"case": "../../private", "config_hash": "../../../x", "seed": "../0"}
+    elsewhere = values | {"case": "../../private", "config_hash": "../../../x"}
     (stored.path / "entry.json").write_text(json.dumps(elsewhere))
     (found,) = base.entries()
     assert found.path == stored.path and found.policy.parent == stored.path
-    for more in ({"path": str(private)}, {"arm": "\x1b[2J"}, {"fingerprint": ["a"]}):
+    for more in ({"path": str(private)}, {"arm": "\x1b[2J"}, {"fingerprint": ["a"]}, {"seed": "../0"}):
         (stored.path / "entry.json").write_text(json.dumps(values | more))
         assert base.entries() == []
 
@@ -91,9 +93,44 @@ def test_nothing_is_deleted_through_a_link_of_a_case_base(
     place, before = base.place(case, "scratch", 0, "abc"), a_tree(private)
     place.parent.mkdir(parents=True)
     place.symlink_to(private)
-    with pytest.raises(OSError, match="seed=0-abc"):
+    with pytest.raises(ConfigError, match="seed=0-abc is a link"):
         base.retain(case, "scratch", 0, "abc", {}, finished)
     assert a_tree(private) == before and list(place.parent.iterdir()) == [place]
+
+
+@pytest.mark.parametrize("linked", ["1", "1/scratch", ".locks", ".plans"])
+def test_no_case_base_is_written_through_a_link(linked: str, tmp_path: Path, private: Path) -> None:
+    before, link = a_tree(private), tmp_path / "base" / linked
+    link.parent.mkdir(parents=True)
+    link.symlink_to(private)
+    given = (f"case_base={tmp_path / 'base'}", f"output={tmp_path / 'out'}")
+    for line in (("target=1", "method=scratch"), ("source=1", "target=2", "method=finetune", "layers=1")):
+        with pytest.raises(ConfigError, match=rf"^case_base: {link} is a link; allowed: "):
+            make_run(composed(*line, *given))
+    assert a_tree(private) == before and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("linked", [".locks", "wandb"])
+def test_nothing_beside_the_runs_is_written_through_a_link(
+    linked: str, tmp_path: Path, private: Path
+) -> None:
+    before, link = a_tree(private), tmp_path / "out" / linked
+    link.parent.mkdir(parents=True)
+    link.symlink_to(private)
+    config = composed("target=1", "method=scratch", "logger=wandb", f"output={tmp_path / 'out'}")
+    with pytest.raises(ConfigError, match=rf"{link} is a link; allowed: "):
+        begin_wandb(make_run(config))
+    assert a_tree(private) == before
+
+
+def test_a_grid_does_not_write_through_a_link(tmp_path: Path, private: Path) -> None:
+    before = a_tree(private)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/multirun.yaml").symlink_to(private / "notes")
+    line = ("-m", "target=1,2", "method=scratch", "profile=smoke", "output=out")
+    said = ship_trl(*line, folder=tmp_path, code=1).stderr
+    assert said == "ship_trl: output: out/multirun.yaml is a link; allowed: only output= itself may be one\n"
+    assert a_tree(private) == before
 
 
 @pytest.mark.parametrize("name", ["policy.safetensors", "config.yaml"])

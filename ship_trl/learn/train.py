@@ -51,7 +51,7 @@ def learning_rate_at(episode: int, learn: Learn) -> float:
 
 
 class DivergedError(Exception):
-    """A loss or a Q-value that is no finite number; its text says after which environment step."""
+    """A loss, a weight or a Q-value that is no finite number; its text says after which environment step."""
 
 
 class Training:
@@ -187,8 +187,10 @@ class Training:
         """Go on from where `state_dict` was given, in place of `begin`.
 
         Raises:
-            KeyError, RuntimeError: it is that of another training.
+            KeyError, RuntimeError, TypeError, ValueError: it is that of another training.
         """
+        if state["counters"].dtype is not torch.int64:
+            raise TypeError("counters are whole numbers")
         self.episode, self.steps, self.updates = state["counters"].tolist()
         self._returns.copy_(state["returns"])
         self._lengths.copy_(state["lengths"])

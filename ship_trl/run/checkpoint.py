@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 
-from ship_trl.paths import replacing
+from ship_trl.paths import LONGEST_NAME, read_file, replacing
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-FOLDER = "checkpoint"
+FOLDER, OWNER = "checkpoint", "config_hash"
 # The name of the header's entry.
 ENTRY = "ship_trl"
 
@@ -110,16 +110,22 @@ class Checkpoints:
         self.begin(about.episode)
 
     def read(self, config_hash: str) -> tuple[Checkpoint | None, dict[Path, str]]:
-        """Read a run's newest whole checkpoint, None without one; say of each damaged one what is wrong."""
+        """Read a run's newest whole checkpoint, None without one; say of each damaged one what is wrong.
+
+        One whose header cannot be read may be the newest, so that it is named too.
+        """
         damaged: dict[Path, str] = {}
+        newest: Checkpoint | None = None
         for path in self._newest_first():
             try:
-                found = read(path)
-                if found.about.config_hash == config_hash:
-                    return found, damaged
+                if newest is None:
+                    found = read(path)
+                    newest = found if found.about.config_hash == config_hash else None
+                else:
+                    read_about(path)
             except CheckpointError as error:
                 damaged[path] = str(error)
-        return None, damaged
+        return newest, damaged
 
     def about(self) -> About | None:
         """Say what the newest checkpoint with a whole header is, None without one; reads little of it."""
@@ -130,6 +136,24 @@ class Checkpoints:
                 continue
         return None
 
+    def begin_run(self, config_hash: str) -> None:
+        """Make their folder, and note whose they will be: a damaged one does not tell.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self.folder.mkdir(exist_ok=True)
+        with replacing(self.folder / OWNER) as draft:
+            draft.write_text(config_hash)
+
+    def of_another(self, config_hash: str) -> bool:
+        """Whether there are checkpoints, and another run has noted that they are its own."""
+        try:
+            owner = read_file(self.folder / OWNER, most=LONGEST_NAME).decode()
+        except (OSError, ValueError):
+            return False
+        return owner != config_hash and bool(self._newest_first())
+
     def remove(self) -> None:
         """Take them away: the run is finished, or begins anew."""
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -138,7 +162,8 @@ class Checkpoints:
         return [self.folder / f"{number}.safetensors" for number in (1, 2)]
 
     def _newest_first(self) -> list[Path]:
-        return sorted((path for path in self._files() if path.is_file()), key=steps_of, reverse=True)
+        there = (path for path in self._files() if path.exists() or path.is_symlink())
+        return sorted(there, key=steps_of, reverse=True)
 
     def _oldest(self) -> Path:
         return min(self._files(), key=steps_of)
@@ -212,6 +237,8 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
     Raises:
         CheckpointError: there is none, or it is cut short.
     """
+    if not path.is_file() or path.is_symlink():
+        raise CheckpointError("is no file")
     try:
         with safe_open(path, framework=framework) as file:
             yield file

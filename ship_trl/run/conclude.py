@@ -90,9 +90,8 @@ def retain(run: Run, result: Result) -> Entry:
     """Keep a finished run's network in the case base, for later targets (section 4.2)."""
     values = result.to_json()
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}
-    arm = run.config.arm
-    if run.config.method is not Method.scratch:
-        arm += f"-from-{Path(str(run.config.source)).stem}"
     base = CaseBase(Path(run.config.case_base))
     network = others(run.config.network)
-    return base.retain(run.target, arm, run.config.seed, run.config_hash, scores, run.folder, network)
+    return base.retain(
+        run.target, run.entry_arm, run.config.seed, run.config_hash, scores, run.folder, network
+    )

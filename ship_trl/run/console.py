@@ -18,6 +18,7 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from ship_trl.config import one_line
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.progress import Lines, in_words
 from ship_trl.result import Result
@@ -32,8 +33,8 @@ SHORT_WAIT, LONG_WAIT = 1.0, 60.0
 
 
 def say(text: str) -> None:
-    """One line."""
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    """One line, whatever a stranger's file has put into it."""
+    console.print(one_line(text), highlight=False, markup=False, soft_wrap=True)
 
 
 def progress(

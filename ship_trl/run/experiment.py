@@ -13,8 +13,9 @@ from ship_trl.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.conclude import retain
+from ship_trl.run.folder import check_folder
 from ship_trl.run.parts import source_weights
-from ship_trl.run.plan import Run, check_folder
+from ship_trl.run.plan import Run
 from ship_trl.run.process import configure_process, release_memory
 from ship_trl.run.training import train_run
 from ship_trl.transfer.casebase import CaseBase, Entry

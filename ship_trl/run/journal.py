@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import time
 
 import numpy as np
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from ship_trl.config import ConfigError
 from ship_trl.learn.train import DivergedError, below, within
+from ship_trl.paths import remove
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.history import to_csv
@@ -80,7 +82,7 @@ class Journal:
         for path, reason in damaged.items():
             then = "the one before it is used" if found else "the run begins anew"
             console.say(f"checkpoint: {path} {reason}; {then}")
-            path.unlink(missing_ok=True)
+            remove(path)
         if found is None:
             return
         about, tensors, folder = found.about, found.tensors, self.checkpoints.folder
@@ -98,7 +100,7 @@ class Journal:
             self._parts.training.load_state_dict(within("training", tensors))
             rows = bytes(tensors["curve"].numpy()).decode()
             self._parts.history.restore(rows, within("best", tensors), self._parts.sail)
-        except (KeyError, ValueError, IndexError, RuntimeError) as error:
+        except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
             raise ConfigError(
                 f"output: {folder} is not what this program writes ({type(error).__name__}); "
                 f"allowed: remove {folder} to begin anew"
@@ -121,6 +123,6 @@ class Journal:
         """Say how the training diverged, and what is left of it."""
         kept = "" if self._kept is None else f"; the checkpoint of episode {self._kept} is kept"
         return (
-            f"learn: {error}, in episode {self._parts.training.episode + 1} of {self._run.folder}{kept}; "
+            f"learn: {error}, at episode {self._parts.training.episode} of {self._run.folder}{kept}; "
             "a smaller learn.lr or learn.reward_scale, or learn.loss=huber, may help"
         )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import torch
@@ -49,15 +51,29 @@ class Parts:
 
     @property
     def computed(self) -> str:
-        """Say by what arithmetic it learns: precision, backend, processor or device, and torch."""
-        agent, device = self.agent, self.eval_env.device.type
+        """Say by what arithmetic it learns: precision, backend, processor or device, torch, rounding."""
+        agent, device = self.agent, self.eval_env.device
         precision = str(agent.dtype).removeprefix("torch.")
-        place = torch.backends.cpu.get_cpu_capability() if device == "cpu" else device
-        return f"{precision} {agent.backend.name} {place} torch-{torch.__version__}"
+        place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
+        rounding = probe(agent.dtype, device)
+        return f"{precision} {agent.backend.name} {place} torch-{torch.__version__} {rounding}"
 
     def sail(self, network: DuelingNetwork) -> Episode:
         """Sail the greedy episode of a network."""
         return rollout(self.eval_env, greedy_policy(network, self.draw))[0]
+
+
+@cache
+def probe(dtype: torch.dtype, device: torch.device) -> str:
+    """Digest a few products: processors of one name round differently, and their libraries can be told to."""
+    generator, digest = Generator().manual_seed(0), hashlib.sha256()
+    # Rows, inner and outer size: of a batch's fully connected layer, of conv layers' windows, and of a step.
+    for rows, inner, outer in ((32, 3136, 512), (2000, 256, 32), (500, 576, 64), (1, 3136, 512)):
+        left, right = (torch.randn(size, generator=generator) for size in ((rows, inner), (inner, outer)))
+        for kind in (dtype, torch.float32):
+            product = left.to(device, kind) @ right.to(device, kind)
+            digest.update(product.float().cpu().numpy().tobytes())
+    return digest.hexdigest()[:8]
 
 
 def make_parts(run: Run, device: torch.device, source: Entry | None) -> Parts:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,33 +16,18 @@ from omegaconf import OmegaConf
 from ship_trl.architecture import others
 from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
 from ship_trl.demonstrations import Demonstration, read_demonstrations
-from ship_trl.paths import conf_dir, links
+from ship_trl.paths import conf_dir
 from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
-from ship_trl.result import RESULT, Result, ResultError, read_result
-from ship_trl.run.checkpoint import FOLDER, Checkpoints
+from ship_trl.result import Result, ResultError, read_result
+from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.sim.cases import Case, load_case
-from ship_trl.transfer.casebase import rank
+from ship_trl.transfer.casebase import LOCKS, rank
 
 # Goes up with every change of what a run of the same settings learns (world, network, learner, streams),
 # so that no run of an older program is shown as one of this.
 ALGORITHM_VERSION = 2
 # Begins the name of a folder that a study has set aside.
 DAMAGED = "damaged-"
-
-
-class TakenError(ConfigError):
-    """A folder that holds something else: a run of other settings, or a damaged result."""
-
-    def __init__(self, folder: Path, held: str) -> None:
-        super().__init__(
-            f"output: {folder} holds {held}; "
-            "allowed: another output=FOLDER, or overwrite=true to replace what is there"
-        )
-        self.folder, self.held = folder, held
-
-    def __reduce__(self) -> tuple[type[TakenError], tuple[Path, str]]:
-        """Let a process of a grid send it to the launcher: by itself it would be made of its text alone."""
-        return TakenError, (self.folder, self.held)
 
 
 @dataclass(frozen=True)
@@ -69,6 +53,14 @@ class Run:
         start = "" if config.method is Method.scratch else f"case {config.source} -> "
         return f"{start}case {config.target}, {config.arm}, seed {config.seed}"
 
+    @property
+    def entry_arm(self) -> str:
+        """Name its network in the case base: the arm, and from which case it was transferred."""
+        arm = self.config.arm
+        if self.config.method is Method.scratch:
+            return arm
+        return f"{arm}-from-{Path(str(self.config.source)).stem}"
+
     def stream(self, purpose: str) -> int:
         """Seed of one purpose's random numbers.
 
@@ -83,7 +75,7 @@ class Run:
 
     def lock(self) -> FileLock:
         """Held while the run's folder is written; its file stays, below `.locks` of the output."""
-        locks = Path(self.config.output) / ".locks"
+        locks = Path(self.config.output) / LOCKS
         try:
             locks.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -211,31 +203,3 @@ def hash_of(
     if demonstrations:
         values["demonstrations"] = [one.actions for one in demonstrations]
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
-
-
-def check_folder(run: Run) -> None:
-    """Refuse a folder that cannot be written or is a link, or where a run would be lost."""
-    for parent in (run.folder, *run.folder.parents):
-        if parent.exists():
-            if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
-                raise ConfigError(f"output: {parent} is not a folder that can be written")
-            break
-    if run.result() is None and (linked := links(run.folder / FOLDER, Path(run.config.output))):
-        raise ConfigError(
-            f"output: {linked[0]} is a link, and what it leads to would be replaced; "
-            "allowed: only output= itself may be one"
-        )
-    if run.config.overwrite:
-        return
-    if not (run.folder / RESULT).exists():
-        unfinished = Checkpoints(run.folder).about()
-        if unfinished is not None and unfinished.config_hash != run.config_hash:
-            reached = f"at episode {unfinished.episode} of {unfinished.episodes}"
-            raise TakenError(run.folder, f"an unfinished run of other settings, {reached}")
-        return
-    try:
-        found = read_result(run.folder)
-    except ResultError as error:
-        raise TakenError(run.folder, f"a damaged {RESULT} (it {error})") from None
-    if found.config_hash != run.config_hash:
-        raise TakenError(run.folder, "a finished run of other settings")

@@ -3,46 +3,22 @@
 from __future__ import annotations
 
 import csv
-import shutil
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from omegaconf import OmegaConf
-
-from ship_trl.config import ConfigError, Logger
+from ship_trl.config import Logger
 from ship_trl.curve import COLUMNS, CURVE
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.paths import replacing, writing
+from ship_trl.paths import writing
 from ship_trl.result import Result
-from ship_trl.run.checkpoint import FOLDER
+from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import Run
 from ship_trl.run.rows import row
 from ship_trl.run.tensorboard_tracker import TensorboardTracker
-from ship_trl.run.wandb_tracker import WandbTracker
-from ship_trl.transfer.casebase import CONFIG
-
-
-def open_folder(run: Run, going_on: bool = False) -> None:
-    """Make the run's folder afresh and write its configuration.
-
-    What is there is an unfinished run, or one that `overwrite=true` gives up. Of a run that goes on, its
-    checkpoints stay: all else is written again.
-    """
-    try:
-        run.folder.mkdir(parents=True, exist_ok=True)
-        for path in run.folder.iterdir():
-            if path.name != FOLDER or not going_on:
-                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-        # It goes when all is done.
-        (run.folder / FOLDER).mkdir(exist_ok=True)
-        with replacing(run.folder / CONFIG) as draft:
-            OmegaConf.save(OmegaConf.structured(run.config), draft)
-    except OSError as error:
-        place = error.filename or run.folder
-        raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None
+from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
 
 
 class CsvTracker:
@@ -82,7 +58,7 @@ class Tracker:
     def __enter__(self) -> Tracker:
         logger = self._run.config.logger
         # wandb first: it can refuse, and then no file of an earlier run has been touched.
-        wandb = WandbTracker(self._run) if logger.includes(Logger.wandb) else None
+        wandb = begin_wandb(self._run) if logger.includes(Logger.wandb) else None
         open_folder(self._run, going_on=bool(self._rows))
         if wandb is not None:
             wandb.remember()

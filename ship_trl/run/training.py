@@ -9,7 +9,9 @@ from pathlib import Path
 import torch
 
 from ship_trl.config import ConfigError
+from ship_trl.curve import CURVE
 from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
+from ship_trl.paths import sync
 from ship_trl.result import Result, write_result
 from ship_trl.run import console
 from ship_trl.run.conclude import make_result, retain, write_files
@@ -20,11 +22,8 @@ from ship_trl.run.plan import Run
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.reference import best_known
 from ship_trl.stop import Stop, StoppedError
-from ship_trl.transfer.casebase import POLICY, Entry
+from ship_trl.transfer.casebase import PLANS, POLICY, Entry
 from ship_trl.transfer.layers import save_weights
-
-# Below the case base, beside the networks of the cases.
-PLANS = ".plans"
 
 
 def train_run(run: Run, device: torch.device, source: Entry | None, place: str = "") -> Result:
@@ -55,6 +54,8 @@ def train_run(run: Run, device: torch.device, source: Entry | None, place: str =
                     save_best(run, history)
         write_files(run, parts, known)
         result = make_result(run, parts, known, journal.seconds)
+        # A checkpoint holds the curve too, and goes.
+        sync(run.folder / CURVE)
         # Before the trackers, which may fail, or wait for a network. The checkpoints' folder goes last: as
         # long as it is there, something is left to do.
         write_result(run.folder, result)
@@ -80,6 +81,9 @@ def sail(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished 
                 raise StoppedError(journal.stopped(), stop.asked)
             if journal.checkpoints.due(training.episode):
                 journal.write()
+        # It may have been asked while the last checkpoint was written.
+        if stop.asked is not None:
+            raise StoppedError(journal.stopped(), stop.asked)
     except DivergedError as error:
         raise ConfigError(journal.diverged(error)) from None
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ship_trl.config import ConfigError, WandbMode, plain
-from ship_trl.paths import replacing
+from ship_trl.paths import DISK, links, read_file, replacing
 from ship_trl.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
@@ -20,6 +20,31 @@ from ship_trl.run.rows import numbers
 
 # Seconds: so long a run waits for a network at its start, and for its upload at its end.
 START, END = 30.0, 120.0
+# Bytes.
+LONGEST_NOTE = 1000
+
+
+def begin_wandb(run: Run) -> WandbTracker | None:
+    """Begin a run in wandb; on a full disk say so, and go on without it.
+
+    Raises:
+        ConfigError: what was asked for is refused by wandb, or its folder cannot be made.
+    """
+    try:
+        return WandbTracker(run)
+    except Exception as error:  # wandb's own, and those of what it is made of
+        if not full(error):
+            raise ConfigError(f"wandb: {in_a_line(error)}; logger=csv does without") from None
+        console.say(f"wandb: {in_a_line(error)}; the run goes on without it")
+        return None
+
+
+def full(error: BaseException | None) -> bool:
+    """Whether an error comes of a disk that takes no more; wandb's own tell it in words alone."""
+    if error is None:
+        return False
+    told = isinstance(error, OSError) and error.errno in DISK
+    return told or "no space left" in str(error).lower() or full(error.__cause__ or error.__context__)
 
 
 class WandbTracker:
@@ -39,19 +64,19 @@ class WandbTracker:
         self._logged = 0
         self._failed = False
         online = run.config.wandb.mode is WandbMode.online
+        if linked := links(self._folder / "wandb", self._folder):
+            # It lies in the output, which may be a stranger's.
+            raise ConfigError(f"{linked[0]} is a link; allowed: wandb.folder= with where it leads")
+        self._folder.mkdir(parents=True, exist_ok=True)
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            try:
-                self._wandb = self._begin(run, "online" if online else "offline")
-            except Exception as error:  # wandb's own, and those of what it is made of
-                if not online:
-                    raise
-                console.say(f"wandb: {in_a_line(error)}; this run is logged offline")
-                # The one that could not be begun is still in wandb's hands.
-                self._id = secrets.token_hex(4)
-                self._wandb = self._begin(run, "offline")
-        except Exception as error:
-            raise ConfigError(f"wandb: {in_a_line(error)}; logger=csv does without") from None
+            self._wandb = self._begin(run, "online" if online else "offline")
+        except Exception as error:  # wandb's own, and those of what it is made of
+            if not online:
+                raise
+            console.say(f"wandb: {in_a_line(error)}; this run is logged offline")
+            # The one that could not be begun is still in wandb's hands.
+            self._id = secrets.token_hex(4)
+            self._wandb = self._begin(run, "offline")
         self._wandb.define_metric("episode", hidden=True)
         for name in ("train/*", "greedy/*"):
             self._wandb.define_metric(name, step_metric="episode")
@@ -80,7 +105,7 @@ class WandbTracker:
     def _noted(self) -> str | None:
         """Read the id under which this run was begun."""
         try:
-            mark, known = self._note.read_text().split()
+            mark, known = read_file(self._note, most=LONGEST_NOTE).decode().split()
         except (OSError, ValueError):
             return None
         return known if mark == self._mark and known.isalnum() else None

@@ -8,6 +8,7 @@ import sys
 from ship_trl.cli import complain, refusals
 from ship_trl.config import ConfigError
 from ship_trl.progress import in_words
+from ship_trl.stop import TerminatedError, unwind_at_sigterm
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
 from ship_trl.study.launch.pace import seconds_per_run
@@ -48,6 +49,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.write(HELP)
         return
     try:
+        unwind_at_sigterm()
         with refusals():
             config = to_study(given)
             check_account(config)
@@ -64,6 +66,10 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         complain("interrupted; the same command goes on where it was")
         sys.exit(130)
+    except TerminatedError:
+        # The processes that it started were told, and have ended.
+        complain("terminated; the same command goes on where it was")
+        sys.exit(143)
     if left:
         complain(
             f"{len(left)} of {len(jobs)} runs have no result ({left[0].name} ...); see {config.folder / LOG}"

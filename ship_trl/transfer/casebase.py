@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
+import secrets
 import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,13 +18,15 @@ from typing import Any
 from filelock import FileLock
 
 from ship_trl.config import ConfigError, Method, World
-from ship_trl.paths import read_json, writing
+from ship_trl.paths import links, read_json, sync, writing
 from ship_trl.result import RENAMED
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
 ENTRY, CONFIG = "entry.json", "config.yaml"
+# Beside the networks of the cases: locks, and what the planner found.
+LOCKS, PLANS = ".locks", ".plans"
 # Half-way between the paper's high pair (0.83) and its low one (0.45), table 2.
 HIGH_SIMILARITY = 0.64
 
@@ -84,7 +86,8 @@ class CaseBase:
                 one = Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()})
             except (OSError, ValueError, TypeError, AttributeError):
                 continue
-            if all(type(word) is str and word.isprintable() for word in (one.arm, one.fingerprint)):
+            words = (str(one.path), one.case, one.fingerprint, one.arm, one.config_hash)
+            if all(type(word) is str and word.isprintable() for word in words) and type(one.seed) is int:
                 found.append(one)
         return found
 
@@ -106,15 +109,30 @@ class CaseBase:
 
         Its file, below `.locks`, stays: taking it away could take it from under one who waits.
         """
-        locks = self.folder / ".locks"
+        locks = self.folder / LOCKS
         locks.mkdir(parents=True, exist_ok=True)
         return FileLock(locks / f"{case.name}-{arm}-{seed}-{config_hash}.lock")
+
+    def refuse_links(self, case: Case, arm: str, seed: int, config_hash: str) -> None:
+        """Refuse a case base in which an entry, a plan or a lock would be written through a link.
+
+        Raises:
+            ConfigError: there is one.
+        """
+        places = (self.place(case, arm, seed, config_hash), self.folder / LOCKS, self.folder / PLANS)
+        for place in places:
+            if linked := links(place, self.folder):
+                raise ConfigError(
+                    f"case_base: {linked[0]} is a link; allowed: only case_base= itself may be one"
+                )
 
     def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
         """Find the entry trained on just this case by just these settings, or None."""
         place = self.place(case, arm, seed, config_hash)
         found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
-        return found[0] if found and found[0].policy.is_file() else None
+        # A power cut can leave an empty file.
+        whole = found and found[0].policy.is_file() and found[0].policy.stat().st_size > 0
+        return found[0] if whole else None
 
     def retain(
         self,
@@ -131,8 +149,8 @@ class CaseBase:
         entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(case, arm, seed, config_hash):
             return entry
-        draft = place.with_name(f".{place.name}.{os.getpid()}")
-        shutil.rmtree(draft, ignore_errors=True)
+        self.refuse_links(case, arm, seed, config_hash)
+        draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}")
         for name in (POLICY, CONFIG):
             if (run / name).is_symlink():
                 # It may lead to a file of this machine, which would be copied to where it can be read.
@@ -144,8 +162,12 @@ class CaseBase:
             about = {key: value for key, value in asdict(entry).items() if key != "path"}
             with writing(draft / ENTRY):
                 (draft / ENTRY).write_text(json.dumps(about, indent=1, sort_keys=True))
-            shutil.rmtree(place, ignore_errors=True)
+            for path in (*(draft / name for name in (POLICY, CONFIG, ENTRY)), draft):
+                sync(path)
+            if place.exists() and not self.find(case, arm, seed, config_hash):
+                shutil.rmtree(place)
             draft.rename(place)
+            sync(place.parent)
         except OSError:
             # Another process stored the same entry between our look and our rename.
             if not (place / ENTRY).is_file():

@@ -10,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from ship_trl.paths import remove
 from ship_trl.run.checkpoint import About, Checkpoints
 
 ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)
@@ -102,7 +103,18 @@ def untyped(path: Path) -> None:
     save_file({"weights": torch.zeros(3)}, path, {"ship_trl": entry})
 
 
-@pytest.mark.parametrize("damage", [cut, flip, lie, empty, swap, huge, other, untyped])
+def folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def link(path: Path) -> None:
+    """Lead to the one before it."""
+    path.unlink()
+    path.symlink_to(path.with_name("1.safetensors"))
+
+
+@pytest.mark.parametrize("damage", [cut, flip, lie, empty, swap, huge, other, untyped, folder, link])
 def test_a_damaged_one_is_named_and_the_one_before_it_read(
     damage: Callable[[Path], None], tmp_path: Path
 ) -> None:
@@ -110,12 +122,26 @@ def test_a_damaged_one_is_named_and_the_one_before_it_read(
     damage(checkpoints.folder / "2.safetensors")
     found, damaged = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found.about == at(30)
-    # A file that does not even tell its place among them is passed over as the oldest.
-    assert set(damaged) <= {checkpoints.folder / "2.safetensors"}
+    assert set(damaged) == {checkpoints.folder / "2.safetensors"}
     assert not any("\n" in reason for reason in damaged.values())
+    for path in damaged:
+        remove(path)
     checkpoints.write(tensors(90), at(90))
     found, _ = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found.about == at(90)
+
+
+def test_whose_they_are_is_known_when_none_can_be_read(tmp_path: Path) -> None:
+    checkpoints = written(tmp_path, 30, 60)
+    checkpoints.begin_run("mine")
+    assert checkpoints.of_another("yours") and not checkpoints.of_another("mine")
+    for path in checkpoints.folder.glob("*.safetensors"):
+        cut(path)
+    assert checkpoints.of_another("yours") and not checkpoints.of_another("mine")
+    for path in checkpoints.folder.glob("*.safetensors"):
+        path.unlink()
+    # Nothing is lost with none.
+    assert not checkpoints.of_another("yours")
 
 
 def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_what_cannot_be_written_is_named(name: str, tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     from ship_trl.config import ConfigError
-    from ship_trl.run.tracking import open_folder
+    from ship_trl.run.folder import open_folder
 
     run = make_run(composed("target=1", "method=scratch", f"output={tmp_path}"))
     with (

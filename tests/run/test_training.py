@@ -7,16 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from ship_trl.config import ConfigError
 from ship_trl.curve import read_curve
 from ship_trl.run import training
-from ship_trl.run.checkpoint import FOLDER, Checkpoints
+from ship_trl.run.checkpoint import FOLDER, About, Checkpoints
 from ship_trl.run.experiment import run_experiment
+from ship_trl.run.folder import TakenError
 from ship_trl.run.parts import Parts
-from ship_trl.run.plan import TakenError, make_run
+from ship_trl.run.plan import make_run
 from ship_trl.run.tracking import Tracker
 from ship_trl.stop import StoppedError
 from tests.test_cli import files
@@ -128,6 +130,22 @@ def test_it_goes_on_from_the_checkpoint_before_a_damaged_one(
     assert f"goes on from its checkpoint, episode {newest.about.episode - 1} of 9" in said
 
 
+def test_a_signal_during_the_last_checkpoint_stops_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = left(train("one", *SCRATCH))
+    write = Checkpoints.write
+
+    def last(checkpoints: Checkpoints, tensors: Any, about: About) -> None:
+        write(checkpoints, tensors, about)
+        if about.episode == 9:
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(Checkpoints, "write", last)
+    with pytest.raises(StoppedError, match="stopped at episode 9 of 9"):
+        train("other", *SCRATCH)
+    monkeypatch.setattr(Checkpoints, "write", write)
+    assert left(train("other", *SCRATCH)) == whole
+
+
 def test_a_finished_run_leaves_no_checkpoint(after: Callable[[int, Callable[[], Any]], None]) -> None:
     seen: list[bool] = []
     folder = Path("out/4/scratch/seed=0")
@@ -143,7 +161,14 @@ def test_an_unfinished_run_of_other_settings_is_not_lost(
     with pytest.raises(PowerCutError):
         train("out", *SCRATCH)
     before = files(Path("out/4"))
-    with pytest.raises(TakenError, match=r"an unfinished run of other settings, at episode [56] of 9"):
+    words = r"run of other settings \(learn.lr=0.0001\), at episode [56] of 9; allowed: its settings"
+    with pytest.raises(TakenError, match=words):
+        train("out", *SCRATCH, "learn.lr=1e-3")
+    assert files(Path("out/4")) == before
+    for path in Path("out/4/scratch/seed=0", FOLDER).glob("*.safetensors"):
+        path.write_bytes(path.read_bytes()[:1000])
+    before = files(Path("out/4"))
+    with pytest.raises(TakenError, match=r"\(learn.lr=0.0001\), whose checkpoints cannot be read"):
         train("out", *SCRATCH, "learn.lr=1e-3")
     assert files(Path("out/4")) == before
     after(10**9, cut)
@@ -168,6 +193,32 @@ def test_other_arithmetic_is_refused_and_a_grid_begins_anew(
     run_experiment(run, "1 of 2")
     assert left(run.folder) == whole
     assert "the run begins anew" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("training.counters", torch.tensor(3)),
+        ("training.counters", torch.tensor([5.0, 300.0, 10.0])),
+        ("training.returns", torch.zeros(7)),
+        ("training.replay.generator", torch.zeros(16)),
+        ("curve", torch.tensor([255], dtype=torch.uint8)),
+        ("curve", torch.from_numpy(np.frombuffer(b"episode,return\n1,2,3\n", dtype=np.uint8).copy())),
+    ],
+)
+def test_a_whole_checkpoint_of_other_contents_is_refused(
+    name: str, wrong: torch.Tensor, after: Callable[[int, Callable[[], Any]], None]
+) -> None:
+    after(9, cut)
+    with pytest.raises(PowerCutError):
+        train("out", *SCRATCH)
+    checkpoints = Checkpoints(Path("out/4/scratch/seed=0"))
+    found, _ = checkpoints.read(make_run(composed(*LINE, *SCRATCH)).config_hash)
+    assert found is not None and name in found.tensors
+    for _ in range(2):
+        checkpoints.write(found.tensors | {name: wrong}, found.about)
+    with pytest.raises(ConfigError, match=r"is not what this program writes .* remove out/4/scratch/seed=0"):
+        train("out", *SCRATCH)
 
 
 def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(

@@ -10,7 +10,7 @@ import pytest
 from ship_trl.config import ConfigError
 from ship_trl.run.plan import make_run
 from ship_trl.run.rows import row
-from ship_trl.run.wandb_tracker import WandbTracker
+from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
 from tests.run.test_tracking import FINISHED
 from tests.test_config import composed
 
@@ -83,10 +83,19 @@ def test_without_a_network_or_with_a_wrong_key_it_logs_offline(
     assert capsys.readouterr().out == "wandb: the network is gone; this run is logged offline\n"
 
 
-def test_a_folder_that_cannot_be_written_is_refused_before_the_training(server: Server) -> None:
-    server.fails["offline"] = OSError(28, "No space left on device")
-    with pytest.raises(ConfigError, match=r"wandb: .*No space left on device; logger=csv does without"):
-        tracker()
+def test_what_wandb_refuses_is_refused_before_the_training(server: Server) -> None:
+    server.fails["offline"] = Error("no such project")
+    with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv does without"):
+        begin_wandb(make_run(composed(*LINE)))
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left"), Error("no space left on it")])
+def test_on_a_full_disk_the_run_goes_on_without_it(
+    error: Exception, server: Server, capsys: pytest.CaptureFixture[str]
+) -> None:
+    server.fails["offline"] = error
+    assert begin_wandb(make_run(composed(*LINE))) is None
+    assert capsys.readouterr().out.endswith("; the run goes on without it\n")
 
 
 @pytest.mark.parametrize("call", ["log", "finish"])

@@ -9,6 +9,7 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
+from ship_trl.launchers import die_with_parent
 from ship_trl.result import RESULT, read_result
 from ship_trl.study.launch.launch import finished, processes
 from ship_trl.study.plan.config import StudyConfig
@@ -56,6 +57,7 @@ def timed(config: StudyConfig, episodes: int) -> float:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 text=True,
+                preexec_fn=die_with_parent,
             )
             # None outlives the folder it writes to, if another one fails.
             ends.enter_context(child)

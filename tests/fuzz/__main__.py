@@ -96,6 +96,8 @@ def report(kinds: list[str], examples: int, number: int, table: Table, console: 
         failed = tally.failed.total()
         tried = tally.ran + tally.refused + failed
         times = f"{tally.seconds / tried * 1000:.0f}", f"{tally.slowest:.1f}"
+        # The table comes at the end, which may be minutes from now.
+        console.print(f"{name}: {tried} tried, {failed} failed, {tally.seconds:.0f} s")
         table.add_row(name, *map(str, (tried, tally.ran, tally.refused, failed)), *times)
         for sort, (shown, told) in tally.faults.items():
             line = f"{name}: {tally.failed[sort]} x {sort}\n    {told}\n    {shown[:500]}"
@@ -111,6 +113,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="the same inputs for the same seed (default 0)")
     parser.add_argument("--kind", choices=[*KINDS, COMMANDS], help="only this one")
     options = parser.parse_args()
+    if options.examples < 1:
+        parser.error("--examples: at least 1")
     torch.set_num_threads(1)
     kinds = [options.kind] if options.kind else [*KINDS, COMMANDS]
     table, console = Table("kind of input"), Console(width=120, highlight=False)

@@ -98,11 +98,13 @@ def check_line(line: str, kind: str, given: str = "") -> None:
     """
     if not line.isprintable() or len(line) > LONGEST:
         raise FaultError(f"not one line: {line[:300]!r}")
-    # A case that does not fit the world is named by its file.
-    key, colon, told = re.sub(r"^\S+\.ya?ml: ", "", line).partition(":")
+    # A case that does not fit the world is named by its file, and the keys are its own.
+    told_of_case, places = re.subn(r"^\S+\.ya?ml: ", "", line)
+    key, colon, told = told_of_case.partition(":")
     names = {key.split("[")[0].strip(), re.split(r"[./@\[]", key)[0]}
     typed = bool(key) and (key in one_line(given) or Path(key).stem in given)
-    if not (colon and told.strip() and (names & KNOWN[kind] or typed or ": unknown key; " in line)):
+    known = KNOWN["case"] | KNOWN[kind] if places else KNOWN[kind]
+    if not (colon and told.strip() and (names & known or typed or ": unknown key; " in line)):
         raise FaultError(f"names no key: {line[:300]!r}")
 
 

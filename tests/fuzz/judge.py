@@ -103,7 +103,7 @@ def check_line(line: str, kind: str, given: str = "") -> None:
     key, colon, told = told_of_case.partition(":")
     names = {key.split("[")[0].strip(), re.split(r"[./@\[]", key)[0]}
     typed = bool(key) and (key in one_line(given) or Path(key).stem in given)
-    known = KNOWN["case"] | KNOWN[kind] if places else KNOWN[kind]
+    known = KNOWN["case"] | KNOWN[kind] | {"not readable as YAML"} if places else KNOWN[kind]
     if not (colon and told.strip() and (names & known or typed or ": unknown key; " in line)):
         raise FaultError(f"names no key: {line[:300]!r}")
 

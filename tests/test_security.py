@@ -22,16 +22,28 @@ MODULES = {
         "marshal",
         "dbm",
     ),
-    *("xml", "lxml", "tarfile", "zipfile", "code", "codeop", "runpy", "pty", "pydoc"),
+    *("xml", "lxml", "tarfile", "zipfile", "code", "codeop", "runpy", "pty", "pydoc", "posix"),
 }
-# Functions by the end of their name, whichever module it is that has them.
+# Functions and classes by the end of their name, whichever module it is that has them.
 FUNCTIONS = {
-    *("read_pickle", "full_load", "full_load_all", "unsafe_load", "unsafe_load_all", "load_all"),
+    *("read_pickle", "read_hdf", "HDFStore", "read_parquet", "read_array"),
+    *("full_load", "full_load_all", "unsafe_load", "unsafe_load_all", "load_all"),
+    *("FullLoader", "UnsafeLoader", "CLoader", "CFullLoader", "CUnsafeLoader"),
+    *("FullConstructor", "UnsafeConstructor"),
     *("unpack_archive", "extractall", "instantiate", "register_new_resolver", "exec_module"),
     *("spec_from_file_location", "import_module", "run_path", "run_module", "load_state_dict_from_url"),
+    *("create_subprocess_shell", "subprocess_shell"),
 }
 BUILT_IN = {"eval", "exec", "compile", "__import__", "breakpoint"}
-SHELL = {"os.system", "os.popen", "os.execv", "os.execl", "os.spawnl", "os.spawnv", "subprocess.getoutput"}
+# Others by their whole name, or by its beginning: `os.exec` is all of that family.
+NAMES = {"os.system", "subprocess.getoutput", "subprocess.getstatusoutput", "yaml.Loader"}
+NAMES |= {f"{module}.{name}" for module in ("builtins", "__builtins__") for name in BUILT_IN}
+FAMILIES = (
+    *("os.popen", "os.exec", "os.spawn", "os.posix_spawn"),
+    *("torch.jit.", "torch.hub.", "torch.package.", "torch.export.load", "onnx.hub."),
+)
+# Harmless only by how they are called, so that their names may stand nowhere but in such a call.
+LOADERS = {"torch.load", "torch.serialization.load", "numpy.load", "yaml.load"}
 # A loader of YAML that makes no objects.
 SAFE_LOADERS = {"SafeLoader", "CSafeLoader"}
 
@@ -76,31 +88,56 @@ def says(call: ast.Call, keyword: str) -> object:
     return None
 
 
+def harmless(call: ast.Call, name: str) -> bool:
+    """Whether one of `LOADERS` is called so that it makes nothing but values."""
+    if name == "yaml.load":
+        return str(says(call, "Loader")).rpartition(".")[2] in SAFE_LOADERS
+    if name == "numpy.load":
+        # Its third argument is allow_pickle, which `*` and `**` may hold too.
+        starred = any(isinstance(one, ast.Starred) for one in call.args)
+        unnamed = any(one.arg is None for one in call.keywords)
+        return len(call.args) < 3 and not starred and not unnamed
+    return says(call, "weights_only") is True
+
+
+def imports(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
+    """What an import names that unpickles or executes."""
+    first = [] if isinstance(node, ast.Import) else [node.module or "."]
+    for one in node.names:
+        name = ".".join([*first, one.name])
+        parts = name.split(".")
+        # Also where another package has it: `pandas.io.pickle`.
+        bad = bool(MODULES & set(parts)) or parts[-1] in FUNCTIONS or dangerous(name) or name in NAMES
+        # What a star brings would be found under no module's name.
+        if bad or one.name == "*":
+            yield name
+
+
+def dangerous(name: str) -> bool:
+    """Whether a name is in one of the families, or is its module."""
+    return name.startswith(FAMILIES) or f"{name}." in FAMILIES
+
+
 def dangers(source: str) -> Iterator[str]:
     """Everything in a file that unpickles or executes, by name."""
     tree = ast.parse(source)
     names = imported(tree)
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    allowed = {id(call.func) for call in calls if harmless(call, dotted(call.func, names))}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom):
-            modules = [a.name for a in node.names] if isinstance(node, ast.Import) else [str(node.module)]
-            yield from (module for module in modules if module.split(".")[0] in MODULES)
-            yield from (f"{modules[0]}.{a.name}" for a in node.names if a.name in FUNCTIONS)
+            yield from imports(node)
         elif isinstance(node, ast.Name | ast.Attribute):
             # Not calls alone: `loader = pickle.load` is as bad.
             name = dotted(node, names)
-            short = name.rpartition(".")[2]
-            if short in FUNCTIONS or name in SHELL or (name in BUILT_IN and isinstance(node, ast.Name)):
+            bad = name.rpartition(".")[2] in FUNCTIONS or name in NAMES or dangerous(name)
+            built_in = name in BUILT_IN and isinstance(node, ast.Name)
+            if bad or built_in or (name in LOADERS and id(node) not in allowed):
                 yield name
         elif isinstance(node, ast.Call):
-            name = dotted(node.func, names)
-            if says(node, "shell") not in (None, False):
-                yield f"{name}(shell)"
-            if name == "torch.load" and says(node, "weights_only") is not True:
-                yield name
-            if says(node, "allow_pickle") not in (None, False):
-                yield f"{name}(allow_pickle)"
-            if name == "yaml.load" and str(says(node, "Loader")).rpartition(".")[2] not in SAFE_LOADERS:
-                yield name
+            for keyword in ("shell", "allow_pickle"):
+                if says(node, keyword) not in (None, False):
+                    yield f"{dotted(node.func, names)}({keyword})"
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -143,6 +180,40 @@ def test_every_exception_is_still_needed() -> None:
         "from hydra.utils import instantiate",
         "import hydra\nhydra.utils.instantiate(config)",
         "from importlib import import_module\nimport_module(name)",
+        "import pandas as pd\npd.read_hdf(path)",
+        "import pandas as pd\npd.read_parquet(path)",
+        "import pandas as pd\npd.HDFStore(path)",
+        "from pandas.io import pickle",
+        "import torch\nread = torch.load\nread(path)",
+        "from torch import load\nread = load",
+        "from torch.serialization import load\nload(path)",
+        "import torch\ntorch.jit.load(path)",
+        "from torch.jit import script\nscript(network)",
+        "import torch\ntorch.hub.load(place, name)",
+        "from torch import hub",
+        "import torch\ntorch.export.load(path)",
+        "from torch.package import PackageImporter",
+        "import numpy as np\nnp.load(path, None, True)",
+        "import numpy as np\nnp.load(path, **how)",
+        "import numpy as np\nnp.load(*given)",
+        "import numpy as np\nread = np.load\nread(path, None, True)",
+        "import yaml\nread = yaml.load\nread(text, yaml.Loader)",
+        "import yaml\nyaml.Loader(text).get_data()",
+        "import yaml\nyaml.UnsafeLoader(text).get_data()",
+        "import yaml\nclass Mine(yaml.FullLoader): ...",
+        "from yaml import CLoader as SafeLoader",
+        "from yaml import Loader as SafeLoader",
+        "import builtins\nbuiltins.eval(text)",
+        "from builtins import exec as do\ndo(text)",
+        "import os\nos.execvp(line[0], line)",
+        "import os\nos.execle(path, word, {})",
+        "import os\nos.spawnlp(os.P_WAIT, word)",
+        "import os\nos.posix_spawn(path, line, {})",
+        "import os\nos.posix_spawnp(path, line, {})",
+        "from os import *",
+        "import subprocess\nsubprocess.getstatusoutput(line)",
+        "import subprocess\nsubprocess.getoutput(line)",
+        "import asyncio\nasyncio.create_subprocess_shell(line)",
     ],
 )
 def test_each_of_these_would_be_found(bad: str) -> None:
@@ -158,6 +229,10 @@ def test_each_of_these_would_be_found(bad: str) -> None:
         "import yaml\nyaml.load(text, Loader=yaml.SafeLoader)",
         "import torch\ntorch.load(path, weights_only=True)",
         "import numpy as np\nnp.load(path)",
+        "import numpy as np\nnp.load(path, mmap_mode='r', allow_pickle=False)",
+        "from torch import load as read\nread(path, weights_only=True)",
+        "import os\nos.path.exists(path)",
+        "torch.export.export(network, ())",
         "import subprocess\nsubprocess.run(line)",
         "import json\njson.load(file)",
     ],

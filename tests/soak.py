@@ -1,7 +1,9 @@
 """`python -m tests.soak --minutes 120`: one run after another in one process, and what that process holds.
 
 Each run has another seed, and every fourth is a transfer that freezes layers. All are written to the same
-folder, which is emptied after each, so that memory, open files, threads and disk should stay as they are.
+folder, case base included, which is measured and taken away after each. What is left then is left elsewhere:
+in the working folder or in the one for temporary files, which are the soak's own. So memory, open files,
+threads and disk should stay as they are.
 With `--study` studies are run one after another, each in processes of its own, and it is their parent that
 is looked at.
 """
@@ -9,12 +11,13 @@ is looked at.
 import argparse
 import contextlib
 import io
+import os
 import shutil
 import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ship_trl.run.experiment import run_experiment
@@ -27,17 +30,42 @@ STUDY = (
     *("profile=smoke", "pairs=[high]", "arms=[scratch,FE3]", "controls=false", "reuse=false", "seeds=2"),
     "overrides=[learn.episodes=20,learn.jumpstart_draws=3]",
 )
-MEASURED = ("MB resident", "open files", "threads", "MB on disk")
+MEASURED = ("MB resident", "open files", "threads", "MB of output", "files left over", "kB left over")
 # Of the second fifth of the time, which is after everything is loaded and compiled; and so many of a kind.
 GROWTH, MORE = 0.05, 2
 
 
-def held(folder: Path) -> tuple[float, float, float, float]:
-    """Measure this process and its folder, as `MEASURED` names it."""
+def held(output: Path, elsewhere: Path) -> tuple[float, ...]:
+    """Measure this process, what it has just written, and what is left elsewhere, as `MEASURED` names it."""
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    disk = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     files = len(list(Path("/proc/self/fd").iterdir()))
-    return int(status["VmRSS"].split()[0]) / 1024, files, int(status["Threads"]), disk / 2**20
+    written, left = sizes(output), sizes(elsewhere)
+    memory = int(status["VmRSS"].split()[0]) / 1024
+    return memory, files, int(status["Threads"]), sum(written) / 2**20, len(left), sum(left) / 2**10
+
+
+def sizes(folder: Path) -> list[int]:
+    """Give the size of each file below a folder."""
+    return [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
+
+
+@contextlib.contextmanager
+def elsewhere(folder: Path) -> Iterator[None]:
+    """Work in a folder of its own, with one for temporary files; the children of this process do too."""
+    work, temporary = folder / "work", folder / "temporary"
+    work.mkdir(parents=True)
+    temporary.mkdir()
+    environment, before = dict(os.environ), tempfile.tempdir
+    # joblib's would be in the system's shared memory.
+    os.environ |= {"TMPDIR": str(temporary), "JOBLIB_TEMP_FOLDER": str(temporary)}
+    tempfile.tempdir = None
+    try:
+        with contextlib.chdir(work):
+            yield
+    finally:
+        os.environ.clear()
+        os.environ |= environment
+        tempfile.tempdir = before
 
 
 def one_run(number: int, folder: Path) -> None:
@@ -49,20 +77,20 @@ def one_study(number: int, folder: Path) -> None:
     run_study([*STUDY, f"first_seed={number}", f"output={folder}/out"])
 
 
-def soak(
-    work: Callable[[int, Path], None], seconds: float, folder: Path
-) -> list[tuple[float, float, float, float]]:
+def soak(work: Callable[[int, Path], None], seconds: float, folder: Path) -> list[tuple[float, ...]]:
     """Work for so many seconds; returns what was held after each piece of it."""
-    rows: list[tuple[float, float, float, float]] = []
+    rows: list[tuple[float, ...]] = []
+    output, places = folder / "out", folder / "elsewhere"
     until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        with contextlib.redirect_stdout(io.StringIO()):
-            work(len(rows), folder)
-        assert any((folder / "out").rglob("result.json")), "nothing was trained"
-        shutil.rmtree(folder / "out")
-        rows.append(held(folder))
-        if len(rows) & (len(rows) - 1) == 0:
-            say(len(rows), rows[-1])
+    with elsewhere(places):
+        while time.monotonic() < until:
+            with contextlib.redirect_stdout(io.StringIO()):
+                work(len(rows), folder)
+            assert any(output.rglob("result.json")), "nothing was trained"
+            rows.append(held(output, places))
+            shutil.rmtree(output)
+            if len(rows) & (len(rows) - 1) == 0:
+                say(len(rows), rows[-1])
     return rows
 
 
@@ -73,7 +101,7 @@ def say(number: int, row: tuple[float, ...]) -> None:
     sys.stdout.flush()
 
 
-def grown(rows: list[tuple[float, float, float, float]]) -> list[str]:
+def grown(rows: Sequence[tuple[float, ...]]) -> list[str]:
     """Name what is more in the last fifth than in the second."""
     fifth = len(rows) // 5
     found = []

@@ -14,6 +14,20 @@ LINES = (
     ("source=3", "target=2", "method=feature_extraction", "layers=2"),
 )
 GROUPS = tuple(sorted(path.name for path in conf_dir().iterdir() if path.is_dir()))
+# Overrides that are right by themselves; not all are beside one another.
+RIGHT = (
+    *(
+        "seed=7",
+        "colour=true",
+        "layers=2",
+        "method=finetune",
+        "profile=quick",
+        "network=paper",
+        "overwrite=true",
+    ),
+    *("learn.gamma=0.5", "learn.lr=1e-3", "learn.episodes=50", "learn.batch_size=8", "learn.loss=huber"),
+    *("world.max_steps=90", "world.dt=0.5", "world.safe_distance=40", "checkpoint.every=0.5", "logger=csv"),
+)
 STRANGE_KEYS = (
     *(
         "",
@@ -66,9 +80,12 @@ keys = st.one_of(
 
 @st.composite
 def overrides(draw: st.DrawFn) -> list[str]:
-    """A command line: one that is right, and one to three more words."""
+    """A command line: one that is right, and one to three more words, each right in one of two cases."""
     line = list(draw(st.sampled_from(LINES)))
     for _ in range(draw(st.integers(1, 3))):
+        if draw(st.booleans()):
+            line.append(draw(st.sampled_from(RIGHT)))
+            continue
         sign = draw(st.sampled_from(["", "", "", "", "+", "++", "~"]))
         word = f"{sign}{draw(keys)}={draw(typed_words)}"
         line.append(draw(st.sampled_from([word, word, word, word, word, word.partition("=")[0]])))

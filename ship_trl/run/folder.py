@@ -122,10 +122,10 @@ def open_folder(run: Run, going_on: bool = False) -> None:
         for path in run.folder.iterdir():
             if path.name != FOLDER or not going_on:
                 remove(path)
-        # It goes when all is done.
-        Checkpoints(run.folder).begin_run(run.config_hash)
         with replacing(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
+        # It goes when all is done.
+        Checkpoints(run.folder).begin_run(run.config_hash)
     except OSError as error:
         place = error.filename or run.folder
         raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None

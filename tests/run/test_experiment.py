@@ -25,7 +25,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         folders.append(run.folder)
         run.folder.mkdir(parents=True)
         for name in ("policy.safetensors", "config.yaml"):
-            (run.folder / name).write_text("")
+            (run.folder / name).write_text(name)
         return a_result()
 
     monkeypatch.setattr(experiment, "train_run", train_run)

@@ -23,6 +23,8 @@ from ship_trl.explain.networks import read_config
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.outside import LARGEST_YAML, Bounded, read_yaml
 from ship_trl.result import ResultError, read_result
+from ship_trl.run.checkpoint import CheckpointError
+from ship_trl.run.checkpoint import read as read_checkpoint
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.reference import best_known, plan_name
 from ship_trl.study.plan.manifest import read_plan
@@ -84,6 +86,7 @@ def a_network() -> DuelingNetwork:
 READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
     "weights": ("policy.safetensors", lambda path, world: load_weights(path, a_network(), "policy")),
     "layers of weights": ("policy.safetensors", lambda path, world: saved_network(path, "policy")),
+    "checkpoint": ("1.safetensors", lambda path, world: read_checkpoint(path)),
     "result": ("result.json", lambda path, world: read_result(path.parent)),
     "curve": ("curve.csv", lambda path, world: read_curve(path.parent)),
     "case": ("mine.yaml", lambda path, world: load_case(str(path), world)),
@@ -103,7 +106,7 @@ def test_no_reader_executes_what_it_reads(
 ) -> None:
     name, read = READERS[reader]
     write(tmp_path / name)
-    with pytest.raises((ConfigError, ResultError, CurveError)) as caught:
+    with pytest.raises((ConfigError, ResultError, CurveError, CheckpointError)) as caught:
         read(tmp_path / name, world)
     assert "\n" not in str(caught.value) and not EXECUTED.exists()
 

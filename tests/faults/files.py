@@ -1,8 +1,8 @@
 """Damaged and hostile files: what a command reads it works with, or refuses in lines of ours.
 
 A library holds one of each file that we read: two cases, a finished transfer and its source, their entries in
-the case base, a kept plan, demonstrations, a study and its tables. In a copy of it one file is damaged
-(`damage.py`), and a command that reads it is run.
+the case base, a kept plan, a stopped run with its checkpoints, demonstrations, a study and its tables. In a
+copy of it one file is damaged (`damage.py`), and a command that reads it is run.
 
 Survived: the command ends with exit code 0, or with code 1 and nothing on stderr but lines that begin with
 `ship_trl: `; without a traceback; in thrice the time that it takes otherwise and half a minute; in 3 GiB
@@ -29,12 +29,14 @@ from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.plan.manifest import write_plan
 from tests.faults.command import Done, run
 from tests.faults.damage import DAMAGES, EXECUTED
-from tests.faults.runs import STUDY, TRANSFER, a_folder, undisturbed
+from tests.faults.kills import die_at, steps
+from tests.faults.runs import ALONE, STUDY, TRANSFER, a_folder, undisturbed
 from tests.faults.trial import DRAFT, Trial
 from tests.study.synthetic import learning, write_run
 
 OUTPUT = "outputs/smoke"
 SOURCE, RUN = f"{OUTPUT}/near/scratch/seed=0", f"{OUTPUT}/near-met/FT3/seed=0"
+STOPPED = "stopped/near/scratch/seed=0"
 # Bytes, seconds.
 MEMORY, PATIENCE = 3 << 30, 30.0
 
@@ -59,6 +61,7 @@ def library() -> Path:
     shown = ("keep_course", "target=met", "--demonstrations", "shown")
     done = run(*shown, folder=folder, module="ship_trl.evaluate")
     assert done.code == 0, done
+    stop_a_run(folder)
     place = folder / "study"
     config = to_study([*STUDY, f"output={place}"])
     jobs = plan_jobs(config)
@@ -69,6 +72,17 @@ def library() -> Path:
     done = run("study", "tables", folder=folder, module="ship_trl.study.keep")
     assert done.code == 0, done
     return folder
+
+
+def stop_a_run(folder: Path) -> None:
+    """Leave a run that was killed when it had written both generations of checkpoints, before it ended."""
+    for step in reversed(range(steps(ALONE))):
+        shutil.rmtree(folder / "stopped", ignore_errors=True)
+        run(*ALONE, "output=stopped", folder=folder, before=die_at(step))
+        there = {path.name for path in (folder / STOPPED).rglob("*")}
+        if {"1.safetensors", "2.safetensors"} <= there and "result.json" not in there:
+            return
+    raise AssertionError("no kill left two checkpoints")
 
 
 def readers() -> dict[str, Reader]:
@@ -109,6 +123,12 @@ def readers() -> dict[str, Reader]:
         "keep": Reader("ship_trl.study.keep", ("study", "copy"), judged),
         "restore": Reader("ship_trl.study.keep", ("--restore", "tables", "again"), tables),
         "a run again": Reader("ship_trl", TRANSFER, (*run_files, f"{RUN}/curve.csv", case), (f"{RUN}/*",)),
+        "a stopped run": Reader(
+            "ship_trl",
+            (*ALONE, "output=stopped"),
+            (f"{STOPPED}/checkpoint/*", f"{STOPPED}/curve.csv", f"{STOPPED}/config.yaml"),
+            ("stopped/*",),
+        ),
         "a transfer from the case base": Reader(
             "ship_trl",
             TRANSFER,

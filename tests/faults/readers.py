@@ -19,7 +19,7 @@ from typing import Any
 
 from tests.faults.command import run
 from tests.faults.damage import DAMAGES, EXECUTED, others
-from tests.faults.files import OUTPUT, RUN, library, limited
+from tests.faults.files import OUTPUT, RUN, STOPPED, library, limited
 from tests.faults.trial import Trial
 
 LIMIT, BATCH = 10, 100
@@ -79,6 +79,18 @@ def read_weights(folder: Path) -> None:
     path = folder / RUN / "policy.safetensors"
     network = DuelingNetwork(1, 7, Generator(), saved_network(path, "policy"))
     network.load_state_dict(dict(load_weights(path, network, "policy")))
+
+
+def read_checkpoints(folder: Path) -> None:
+    """Read a stopped run's checkpoints, as the same command does."""
+    from ship_trl.run.checkpoint import Checkpoints
+
+    checkpoints = Checkpoints(folder / STOPPED)
+    about = checkpoints.about()
+    assert about is not None  # there are two, and one is damaged
+    found, damaged = checkpoints.read(about.config_hash)
+    checkpoints.of_another(about.config_hash)
+    assert found is not None and not any("\n" in reason for reason in damaged.values())
 
 
 def read_case_base(folder: Path) -> None:
@@ -164,6 +176,8 @@ READERS: dict[str, tuple[Callable[[Path], None], str]] = {
     "record's result": (read_records, "study/*/*/*/*/result.json"),
     "record's curve": (read_records, "study/*/*/*/*/curve.csv"),
     "weights": (read_weights, f"{RUN}/policy.safetensors"),
+    "checkpoint": (read_checkpoints, f"{STOPPED}/checkpoint/*.safetensors"),
+    "checkpoints' owner": (read_checkpoints, f"{STOPPED}/checkpoint/config_hash"),
     "entry": (read_case_base, f"{OUTPUT}/case_base/near/*/*/entry.json"),
     "plan": (read_plans, f"{OUTPUT}/case_base/.plans/*.json"),
     "study": (read_study_plan, "study/study.json"),

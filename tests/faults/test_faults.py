@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults import clock, command, disk, kills, mounted, readers, runs, together
+from tests.faults import clock, command, disk, files, kills, memory, mounted, readers, runs, together
 from tests.faults.__main__ import KINDS, find
 from tests.faults.runs import ALONE, a_folder
 from tests.faults.trial import DRAFT, Trial, difference, state
@@ -29,8 +29,15 @@ def test_two_that_want_one_run_train_it_once(tmp_path: Path) -> None:
     survives(together.two("the same run", 0.0, None, a_folder(tmp_path, 0)))
 
 
-def test_a_clock_that_jumps_changes_nothing(tmp_path: Path) -> None:
-    survives(clock.one(ALONE, [(0.0, -3600.0), (0.5, 1e9)], future=True, folder=a_folder(tmp_path, 0)))
+@pytest.mark.parametrize("future", [False, True])
+def test_clocks_that_jump_change_nothing(future: bool, tmp_path: Path) -> None:
+    jumps = [(0.0, -3600.0), (0.0, 7200.0), (0.5, 1e9)]
+    survives(clock.one((*ALONE, clock.WAITING), jumps, future, a_folder(tmp_path, 0)))
+
+
+def test_a_clock_that_nothing_asks_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clock, "ASKING", set())
+    assert "asked" in clock.one(ALONE, [(0.0, 1e9)], False, a_folder(tmp_path, 0)).lost
 
 
 @mounts
@@ -47,6 +54,15 @@ def test_a_folder_that_cannot_be_written_is_said(how: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("name", readers.READERS)
 def test_damaged_files_are_refused_by_what_reads_them(name: str, tmp_path: Path) -> None:
     survives(readers.batch(name, 0, tmp_path / "damaged", 6))
+
+
+@pytest.mark.parametrize("name", ["a stopped run", "results, all"])
+def test_damaged_files_are_named_by_a_command(name: str, tmp_path: Path) -> None:
+    survives(*(files.one(name, random.Random(k), tmp_path / str(k)) for k in range(2)))
+
+
+def test_a_run_without_memory_can_be_given_again(tmp_path: Path) -> None:
+    survives(memory.a_run(random.Random(1), a_folder(tmp_path, 0)))
 
 
 @pytest.mark.long

@@ -26,7 +26,7 @@ from rich.table import Table
 INSTRUMENTED = ("ship_trl", "yaml", "omegaconf", "json")
 # Counts are written so often, as the fuzzer ends its process itself.
 EVERY = 200
-READERS = ("case", "result", "manifest", "curve", "demonstration")
+READERS = ("case", "result", "manifest", "curve", "demonstration", "checkpoint")
 NOTES = "notes.json"
 
 

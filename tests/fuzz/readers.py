@@ -21,6 +21,7 @@ from ship_trl.config import ConfigError, one_line
 from ship_trl.curve import COLUMNS, CURVE, CurveError, read_curve, split
 from ship_trl.demonstrations import Demonstration, read_demonstration
 from ship_trl.result import RESULT, ResultError, read_result
+from ship_trl.run import checkpoint
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.plan.manifest import PLAN, begun_with, read_plan
 from ship_trl.study.records.record import BrokenRunError, make_record
@@ -30,7 +31,7 @@ from tests.fuzz.judge import FaultError, listing
 from tests.fuzz.trees import damaged
 from tests.fuzz.values import mostly
 
-ERRORS = (ConfigError, ResultError, CurveError, BrokenRunError)
+ERRORS = (ConfigError, ResultError, CurveError, BrokenRunError, checkpoint.CheckpointError)
 WORLD = load_world()
 
 
@@ -76,6 +77,17 @@ def curve() -> bytes:
     return text.getvalue().encode()
 
 
+def a_checkpoint() -> bytes:
+    """Write a checkpoint of two small tensors."""
+    import torch
+
+    about = checkpoint.About("0123456789ab", "cpu", episode=3, episodes=20, steps=150, seconds=2.5)
+    with tempfile.TemporaryDirectory() as folder:
+        kept = checkpoint.Checkpoints(Path(folder))
+        kept.write({"weight": torch.arange(6.0).view(2, 3), "curve": torch.tensor([7, 9])}, about)
+        return next(kept.folder.glob("*.safetensors")).read_bytes()
+
+
 JOB = {"name": "a", "stage": 0, "part": "pairs", "label": "high", "arm": "FT3", "seed": 0}
 MANIFEST = {
     "settings": {"profile": "smoke", "first_seed": 0},
@@ -95,6 +107,9 @@ READERS = {
         "4-001.json",
         json.dumps(JSON["demonstration"]).encode(),
         lambda folder: read_demonstration(folder / "4-001.json", len(WORLD.actions)),
+    ),
+    "checkpoint": Reader(
+        "1.safetensors", a_checkpoint(), lambda folder: checkpoint.read(folder / "1.safetensors")
     ),
 }
 

@@ -19,7 +19,7 @@ def main() -> None:
     from omegaconf import DictConfig
 
     from ship_trl.checks import to_config
-    from ship_trl.cli import job_errors
+    from ship_trl.cli import check_flags, job_errors, refusals
     from ship_trl.launchers import die_with_launcher, launches, place_in_grid
     from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
@@ -38,6 +38,8 @@ def main() -> None:
             result = run_experiment(run, place_in_grid(hydra_config.job.num) if many else "")
             return objective(run, result)
 
+    with refusals():
+        check_flags(sys.argv[1:])
     launches()
     heed_sigterm()
     with hydra_errors():

@@ -169,6 +169,24 @@ def hydra_errors() -> Iterator[None]:
         sys.exit(1)
 
 
+def check_flags(words: list[str]) -> None:
+    """Refuse a flag that Hydra does not know, in one line; Hydra prints its usage, and ends with code 2.
+
+    Raises:
+        ConfigError: there is one, or it lacks its value.
+    """
+    from hydra._internal.utils import get_args_parser
+
+    from ship_trl.config import ConfigError
+
+    def refuse(message: str) -> NoReturn:
+        raise ConfigError(f"{message}; keys are given without dashes, as target=4; see --help")
+
+    parser = get_args_parser()
+    vars(parser)["error"] = refuse
+    parser.parse_args(words)
+
+
 def explain_command(error: Exception) -> str | None:
     """One line for what ended a command, or None where it is not the user's to mend."""
     import yaml

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from argparse import ArgumentTypeError
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
-    parser.add_argument("--picture", type=Path, help="draw the learning curves beside each other, as PNG")
+    parser.add_argument("--picture", type=png, help="draw the learning curves beside each other, as PNG")
     parser.add_argument("--test", action="store_true", help="test whether runs of two folders learn alike")
     parser.add_argument(
         "--stability", action="store_true", help="how often runs fall back, and how they spread"
@@ -97,6 +98,13 @@ def main(arguments: list[str] | None = None) -> None:
             complain(f"--test: two folders are needed, got {len(folders)}")
             sys.exit(1)
         show(TEST_HEADINGS, list(compare(found, *folders)), options.markdown)
+
+
+def png(name: str) -> Path:
+    """Give the path of a picture; argparse says what is wrong with another."""
+    if not name.endswith(".png"):
+        raise ArgumentTypeError(f"must be a name that ends with .png, got {name}")
+    return Path(name)
 
 
 def write_numbers(path: Path, groups: dict[str, list[Path]]) -> None:

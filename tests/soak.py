@@ -118,6 +118,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=120.0)
     parser.add_argument("--study", action="store_true", help="studies in place of runs")
     options = parser.parse_args()
+    if not options.minutes > 0:
+        sys.exit(f"--minutes: must be above 0, got {options.minutes:g}")
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
         rows = soak(one_study if options.study else one_run, 60 * options.minutes, Path(folder))
     if len(rows) < 10:

@@ -305,3 +305,10 @@ def test_a_plugin_that_is_not_installed_is_named_with_its_extra(plugin: str, ext
     kind, name = plugin.split("/")
     error = HydraException(f"In 'sweep/learning_rate': Could not find 'hydra/{plugin}'\n\nAvailable options")
     assert explain_hydra(error) == f"hydra/{kind}: {name} is not installed; ship_trl[{extra}] brings it"
+
+
+@pytest.mark.parametrize("flags", [["--pair=high"], ["--multirum", "target=1"], ["--config-dir"]])
+def test_an_unknown_flag_is_one_line(flags: list[str], tmp_path: Path) -> None:
+    said = ship_trl(*flags, folder=tmp_path, code=1).stderr
+    assert said.startswith("ship_trl: ") and said.count("\n") == 1 and "without dashes" in said
+    assert not list(tmp_path.iterdir())

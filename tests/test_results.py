@@ -115,6 +115,14 @@ def curve(folder: Path, seed: int, greedy: list[float]) -> None:
     write_rows(folder, seed, rows)
 
 
+def test_a_picture_is_a_png(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), "--picture", str(tmp_path / "curves.xyz")])
+    assert ended.value.code == 1 and not (tmp_path / "curves.xyz").exists()
+    assert capsys.readouterr().err.startswith("ship_trl: argument --picture: must be a name")
+
+
 def test_two_folders_are_tested_against_each_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,6 +155,6 @@ def test_a_file_that_cannot_be_written_is_one_line(
     monkeypatch.setattr("ship_trl.results.write_numbers", full)
     write(tmp_path, 0, 30.0)
     with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path), option, "file"])
+        main([str(tmp_path), option, "file.png"])
     assert ended.value.code == 1
-    assert capsys.readouterr().err == "ship_trl: file: No space left on device\n"
+    assert capsys.readouterr().err == "ship_trl: file.png: No space left on device\n"

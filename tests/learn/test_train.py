@@ -1,5 +1,6 @@
 """The loop, on a world that is not the simulator."""
 
+import itertools
 import math
 
 import pytest
@@ -12,7 +13,7 @@ from torch import Generator
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import rollout
-from ship_trl.learn.train import Evaluated, Finished, epsilon_at, learning_rate_at, train
+from ship_trl.learn.train import DivergedError, Evaluated, Finished, epsilon_at, learning_rate_at, train
 from tests.learn.worlds import Corridor, draw, schedule
 
 
@@ -74,6 +75,23 @@ def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
         assert torch.equal(a, b) and not torch.equal(a, c)
     lengths = [[e.length for e in run if isinstance(e, Finished)] for run in (first, other)]
     assert lengths[0] != lengths[1]
+
+
+def test_a_loss_that_is_not_finite_ends_it_with_its_step() -> None:
+    learn = schedule()
+    generator = Generator().manual_seed(0)
+    agent = Agent(DuelingNetwork(1, 3, generator), draw, 3, learn, generator)
+    memory = agent.replay(learn, generator, torch.device("cpu"))
+    update, losses = agent.update, itertools.count(1)
+
+    def diverging(batch: TensorDictBase) -> torch.Tensor:
+        loss = update(batch)
+        return loss * math.nan if next(losses) >= 5 else loss
+
+    agent.update = diverging  # type: ignore[method-assign]
+    step = learn.warmup_steps + 5 * learn.update_every
+    with pytest.raises(DivergedError, match=f"the loss is nan at environment step {step}$"):
+        list(train(Corridor(1), Corridor(1), agent, memory, learn))
 
 
 def test_evaluation_is_greedy_and_draws_no_random_number() -> None:

@@ -86,6 +86,8 @@ def read_checkpoints(folder: Path) -> None:
     from ship_trl.run.checkpoint import Checkpoints
 
     checkpoints = Checkpoints(folder / STOPPED)
+    if not checkpoints.folder.is_dir():
+        return
     about = checkpoints.about()
     assert about is not None  # there are two, and one is damaged
     found, damaged = checkpoints.read(about.config_hash)

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from traceback import walk_tb
 from typing import TYPE_CHECKING, NoReturn
 
 from ship_trl.paths import DISK, conf_dir
@@ -206,7 +207,8 @@ def explain_command(error: Exception) -> str | None:
             return f"config: not YAML: {' '.join(str(error).split())}"
         case OSError():
             return explain_file(error) if explained(error) else None
-    # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]].
+    # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]] or of
+    # ~network.conv.0.
     if not origin(error).startswith(("hydra", "antlr4")):
         return None
     known = isinstance(error, ValueError)
@@ -226,11 +228,9 @@ def explain_file(error: OSError) -> str:
 
 
 def origin(error: BaseException) -> str:
-    """Name the module in which an error was raised."""
-    trace = error.__traceback__
-    while trace and trace.tb_next:
-        trace = trace.tb_next
-    return str(trace.tb_frame.f_globals.get("__name__", "")) if trace else ""
+    """Name the module in which an error was raised; of what OmegaConf raises, the one that called it."""
+    names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
+    return next((name for name in reversed(names) if not name.startswith("omegaconf")), "")
 
 
 def explain_hydra(error: Exception) -> str:

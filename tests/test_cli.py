@@ -271,6 +271,7 @@ REFUSED = {
     "--config-dir=broken target=1 method=scratch network=broken": "config: not YAML: while parsing",
     "+pair=high layers=3 device=cuda": "device: no CUDA device",
     "+pair=high layers=3 hydra/job_logging=[[1]]": "overrides: Hydra cannot read them (",
+    "target=1 method=scratch ~network.conv.0": "overrides: Hydra cannot read them (",
     "+pair=high layers=3 learn..lr": "overrides: ",
     "+pair=high layers=3 learn=null": "overrides: Config group override must be a string or a list",
     "target=broken.yaml method=scratch": "broken.yaml: goal: missing",

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from ship_trl.result import write_result
 from ship_trl.study.analysis.study import Study
+from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.records.record import Greedy, Record, Training
 from tests.a_result import a_result, an_evaluation
 
 BEST, RANDOM = 80.0, -320.0
+LAYERS = ("1", "2", "3", "4", "W")
 
 
 def returns_of(scores: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -40,6 +43,7 @@ def write_run(
     seed: int = 0,
     before: float = 0.0,
     every: int = 20,
+    epsilon: NDArray[np.float64] | float = 0.1,
     **changes: Any,
 ) -> Path:
     """A run's folder below `folder`; greedy evaluations score like the episodes they follow."""
@@ -47,10 +51,12 @@ def write_run(
     place.mkdir(parents=True)
     totals = returns_of(scores)
     first = float(returns_of(np.array(before)))
+    rates = np.broadcast_to(epsilon, totals.shape)
     lines: list[dict[str, Any]] = [{"episode": 0, "greedy_return": first, "greedy_outcome": "timeout"}]
     for episode, total in enumerate(totals.tolist(), 1):
         outcome = "goal" if total > 0 else "collision"
-        lines.append({"episode": episode, "return": total, "outcome": outcome, "dcpa": 50.0, "epsilon": 0.1})
+        rate = float(rates[episode - 1])
+        lines.append({"episode": episode, "return": total, "outcome": outcome, "dcpa": 50.0, "epsilon": rate})
         if episode % every == 0 or episode == len(totals):
             lines.append(
                 {"episode": episode, "greedy_return": total, "greedy_outcome": outcome, "greedy_dcpa": 60.0}
@@ -74,6 +80,37 @@ def write_run(
     }
     write_result(place, a_result(**values | changes))
     return place
+
+
+def write_planned(folder: Path, seeds: int, episodes: int = 600, *overrides: str) -> int:
+    """Write a run of each job of a whole study, pairs, reuse and controls; returns how many.
+
+    Transfers learn sooner than what starts from scratch, controls as late, and one seed in five hardly.
+    """
+    jobs = plan_jobs(to_study(["profile=quick", f"seeds={seeds}", *overrides]))
+    for k, job in enumerate(jobs):
+        rng = np.random.default_rng([2022, k])
+        head_start = 0.0 if job.arm == "scratch" or "-" in job.arm else 0.5 + 0.1 * LAYERS.index(job.arm[2:])
+        low = job.values.get("learn", {}).get("epsilon_start", 1.0)
+        epsilon = np.maximum(1e-4, low * (1 - np.arange(episodes) / (0.6 * episodes)))
+        end = rng.normal(0.92, 0.02) * (0.4 if rng.random() < 0.2 * (1 - head_start) else 1.0)
+        half = 0.1 * episodes * (1.2 - head_start)
+        scores = np.minimum(learning(rng, episodes, end, half) - 0.4 * epsilon * rng.random(episodes), 1.0)
+        source = job.values.get("source")
+        write_run(
+            folder / job.part,
+            scores,
+            pair=job.label,
+            arm=job.arm,
+            seed=job.seed,
+            epsilon=epsilon,
+            every=max(1, episodes // 60),
+            before=0.4 * head_start,
+            source=None if source is None else str(source),
+            target=str(job.values["target"]),
+            draws=returns_of(rng.normal(0.4 * head_start, 0.05, 10)).tolist(),
+        )
+    return len(jobs)
 
 
 def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, seed: int) -> Record:

@@ -2,29 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.statistics import interquartile_mean
+from ship_trl.study.analysis.statistics import Estimate, level_of
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.kinds import FE, FT
-from ship_trl.study.plan.config import CONTROL_ARMS, NEW_CASE, REUSED_ARM, REUSED_CASE, read
-from ship_trl.study.plan.jobs import (
-    ALONE,
-    COMPARED,
-    CONTROLS,
-    FURTHER_SOURCES,
-    LOW,
-    OTHER_SOURCES,
-    PAIRS,
-    from_scratch,
-)
-from ship_trl.study.report.figures import pairs
+from ship_trl.study.plan.config import CONTROL_ARMS, REUSED_ARM, read
+from ship_trl.study.plan.jobs import COMPARED, CONTROLS, PAIRS, from_scratch
+from ship_trl.study.report.figures import FONT, SMALL, Form
+from ship_trl.study.report.panels import Place, pairs, reuse_panels
 
 ARMS = (*FE, *CONTROL_ARMS, *FT, "FTW")
-Place = tuple[str, str, str]
+PAIRS_TITLE, NEW_TITLE = "Source to target, by arm", "The new case, by source"
+# In inches: edges, a cell's height, a map's heading, a line of the names above its columns, the scale below.
+EDGE, CELL, HEADING, TITLE, BAR = 0.12, 0.36, 0.22, 0.15, 0.66
+# So many sources stand beside each other on a telephone, at most.
+ACROSS = 3
+Row = dict[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Map:
+    """Cells by the names of their row and column."""
+
+    title: str
+    rows: Sequence[str]
+    columns: Sequence[str]
+    cells: Mapping[tuple[str, str], Estimate]
+
+    @property
+    def above(self) -> float:
+        """How much stands above the cells, in inches: the title, and the names of the columns."""
+        lines = max(name.count("-") + 1 for name in self.columns)
+        return (HEADING if self.title else 0.0) + TITLE * lines + 0.05
 
 
 def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
@@ -41,17 +61,6 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
         itself: dict[str, Place] = {arm: (CONTROLS, label, arm) for arm in ARMS}
         name = f"{values['source']} to {values['target']}"
         found.setdefault(name, (from_scratch(CONTROLS, label), itself))
-    label = f"{REUSED_CASE}-{NEW_CASE}"
-    reused = {
-        f"1, {REUSED_CASE} to {NEW_CASE}": (LOW, label, REUSED_ARM),
-        f"{REUSED_CASE} to {NEW_CASE}": (ALONE, label, REUSED_ARM),
-        **{
-            f"{case} to {NEW_CASE}": (LOW, f"{case}-{NEW_CASE}", REUSED_ARM)
-            for case in OTHER_SOURCES + FURTHER_SOURCES
-        },
-    }
-    for name, place in reused.items():
-        found[name] = from_scratch(LOW, place[1]), {REUSED_ARM: place}
     return {
         name: (scratch, arms)
         for name, (scratch, arms) in found.items()
@@ -59,35 +68,122 @@ def rows(study: Study) -> dict[str, tuple[Place, dict[str, Place]]]:
     }
 
 
-def gain(study: Study, place: Place, scratch: Place) -> float:
-    """Interquartile mean of the difference of areas; not a number without seeds that both have."""
+def reused(study: Study) -> dict[str, tuple[Place, Place]]:
+    """Find what is compared on the new case: by source, the runs from scratch and those that reuse it."""
+    return {
+        arm.name: (one.scratch, arm.place)
+        for one in reuse_panels(study)
+        for arm in one.arms
+        if study.arm(*one.scratch)
+    }
+
+
+def gain(study: Study, place: Place, scratch: Place) -> Estimate | None:
+    """Return the interquartile mean of the difference of areas with its 95 % interval.
+
+    None without seeds that both have; of one seed the interval has no ends.
+    """
     runs = study.matched({"arm": place, "scratch": scratch})
     areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
     differences = np.array(areas[0]) - np.array(areas[1])
-    return float(interquartile_mean(differences)) if len(differences) else np.nan
+    return level_of(differences) if len(differences) else None
 
 
-def draw_gains(study: Study) -> Figure | None:
-    """Draw the heat map; None without runs from scratch to compare with."""
-    found = rows(study)
-    if not found:
+def gains(study: Study) -> dict[str, dict[str, Estimate]]:
+    """Return what each arm gains, by source and target; rows without any are left out."""
+    measured = {
+        name: {arm: found for arm in ARMS if arm in arms and (found := gain(study, arms[arm], scratch))}
+        for name, (scratch, arms) in rows(study).items()
+    }
+    return {name: found for name, found in measured.items() if found}
+
+
+def draw_gains(study: Study, form: Form) -> Figure | None:
+    """Draw what is gained on the pairs and, apart, on the new case; None without runs to compare with."""
+    table = gains(study)
+    alone = {
+        name: found
+        for name, (scratch, place) in reused(study).items()
+        if (found := gain(study, place, scratch))
+    }
+    maps = maps_of(table, alone, form)
+    if not maps:
         return None
-    values = np.array(
-        [
-            [gain(study, arms[arm], scratch) if arm in arms else np.nan for arm in ARMS]
-            for scratch, arms in found.values()
-        ]
-    )
-    figure = Figure(figsize=(11, 1.4 + 0.45 * len(found)), dpi=110, layout="constrained")
-    axes = figure.subplots()
-    most = max(0.05, float(np.nanmax(np.abs(values), initial=0.0)))
-    picture = axes.imshow(values, cmap=mpl.colormaps["PuOr"], vmin=-most, vmax=most, aspect="auto")
-    axes.set_xticks(range(len(ARMS)), [arm.replace("-", "\n") for arm in ARMS])
-    axes.set_yticks(range(len(found)), list(found))
-    axes.set_ylabel("source to target")
-    for (row, column), value in np.ndenumerate(values):
-        if np.isfinite(value):
-            colour = "white" if abs(value) > 0.6 * most else "black"
-            axes.text(column, row, f"{value:+.2f}", ha="center", va="center", color=colour)
-    figure.colorbar(picture, ax=axes, label="above scratch (score)")
+    largest = max(abs(one.value) for row in (*table.values(), alone) for one in row.values())
+    # The ends of the scale are so dark that nothing near them can be told apart.
+    most = max(0.05, 1.3 * largest)
+    total = EDGE + BAR + sum(one.above + CELL * len(one.rows) + EDGE for one in maps)
+    figure = Figure(figsize=(form.width, total), dpi=form.dpi)
+    left, depth = (0.86 if form.narrow else 0.9), EDGE
+    for one in maps:
+        figure.text(
+            0.08 / form.width, 1 - depth / total, one.title, fontsize=FONT + 1, weight="bold", va="top"
+        )
+        depth += one.above
+        height = CELL * len(one.rows)
+        # A map of few columns has no wider cells than one of many.
+        width = min(form.width - left - EDGE, len(one.columns) * 1.3)
+        box = (left / form.width, 1 - (depth + height) / total, width / form.width, height / total)
+        picture = draw_map(figure.add_axes(box), one, most)
+        depth += height + EDGE
+    bar = figure.add_axes((left / form.width, (BAR - 0.3) / total, 2.3 / form.width, 0.1 / total))
+    figure.colorbar(picture, cax=bar, orientation="horizontal")
+    bar.tick_params(labelsize=SMALL, length=2, pad=2)
+    bar.set_title("above scratch (score)", fontsize=FONT, pad=3, loc="left")
     return figure
+
+
+def maps_of(table: Mapping[str, Row], alone: Row, form: Form) -> list[Map]:
+    """Return what is drawn: sources are rows on a page, and a few columns on a telephone."""
+    maps = []
+    arms = [arm for arm in ARMS if any(arm in row for row in table.values())]
+    if form.narrow:
+        names = list(table)
+        for k, group in enumerate(np.array_split(names, -(-len(names) // ACROSS)) if names else []):
+            part = {str(name): table[name] for name in group}
+            own = [arm for arm in arms if any(arm in row for row in part.values())]
+            cells = {(arm, name): found for name, row in part.items() for arm, found in row.items()}
+            maps.append(Map("" if k else PAIRS_TITLE, own, list(part), cells))
+        if alone:
+            cells = {(name, REUSED_ARM): found for name, found in alone.items()}
+            maps.append(Map(NEW_TITLE, list(alone), [REUSED_ARM], cells))
+        return maps
+    if table:
+        cells = {(name, arm): found for name, row in table.items() for arm, found in row.items()}
+        maps.append(Map(PAIRS_TITLE, list(table), arms, cells))
+    if alone:
+        cells = {(REUSED_ARM, name): found for name, found in alone.items()}
+        maps.append(Map(NEW_TITLE, [REUSED_ARM], list(alone), cells))
+    return maps
+
+
+def luminance(colour: Any) -> float:
+    """Return the relative luminance of an RGBA colour; at 0.18 black and white are read alike on it."""
+    red, green, blue, _ = colour
+    return float(np.dot((0.2126, 0.7152, 0.0722), np.power((red, green, blue), 2.2)))
+
+
+def draw_map(axis: Axes, shown: Map, most: float) -> AxesImage:
+    """Draw cells with their numbers; bold is one whose interval does not hold zero."""
+    scale = mpl.cm.ScalarMappable(Normalize(-most, most), "PuOr").to_rgba
+    values = np.full((len(shown.rows), len(shown.columns)), np.nan)
+    for (row, column), found in shown.cells.items():
+        place = shown.rows.index(row), shown.columns.index(column)
+        values[place] = found.value
+        colour = "white" if luminance(scale(np.array(found.value))) < 0.18 else "black"
+        sure = np.isfinite([found.low, found.high]).all()
+        weight = "bold" if sure and (found.low > 0 or found.high < 0) else "normal"
+        text: dict[str, Any] = {"ha": "center", "color": colour}
+        axis.text(
+            place[1], place[0], f"{found.value:+.2f}", va="bottom" if sure else "center", fontsize=FONT,
+            weight=weight, **text,
+        )  # fmt: skip
+        if sure:
+            between = f"{found.low:+.2f} to {found.high:+.2f}"
+            axis.text(place[1], place[0] + 0.06, between, va="top", fontsize=SMALL, **text)
+    picture = axis.imshow(values, cmap=mpl.colormaps["PuOr"], vmin=-most, vmax=most, aspect="auto")
+    axis.set_xticks(range(len(shown.columns)), [name.replace("-", "\n") for name in shown.columns])
+    axis.set_yticks(range(len(shown.rows)), [name.replace("-", "\n") for name in shown.rows])
+    axis.tick_params(labelsize=FONT, length=0, pad=3, top=False, labeltop=True, labelbottom=False)
+    axis.spines[:].set_visible(False)
+    return picture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import FIGURE as CONCLUSIONS
 from ship_trl.study.claims.placebo import Placebo
 from ship_trl.study.claims.verdicts import Answer
+from ship_trl.study.report.drawings import Drawn
 from ship_trl.study.report.similarities import EQUATION
 from ship_trl.study.report.tables import Row
 from ship_trl.study.rules import told
@@ -38,15 +38,6 @@ ARM_METRICS = (
     "best",
     "DCPA",
 )
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A figure: its title, what it shows, and its PNG."""
-
-    title: str
-    caption: str
-    png: Path
 
 
 def number(value: Any, digits: int = 2) -> str:
@@ -149,6 +140,12 @@ def as_markdown(answers: Sequence[Answer]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def shown(figure: Drawn) -> dict[str, str]:
+    """Write a figure as text: both its forms are in the page, of which the browser shows one."""
+    wide, narrow = (base64.b64encode(data).decode() for data in (figure.wide, figure.narrow))
+    return {"title": figure.title, "caption": figure.caption, "wide": wide, "narrow": narrow}
+
+
 def render(
     study: Study,
     answers: Sequence[Answer],
@@ -207,9 +204,7 @@ def render(
             {**row, "similarity": number(row["similarity"]), "paper": number(row["paper"])} for row in similar
         ],
         equation=EQUATION,
-        figures=[
-            {"title": f.title, "caption": f.caption, "data": base64.b64encode(f.png.read_bytes()).decode()}
-            for f in figures
-        ],
+        figures=[shown(f) for f in figures if not f.folded],
+        forests=[shown(f) for f in figures if f.folded],
         broken=[(str(path), reason) for path, reason in study.broken],
     )

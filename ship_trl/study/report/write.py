@@ -15,19 +15,10 @@ from ship_trl.study.claims.placebo import placebo
 from ship_trl.study.claims.verdicts import answer, explore
 from ship_trl.study.plan.jobs import PAIRS
 from ship_trl.study.plan.manifest import PLAN
-from ship_trl.study.report import figures, tables
-from ship_trl.study.report.heat_map import draw_gains
-from ship_trl.study.report.page import Drawn, as_markdown, render
+from ship_trl.study.report import tables
+from ship_trl.study.report.drawings import draw_all
+from ship_trl.study.report.page import as_markdown, render
 from ship_trl.study.report.similarities import table_2
-
-CURVES = (
-    "Mean over seeds, moving over a twentieth of the episodes; the band is one standard deviation over "
-    "seeds. In brackets the number of runs."
-)
-GAINS = (
-    "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
-    "scratch on the target."
-)
 
 
 def report(folder: Path, output: Path) -> None:
@@ -70,21 +61,7 @@ def write(study: Study, folder: Path, output: Path) -> None:
         ("table_2", similar),
     ):
         tables.write_csv(output / f"{name}.csv", rows)
-    drawn, shown = [], figures.pairs(study)
-    for path in output.glob("pair_*.p*"):  # of an earlier report
-        if path.stem.removeprefix("pair_") not in shown:
-            path.unlink()
-    for name, title, caption, figure in (
-        *((f"pair_{p}", figures.title(study, p), CURVES, figures.draw_pair(study, p)) for p in shown),
-        ("reuse", "Figure 9: reuse on the new case", CURVES, figures.draw_reuse(study)),
-        ("gains", "What transfer gains, by source and target", GAINS, draw_gains(study)),
-    ):
-        if figure is None:
-            for path in output.glob(f"{name}.p*"):  # of an earlier report
-                path.unlink()
-            continue
-        png, _ = figures.save(figure, output / name)
-        drawn.append(Drawn(title, caption, png))
+    drawn = draw_all(study, [*answers, *explored], output)
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
     page = render(study, answers, explored, arms, similar, drawn, shuffled, missing(folder, study))

@@ -2,7 +2,12 @@
 
 from dataclasses import replace
 
-from ship_trl.study.report.heat_map import ARMS, gain, rows
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from ship_trl.study.report.figures import PAGE, TELEPHONE, Form
+from ship_trl.study.report.heat_map import ARMS, draw_gains, gain, gains, luminance, reused, rows
 from tests.study.synthetic import make_study
 
 
@@ -11,7 +16,8 @@ def test_a_case_to_itself_may_be_a_pair_like_others() -> None:
     for key, record in study.records.items():
         study.records[key] = replace(record, source="2")
     ((name, (scratch, arms)),) = rows(study).items()
-    assert name == "2 to 2" and gain(study, arms["FE1"], scratch) > 0.1
+    found = gain(study, arms["FE1"], scratch)
+    assert name == "2 to 2" and found and found.value > 0.1
 
 
 def test_as_a_control_it_is_compared_with_the_pair_that_has_its_target() -> None:
@@ -29,5 +35,55 @@ def test_every_control_has_its_row_and_arm() -> None:
     found = rows(study)
     for name in ("2 to 2", "4 to 4", "6 to 6", "ship to 2"):
         scratch, arms = found[name]
-        assert gain(study, arms["FTW"], scratch) > 0.1
+        measured = gain(study, arms["FTW"], scratch)
+        assert measured and measured.value > 0.1
     assert {"FE3-random", "FE3-permuted"} <= set(ARMS)
+
+
+REUSED = {
+    ("reuse/epsilon_low", "new", "scratch"): 0.5,
+    ("reuse/epsilon_low", "2-new", "FTW"): 0.8,
+    ("reuse/alone", "2-new", "FTW"): 0.7,
+}
+
+
+def test_reuse_lies_apart_and_no_row_is_blank() -> None:
+    places = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7, **REUSED}
+    # Of this pair arm and scratch have no seed in common.
+    study = make_study({**places, ("pairs", "low", "scratch"): 0.5, ("pairs", "low", "FE1"): 0.6}, seeds=3)
+    for key in list(study.records):
+        if key[1] == "low" and (key[2] == "scratch") == (key[3] == 0):
+            del study.records[key]
+    sources = {"high": "8", "low": "9"}
+    records = {k: replace(r, source=sources.get(k[1])) for k, r in study.records.items()}
+    study = replace(study, records=records)
+    table = gains(study)
+    assert list(table) == ["8 to 2"] and list(table["8 to 2"]) == ["FE1"]
+    assert list(reused(study)) == ["reused, \N{GREEK SMALL LETTER EPSILON} 0.1", "case 2"]
+
+
+@pytest.mark.parametrize("form", [PAGE, TELEPHONE])
+def test_a_cell_says_how_sure_its_number_is(form: Form) -> None:
+    study = make_study({("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7, **REUSED}, seeds=6)
+    figure = draw_gains(study, form)
+    assert figure is not None
+    cells = [text.get_text() for axis in figure.axes for text in axis.texts]
+    found = gain(study, ("pairs", "high", "FE1"), ("pairs", "high", "scratch"))
+    assert found and found.low < found.value < found.high
+    assert f"{found.value:+.2f}" in cells and f"{found.low:+.2f} to {found.high:+.2f}" in cells
+    # Three cells of a number and its interval, in two maps, and a scale.
+    assert len(cells) == 6 and len(figure.axes) == 3
+
+
+def test_a_single_seed_has_no_interval() -> None:
+    study = make_study({("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}, seeds=1)
+    figure = draw_gains(study, PAGE)
+    assert figure is not None and [text.get_text() for text in figure.axes[0].texts] == ["+0.16"]
+
+
+def test_letters_can_be_read_on_any_cell() -> None:
+    assert luminance((1, 1, 1, 1)) == pytest.approx(1) and luminance((0, 0, 0, 1)) == 0
+    for value in np.linspace(0, 1, 50):
+        bright = luminance(mpl.colormaps["PuOr"](value))
+        contrast = 1.05 / (bright + 0.05) if bright < 0.18 else (bright + 0.05) / 0.05
+        assert contrast >= 4.5

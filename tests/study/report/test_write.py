@@ -1,5 +1,6 @@
 """The command that makes the report: whole, with what is broken named, and alike each time."""
 
+import base64
 import csv
 import html.parser
 import json
@@ -7,8 +8,10 @@ import os
 import re
 import resource
 import shutil
+import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +19,7 @@ import pytest
 
 from ship_trl.report import main
 from ship_trl.study.claims.verdicts import ALL
-from tests.study.synthetic import learning, write_run
+from tests.study.synthetic import learning, write_planned, write_run
 from tests.test_cli import ROOT, files
 
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4", "FTW")
@@ -48,9 +51,9 @@ class Page(html.parser.HTMLParser):
         self.fetched: list[str] = []
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        if tag not in ("meta", "link", "img"):
+        if tag not in ("meta", "link", "img", "source"):
             self.open.append(tag)
-        self.fetched += [v or "" for k, v in attributes if k in ("src", "href")]
+        self.fetched += [v or "" for k, v in attributes if k in ("src", "srcset", "href")]
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -76,8 +79,48 @@ def test_tables_and_figures_lie_beside_it(study: Path) -> None:
     )
     low, value, high = (float(arms["FTW"][f"transfer ratio{end}"]) for end in (" low", "", " high"))
     assert 0 < low < value < high
-    for name in ("pair_high.png", "pair_high.pdf", "gains.png", "gains.pdf"):
-        assert (study / "report" / name).stat().st_size > 5_000
+    for name in ("pair_high", "differences", "times", "gains", "forest_5", "forest_conclusions"):
+        for ending in ("png", "pdf"):
+            assert (study / f"report/{name}.{ending}").stat().st_size > 3_000
+
+
+def test_figures_of_an_earlier_report_go_and_other_files_stay(tmp_path: Path) -> None:
+    write_study(tmp_path, seeds=2)
+    output = tmp_path / "report"
+    output.mkdir()
+    earlier = ["pair_low.png", "pair_low.pdf", "reuse.png", "forest_3.pdf"]
+    for name in [*earlier, "mine.png", "pair_low.txt"]:
+        (output / name).touch()
+    main([str(tmp_path)])
+    left = {path.name for path in output.iterdir()}
+    assert not left & set(earlier) and {"mine.png", "pair_low.txt", "pair_high.png", "times.pdf"} <= left
+
+
+def test_each_figure_has_a_form_for_telephones(study: Path) -> None:
+    text = (study / "report/index.html").read_text()
+    found = re.findall(
+        r'<picture>\n<source media="\(max-width: 64rem\)" srcset="data:image/png;base64,([^"]*)">\n'
+        r'<img src="data:image/png;base64,([^"]*)"',
+        text,
+    )
+    assert len(found) == text.count("<img ") >= 6
+
+    def size(data: str) -> tuple[int, int]:
+        # In a PNG width and height come after its mark and the head of its first part.
+        return struct.unpack(">II", base64.b64decode(data)[16:24])
+
+    for narrow, wide in found:
+        assert size(narrow)[0] < 700 < 1200 < size(wide)[0]
+
+
+def test_nothing_of_the_page_is_wider_than_a_telephone_but_what_moves_in_itself(study: Path) -> None:
+    text = (study / "report/index.html").read_text()
+    style = text[text.index("<style>") : text.index("</style>")]
+    # In rem of 16 pixels; a page of 380 leaves 348.
+    widths = [float(width) * 16 for width in re.findall(r"[{;(\s](?:min-)?width: ([\d.]+)rem", style)]
+    assert widths and max(widths) <= 348
+    assert len(re.findall(r"<table", text)) == len(re.findall(r'<div class="wide"><table', text))
+    assert ".wide { overflow-x: auto }" in style
 
 
 def test_verdicts_are_a_markdown_table(study: Path) -> None:
@@ -165,9 +208,22 @@ def test_nothing_to_report_is_one_line(
     assert caught.value.code == 1 and error.startswith("ship_trl: folder: no ") and error.count("\n") == 1
 
 
+def fifteen_seeds(folder: Path) -> int:
+    write_study(folder, seeds=15, episodes=600, pairs=("high", "low", "lowest"))
+    return 450
+
+
+def whole_study(folder: Path) -> int:
+    """All parts: pairs, reuse with its sources, controls."""
+    return write_planned(folder, 5)
+
+
 @pytest.mark.long
-def test_495_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(tmp_path: Path) -> None:
-    write_study(tmp_path, seeds=15, episodes=600, pairs=("high", "low", "lowest"))
+@pytest.mark.parametrize("made", [fifteen_seeds, whole_study])
+def test_450_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(
+    made: Callable[[Path], int], tmp_path: Path
+) -> None:
+    assert made(tmp_path) >= 450
     code = (
         "import sys; from ship_trl.report import main; main([sys.argv[1]]);"
         "assert 'torch' not in sys.modules;"

@@ -1,0 +1,164 @@
+"""The learning curves of a pair: scratch in each panel, bands within what is possible, exploration's end."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from ship_trl.study.analysis.study import Study
+from ship_trl.study.plan.jobs import CONTROLS, PAIRS
+from ship_trl.study.report.curves import STRIP, draw_pair, draw_reuse
+from ship_trl.study.report.figures import PAGE, SCRATCH, TELEPHONE, Form
+from ship_trl.study.report.panels import pair_sections
+from tests.study.report.seen import across, heights, named, outline
+from tests.study.synthetic import BEST, RANDOM, make_record, make_study
+
+ARMS = ("scratch", "FE1", "FE3", "FT2", "FTW")
+BLACK = mpl.colors.to_rgba(SCRATCH.colour)
+
+
+def drawn(study: Study, form: Form = PAGE) -> Figure:
+    figure = draw_pair(study, "high", form)
+    assert figure is not None
+    return figure
+
+
+def curves(axis: Axes) -> list[np.ndarray]:
+    """Heights of the lines that are drawn along the episodes in the numbers of the axes."""
+    lines = [line for line in axis.lines if line.get_transform() == axis.transData]
+    return [heights(line) for line in lines if len(across(line)) > 2]
+
+
+def bands(axis: Axes) -> list[np.ndarray]:
+    return [
+        outline(item)
+        for item in axis.collections
+        if isinstance(item, PolyCollection) and item.get_transform() == axis.transData
+    ]
+
+
+def collapsing(seeds: int = 15) -> Study:
+    """Arms that are at the best but for a third of their seeds, which have collapsed."""
+    records = {}
+    for arm in ARMS:
+        for seed in range(seeds):
+            scores = np.full(120, 0.0 if seed % 3 == 0 else 1.0)
+            records[PAIRS, "high", arm, seed] = make_record(scores, PAIRS, "high", arm, seed)
+    return Study(records)
+
+
+def test_no_band_passes_the_best_return() -> None:
+    study = collapsing()
+    returns = np.stack([run.training.returns for run in study.arm(PAIRS, "high", "FE1").values()])
+    # What the paper's figures draw would.
+    assert np.all(returns.mean(axis=0) + returns.std(axis=0, ddof=1) > BEST + 20)
+    found = [band for axis in drawn(study).axes for band in bands(axis)]
+    assert len(found) == 2 * 2 * 4
+    assert max(band[:, 1].max() for band in found) <= BEST and min(b[:, 1].min() for b in found) >= RANDOM
+
+
+def test_scratch_is_black_in_each_panel_and_no_panel_has_more_than_four_curves() -> None:
+    places = {(PAIRS, "high", arm): 0.5 for arm in ARMS}
+    places |= {(CONTROLS, "high", f"FE3-{kind}"): 0.4 for kind in ("random", "permuted")}
+    counts = []
+    for axis in drawn(make_study(places, seeds=5)).axes:
+        colours = [mpl.colors.to_rgba(line.get_color()) for line in axis.lines if len(across(line)) > 2]
+        counts.append(len(curves(axis)))
+        assert colours.count(BLACK) == 1
+    # Of FE1, FE3 with its controls, FT2, FTW; training and greedy.
+    assert counts == [2, 2, 4, 4, 2, 2, 2, 2]
+
+
+@pytest.mark.parametrize(("seeds", "lines", "filled"), [(3, 6, 0), (4, 2, 2)])
+def test_fewer_than_four_seeds_are_a_line_each(seeds: int, lines: int, filled: int) -> None:
+    axis = drawn(collapsing(seeds)).axes[0]
+    assert (len(curves(axis)), len(bands(axis))) == (lines, filled)
+
+
+def test_all_panels_share_their_axes() -> None:
+    for form in (PAGE, TELEPHONE):
+        axes = drawn(make_study({(PAIRS, "high", arm): 0.5 for arm in ARMS}, seeds=4), form).axes
+        for row in (axes[0::2], axes[1::2]):
+            assert len({axis.get_ylim() for axis in row}) == 1 and {axis.get_xlim() for axis in row} == {
+                (0, 120)
+            }
+
+
+def with_epsilon(study: Study, epsilon: Sequence[float] | np.ndarray) -> Study:
+    records = {
+        key: replace(record, training=replace(record.training, epsilon=np.array(epsilon)))
+        for key, record in study.records.items()
+    }
+    return replace(study, records=records)
+
+
+def upright(axis: Axes) -> list[float]:
+    return [
+        float(across(line)[0])
+        for line in axis.lines
+        if list(heights(line)) == [0, 1] and len(set(across(line))) == 1
+    ]
+
+
+def test_the_reader_sees_where_exploration_ends() -> None:
+    study = with_epsilon(collapsing(4), np.maximum(0.1, 1 - np.arange(120) / 80))
+    for axis in drawn(study).axes:
+        # 1 - 72 / 80 is the first at a tenth, of episode 73.
+        assert upright(axis) == [73]
+    foot = drawn(study).axes[0]
+    (strip,) = [item for item in foot.collections if item.get_transform() != foot.transData]
+    # From all of its height, where every action is random, to a tenth.
+    up = outline(strip)[:, 1]
+    assert up.max() == pytest.approx(STRIP) and up[up > 0].min() == pytest.approx(STRIP / 10)
+
+
+def test_of_a_constant_rate_no_end_is_drawn() -> None:
+    assert all(upright(axis) == [] for axis in drawn(collapsing(4)).axes)
+
+
+def test_the_best_known_return_and_that_of_random_actions_are_lines() -> None:
+    for axis in drawn(collapsing(4)).axes:
+        levels = {
+            float(heights(line)[0])
+            for line in axis.lines
+            if list(across(line)) == [0, 1] and len(set(heights(line))) == 1
+        }
+        assert levels == {BEST, RANDOM}
+
+
+def test_reuse_has_a_panel_for_each_network() -> None:
+    study = make_study(
+        {
+            ("reuse/epsilon_low", "new", "scratch"): 0.5,
+            ("reuse/epsilon_1", "new", "scratch"): 0.5,
+            ("reuse/epsilon_low", "2-new", "FTW"): 0.7,
+            ("reuse/epsilon_1", "2-new", "FTW"): 0.7,
+            ("reuse/alone", "2-new", "FTW"): 0.7,
+            ("reuse/epsilon_low", "5-new", "FTW"): 0.7,
+        },
+        seeds=4,
+    )
+    figure = draw_reuse(study, PAGE)
+    assert figure is not None
+    names = [name for axis in figure.axes for name in named(axis)]
+    epsilon = "\N{GREEK SMALL LETTER EPSILON}"
+    assert names == [f"reused, {epsilon} 0.1 (4)", f"reused, {epsilon} 1 (4)", "case 2 (4)", "case 5 (4)"]
+    assert all(len(curves(axis)) == 2 for axis in figure.axes)
+
+
+def test_a_control_keeps_its_look_where_another_is_missing() -> None:
+    whole = {(PAIRS, "high", "scratch"): 0.5, (PAIRS, "high", "FE3"): 0.5}
+    whole |= {(CONTROLS, "high", f"FE3-{kind}"): 0.4 for kind in ("random", "permuted")}
+    part = {place: end for place, end in whole.items() if not place[2].endswith("random")}
+
+    def looks(places: dict[tuple[str, str, str], float]) -> dict[str, str]:
+        (section,) = pair_sections(make_study(places, seeds=2), "high")
+        return {arm.name: arm.look.colour for arm in section.panels[0].arms}
+
+    assert looks(part)["permuted layers"] == looks(whole)["permuted layers"]
+    assert len(set(looks(whole).values())) == 3

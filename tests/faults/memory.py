@@ -64,18 +64,17 @@ def a_study(rng: random.Random, folder: Path) -> Trial:
     child = Child(STUDY, folder, "ship_trl.study")
     after = rng.uniform(0, 0.8 * undisturbed(STUDY, "ship_trl.study")[1])
     how = rng.choice(("killed", "no more memory"))
-    words = []
-    if child.wait(after) is None:
+    done = child.wait(after)
+    if done is None:
         for process in descendants(child.pid):
             if process != child.pid:
                 with suppress(OSError):
-                    words.append(str(process))
                     if how == "killed":
                         os.kill(process, signal.SIGKILL)
                     else:
                         most = pages(process) + rng.randrange(50) * MIB
                         resource.prlimit(process, resource.RLIMIT_AS, (most, most))
-    done = child.finish(300.0)
+        done = child.finish(300.0)
     what = f"{folder}: a study, {how} after {after:.1f} s"
     if done.code != 0 and not (done.code == 1 and explained(done.err, folder)):
         return Trial(what, str(done))

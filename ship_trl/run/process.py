@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import gc
 import logging
+import os
 
 import torch
 
@@ -21,6 +22,9 @@ def configure_process() -> None:
     cost about a tenth of an update. Adam's averages of the gradients of units that no longer fire
     fall below 1e-38, where many processors take a hundred times as long for each operation.
     """
+    # safetensors is written in Rust: where it has no memory, and is to print a backtrace, that wants memory
+    # too, and waits forever for a lock that it holds itself.
+    os.environ["RUST_BACKTRACE"] = "0"
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     logging.getLogger("torchrl").setLevel(logging.WARNING)

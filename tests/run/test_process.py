@@ -1,6 +1,9 @@
 """How a run uses the machine."""
 
+import os
 import platform
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,6 +42,33 @@ def test_memory_is_kept_between_updates_and_given_back_after_a_run() -> None:
     assert resident() > held - 50
     release_memory()
     assert resident() < held - 300 and float(left.sum()) == 1000
+
+
+# Weights of 64 MB are to be written where 8 MB are left.
+NO_MEMORY = """
+import resource
+from pathlib import Path
+import torch
+from safetensors.torch import save
+from ship_trl.run.process import configure_process
+
+configure_process()
+weights = {"weight": torch.zeros(16 * 2**20)}
+pages = int(Path("/proc/self/statm").read_text().split()[0])
+most = pages * resource.getpagesize() + 8 * 2**20
+resource.setrlimit(resource.RLIMIT_AS, (most, most))
+save(weights)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux says how much memory is mapped")
+def test_weights_that_find_no_memory_raise_and_end_no_process() -> None:
+    # Asked for a backtrace, Rust wants memory for it, and aborts the process or waits for itself.
+    asked = {**os.environ, "RUST_BACKTRACE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", NO_MEMORY], env=asked, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 1 and "Traceback" in done.stderr, done
 
 
 def resident() -> float:

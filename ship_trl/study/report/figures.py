@@ -139,12 +139,14 @@ def legend_above(axis: Axes, looks: Sequence[tuple[str, Look]]) -> None:
 
 def save(figure: Figure, path: Path) -> list[Path]:
     """Write PNG and PDF of a name without its ending; the same figure gives the same bytes."""
-    written = [path.with_suffix(".png"), path.with_suffix(".pdf")]
-    with replacing(written[0]) as draft:
-        draft.write_bytes(as_png(figure))
-    with replacing(written[1]) as draft:
-        figure.savefig(draft, format="pdf", metadata={"CreationDate": None})
-    return written
+    document = io.BytesIO()
+    # On a full disk matplotlib's PDF writer fails once more as it ends, and hides why.
+    figure.savefig(document, format="pdf", metadata={"CreationDate": None})
+    written = {path.with_suffix(".png"): as_png(figure), path.with_suffix(".pdf"): document.getvalue()}
+    for file, data in written.items():
+        with replacing(file) as draft:
+            draft.write_bytes(data)
+    return list(written)
 
 
 def as_png(figure: Figure) -> bytes:

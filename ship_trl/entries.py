@@ -128,8 +128,15 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
 
 
 def best_of_folders(entries: list[Entry]) -> list[Entry]:
-    """Leave out the last network of a result, of which the best is there too; a file that was named stays."""
-    return [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
+    """Leave out the last network of each result; a file that was named stays.
+
+    Raises:
+        ConfigError: of no result the best network is there.
+    """
+    best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
+    if not best:
+        raise ConfigError(f"policy: {entries[0].policy} has no best network beside it")
+    return best
 
 
 def settings_of(folder: Path) -> tuple[World, bool]:

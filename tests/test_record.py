@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from ship_trl.config import ConfigError
 from ship_trl.record import best_of_folders, main
 from tests.test_cli import ship_trl
 from tests.test_watch import refused
@@ -68,6 +69,8 @@ def test_of_a_result_its_best_network_is_shown() -> None:
     last = replace(entry(), policy="a/policy_last.safetensors", label="a scratch seed 0, final")
     named = replace(entry(), policy="a/policy_last.safetensors", label="a/policy_last.safetensors")
     assert best_of_folders([best, last, named]) == [best, named]
+    with pytest.raises(ConfigError, match=r"a/policy_last\.safetensors has no best network beside it"):
+        best_of_folders([last])
 
 
 @pytest.mark.parametrize(

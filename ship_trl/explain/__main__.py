@@ -56,10 +56,7 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
     Raises:
         ConfigError: there is none, or they are not of one case, one world and one way of seeing.
     """
-    found = find_entries(words, colour)
-    entries = best_of_folders(found)
-    if not entries:
-        raise ConfigError(f"policy: {found[0].policy} has no best network beside it")
+    entries = best_of_folders(find_entries(words, colour))
     first = entries[0]
     for other in entries[1:]:
         if other.case.fingerprint != first.case.fingerprint:

@@ -182,6 +182,28 @@ def test_what_is_wrong_is_said(
     assert taken.read_text() == "mine"
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "ship_trl.record RUN --trajectories chart.png",
+        "ship_trl.record RUN --output film.gif",
+        "ship_trl.export RUN network.onnx",
+        "ship_trl.explain RUN",
+    ],
+)
+def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tmp_path: Path) -> None:
+    run = tmp_path / "seed=0"
+    shutil.copytree(trained / "runs/1/scratch/seed=0", run)
+    (run / "policy.safetensors").unlink()
+    module, *words = line.replace("RUN", "seed=0").split()
+    done = ship_trl(*words, module=module, folder=tmp_path, code=1)
+    assert done.stderr.splitlines() == [
+        "ship_trl: seed=0/policy.safetensors is not there; left out",
+        "ship_trl: policy: seed=0/policy_last.safetensors has no best network beside it",
+    ]
+    assert [path.name for path in tmp_path.iterdir()] == ["seed=0"]
+
+
 def five(path: Path) -> str:
     """Save an untrained network of other layers."""
     save_weights(path, DuelingNetwork(1, 7, Generator().manual_seed(0), load_network("five")), {})

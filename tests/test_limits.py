@@ -1,8 +1,11 @@
 """What would not fit into memory, or into numbers of 32 bits, is refused; what is just below is not."""
 
+from pathlib import Path
+
 import pytest
 
 from ship_trl.config import ConfigError
+from tests.test_cli import ship_trl
 from tests.test_config import HIGH, composed
 
 BILLION = 10**9
@@ -53,3 +56,9 @@ def test_what_is_large_is_not() -> None:
 @pytest.mark.parametrize("line", ["layers=1", "layers=2 learn.backend=dense", "layers=3 learn.backend=dense"])
 def test_a_replay_of_states_may_be_large_whatever_is_frozen(line: str) -> None:
     composed("+pair=high", "method=feature_extraction", *line.split(), "learn.replay_size=1000000")
+
+
+def test_it_is_refused_before_torch_is_imported(tmp_path: Path) -> None:
+    first = "import atexit, sys; atexit.register(lambda: print('torch' in sys.modules))"
+    line = ("target=1", "method=scratch", "learn.batch_size=100000", "learn.replay_size=100000")
+    assert ship_trl(*line, folder=tmp_path, code=1, first=first).stdout == "False\n"

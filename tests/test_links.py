@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config import ConfigError, World
+from ship_trl.result import write_result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import make_run
 from ship_trl.run.wandb_tracker import begin_wandb
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import CaseBase
+from tests.a_result import a_result
 from tests.test_cli import ship_trl
 from tests.test_config import composed
 
@@ -38,6 +40,18 @@ def test_no_run_is_written_through_a_link(linked: str, tmp_path: Path, private: 
     with pytest.raises(ConfigError, match=rf"^output: {link} is a link, .* allowed: only output= itself"):
         make_run(config)
     assert a_tree(private) == before
+
+
+def test_a_finished_run_behind_a_link_is_not_shown_either(tmp_path: Path) -> None:
+    config = composed("target=1", "method=scratch", f"output={tmp_path / 'out'}")
+    run = make_run(config)
+    run.folder.mkdir(parents=True)
+    write_result(run.folder, a_result(config_hash=run.config_hash))
+    make_run(config)
+    (tmp_path / "out/1").rename(tmp_path / "1")
+    (tmp_path / "out/1").symlink_to(tmp_path / "1")
+    with pytest.raises(ConfigError, match=rf"^output: {tmp_path / 'out/1'} is a link"):
+        make_run(config)
 
 
 def test_the_output_itself_may_be_a_link_and_links_in_a_run_are_not_followed(

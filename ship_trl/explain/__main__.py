@@ -14,6 +14,7 @@ from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.entries import Entry, best_of_folders, find_entries
 
+OUTPUT = Path("outputs/explain")
 LEAST_EPISODES = 60
 MOST_EPISODES = 600
 
@@ -25,9 +26,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--output",
         type=Path,
-        default=Path("outputs/explain"),
         metavar="FOLDER",
-        help="default: outputs/explain",
+        help=f"default: {OUTPUT}",
     )
     parser.add_argument("--seed", type=int, default=0, help="of states, untrained networks and resamples")
     parser.add_argument(
@@ -42,12 +42,15 @@ def main(arguments: list[str] | None = None) -> None:
             )
         if not 0 <= options.seed < 2**63:
             raise ConfigError(f"--seed: must be from 0 to 2^63 - 1, got {options.seed}")
+        if options.output is None and OUTPUT.is_symlink():
+            # A stranger's folder of results may be called outputs.
+            raise ConfigError(f"--output: {OUTPUT} is a link; allowed: the folder that it leads to, named")
         entries = choose_entries(options.words, options.colour)
         from ship_trl.explain.write import write
 
         given = sys.argv[1:] if arguments is None else arguments
         command = shlex.join(["python", "-m", "ship_trl.explain", *given])
-        write(entries, options.output, options.episodes, options.seed, command)
+        write(entries, options.output or OUTPUT, options.episodes, options.seed, command)
 
 
 def choose_entries(words: list[str], colour: bool) -> list[Entry]:

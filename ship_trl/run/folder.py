@@ -54,9 +54,9 @@ def check_folder(run: Run) -> None:
     base.refuse_links(run.target, run.entry_arm, run.config.seed, run.config_hash)
     if linked := links(Path(run.config.output) / LOCKS, Path(run.config.output)):
         raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
-    if run.result() is None and (linked := links(run.folder / FOLDER, Path(run.config.output))):
+    if linked := links(run.folder / FOLDER, Path(run.config.output)):
         raise ConfigError(
-            f"output: {linked[0]} is a link, and what it leads to would be replaced; "
+            f"output: {linked[0]} is a link, and what it leads to might be replaced; "
             "allowed: only output= itself may be one"
         )
     if run.config.overwrite:

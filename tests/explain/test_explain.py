@@ -182,6 +182,17 @@ def test_what_is_wrong_is_said(
     assert taken.read_text() == "mine"
 
 
+def test_a_page_of_no_name_is_written_through_no_link(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "outputs").mkdir()
+    (tmp_path / "private").mkdir()
+    (tmp_path / "outputs/explain").symlink_to(tmp_path / "private")
+    said = refused(capsys, str(trained / "runs/high/FE2/seed=0"), "target=2")
+    assert "--output: outputs/explain is a link" in said and not list((tmp_path / "private").iterdir())
+
+
 @pytest.mark.parametrize(
     "line",
     [

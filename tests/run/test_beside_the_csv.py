@@ -1,6 +1,7 @@
 """`logger=all`: wandb and TensorBoard hold what the CSV and the pictures hold, and a run says where."""
 
 import csv
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -76,18 +77,21 @@ def test_no_key_is_written_or_said(logged: tuple[Path, str]) -> None:
         assert not [name for name, data in found.items() if key.encode() in data]
 
 
-def test_a_run_that_was_stopped_is_there_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_run_that_was_stopped_is_there_once(number: signal.Signals, tmp_path: Path) -> None:
     first = (
         "import signal\n"
+        # What is started in the background may have been told to ignore it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from ship_trl.run import tracking\n"
         "log, seen = tracking.Tracker.log, []\n"
         "def counted(tracker, event):\n"
         "    log(tracker, event)\n"
         "    seen.append(event)\n"
-        "    len(seen) != 5 or signal.raise_signal(signal.SIGTERM)\n"
+        f"    len(seen) != 5 or signal.raise_signal({int(number)})\n"
         "tracking.Tracker.log = counted"
     )
-    stopped = ship_trl(*LINE, folder=tmp_path, code=143, first=first)
+    stopped = ship_trl(*LINE, folder=tmp_path, code=128 + number, first=first)
     assert stopped.stderr == "ship_trl: stopped at episode 3 of 6; the same command goes on from there\n"
     said = ship_trl(*LINE, folder=tmp_path).stdout
     assert "goes on from its checkpoint, episode 3 of 6" in said

@@ -33,23 +33,24 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
     has set, so that what it leaves in the study's folder is what the study would have left.
 
     Raises:
-        ConfigError: a part of the study's folder is a link.
+        ConfigError: something of the study's folder that would be written, or renamed, is a link.
     """
-    for name in (LOG, JOBS, BASE, *PARTS):
-        if linked := links(config.folder / name, config.folder):
+    folder = config.folder / JOBS / "job"
+    own = (folder, *(config.folder / name for name in (LOG, BASE, *PARTS)))
+    for place in (*own, *(job.folder(config.folder) for job in jobs)):
+        if linked := links(place, config.folder):
             raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     whole = plain(run_config(config))
     shared, learn = {key: whole[key] for key in SHARED}, whole["learn"]
-    folder = config.folder / JOBS / "job"
     folder.mkdir(parents=True, exist_ok=True)
     # Absolute, because a node of a cluster starts its processes wherever it likes.
-    place = config.folder.absolute()
+    study = config.folder.absolute()
     for job in jobs:
         values: dict[str, Any] = shared | job.values | {"learn": learn | job.values.get("learn", {})}
         values |= {
-            "output": str(place / job.part),
-            "case_base": str(place / BASE),
-            "wandb": {"folder": str(place), "group": f"{job.part}/{job.label}"},
+            "output": str(study / job.part),
+            "case_base": str(study / BASE),
+            "wandb": {"folder": str(study), "group": f"{job.part}/{job.label}"},
         }
         with replacing(folder / f"{job.name}.yaml") as draft:
             draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))

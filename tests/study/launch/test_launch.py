@@ -52,16 +52,20 @@ def test_so_many_processes_as_are_asked_for() -> None:
     assert launch.processes(to_study(["processes=3"])) == 3
 
 
-@pytest.mark.parametrize("name", ["log.txt", "jobs", "case_base", "pairs", "reuse"])
+PLACES = ["log.txt", "jobs", "jobs/job", "case_base", "pairs", "reuse", "pairs/high", "pairs/high/FTW/seed=0"]
+
+
+@pytest.mark.parametrize("name", PLACES)
 def test_a_study_writes_through_no_link(name: str, tmp_path: Path) -> None:
     study, private = tmp_path / "study", tmp_path / "private"
-    study.mkdir()
+    (study / name).parent.mkdir(parents=True)
     private.mkdir()
     (study / name).symlink_to(private)
+    before = sorted(study.rglob("*"))
     config = to_study([*SMALL, f"output={study}"])
     with pytest.raises(ConfigError, match=rf"^output: {study / name} is a link"):
         launch.write_jobs(plan_jobs(config), config)
-    assert list(study.iterdir()) == [study / name] and not list(private.iterdir())
+    assert sorted(study.rglob("*")) == before and not list(private.iterdir())
 
 
 def test_a_job_alone_has_all_that_the_study_has_set(tmp_path: Path) -> None:

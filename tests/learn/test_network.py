@@ -52,7 +52,8 @@ def test_gradients_are_the_plain_ones(name: str) -> None:
     fast = torch.autograd.grad(net(images).square().sum(), weights)
     slow = torch.autograd.grad(plain_forward(net, images).square().sum(), weights)
     for got, wanted in zip(fast, slow, strict=True):
-        torch.testing.assert_close(got, wanted, rtol=1e-4, atol=1e-5)
+        # Sums in another order: their rounding is one of the largest entries, not of the small ones.
+        torch.testing.assert_close(got, wanted, rtol=1e-4, atol=1e-5 * float(wanted.abs().max()))
 
 
 def test_advantages_are_centred() -> None:

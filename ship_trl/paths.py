@@ -7,10 +7,13 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 # Bytes of any file that is read whole, at most: a curve of ten million episodes.
 LARGEST = 1 << 30
@@ -116,3 +119,20 @@ def replacing(path: Path) -> Iterator[Path]:
             sync(path.parent)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, str]) -> None:
+    """Write a safetensors file, to a name that `replacing` gives; the tensors must be contiguous.
+
+    Raises:
+        MemoryError: there is no room for two copies of the tensors.
+        OSError: the disk is full, or the folder cannot be written.
+    """
+    import numpy as np
+    from safetensors.torch import save
+
+    # safetensors makes both copies in Rust, which ends the process where it finds no memory: so Python asks
+    # first, and what it gives back is there for them.
+    np.empty(2 * sum(value.nbytes for value in tensors.values()) + (1 << 20), np.uint8)
+    # Not `save_file`: its error of a full disk is no OSError, and it leaves a draft of its own if killed.
+    path.write_bytes(save(dict(tensors), dict(header)))

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 
-from ship_trl.paths import LONGEST_NAME, read_file, replacing
+from ship_trl.paths import LONGEST_NAME, read_file, replacing, write_tensors
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -98,15 +98,14 @@ class Checkpoints:
         """Write a checkpoint in the place of the older one of the two.
 
         Raises:
+            MemoryError: there is no room for two copies of the tensors.
             OSError: the disk is full, or the folder cannot be written.
         """
-        from safetensors.torch import save
-
         self.folder.mkdir(exist_ok=True)
         tensors = {name: value.contiguous() for name, value in tensors.items()}
         header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
         with replacing(self._oldest()) as draft:
-            draft.write_bytes(save(tensors, {ENTRY: header}))
+            write_tensors(draft, tensors, {ENTRY: header})
         self.begin(about.episode)
 
     def read(self, config_hash: str) -> tuple[Checkpoint | None, dict[Path, str]]:

@@ -18,7 +18,7 @@ from torch import Generator, Tensor
 from ship_trl.architecture import geometry, load_network
 from ship_trl.config import ConfigError, Network, explain, plain
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.paths import replacing
+from ship_trl.paths import replacing, write_tensors
 
 Weights = Mapping[str, Tensor]
 
@@ -56,16 +56,13 @@ def save_weights(
     path: Path, network: DuelingNetwork, about: Mapping[str, object], dtype: torch.dtype = torch.float32
 ) -> None:
     """Write all weights as safetensors, with `about` and the network's layers (JSON) in the header."""
-    from safetensors.torch import save
-
     # Contiguous copies: safetensors knows no channels-last.
     tensors = {
         key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
     }
     with replacing(path) as draft:
         about = {**about, "network": plain(network.config)}
-        # Not `save_file`: its error of a full disk is no OSError.
-        draft.write_bytes(save(tensors, {"ship_trl": json.dumps(about, sort_keys=True)}))
+        write_tensors(draft, tensors, {"ship_trl": json.dumps(about, sort_keys=True)})
 
 
 @contextmanager

@@ -1,9 +1,10 @@
 """A study as tables: what its report needs of every whole run, and no network.
 
-`study.json` is what was planned. `runs.csv` has a row for each run: its part of the study and its result.
-`curves.csv.xz` has one for each training episode, greedy evaluation and draw before training, in the order
-of the runs: `run` (the number of its row in `runs.csv`, from 0), `kind` (training, greedy or draw),
-`episode`, `epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). `pandas.read_csv` reads
+`study.json` is what was planned. `runs.csv` has a row for each run, by seed: its part of the study and its
+result. `curves.csv.xz` has one for each training episode, greedy evaluation and draw before training, in the
+order of the runs: `run` (the number of its row in `runs.csv`, from 0), `kind` (training, greedy or draw),
+`episode`, `epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). Each seed is packed alone:
+a study that goes on by a seed adds bytes at the end, which costs a repository little. `pandas.read_csv` reads
 both.
 """
 
@@ -15,6 +16,7 @@ import json
 import lzma
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,9 +151,13 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
         runs = pd.DataFrame([{"part": record.part} | cells(result) for record, result, _ in whole])
         with replacing(copy / RUNS) as draft:
             runs.to_csv(draft, index=False, lineterminator="\n")
-        curves = pd.concat([with_draws(number, *run[1:]) for number, run in enumerate(whole)])
-        with replacing(copy / CURVES) as draft, lzma.open(draft, "wt", preset=PRESET, newline="") as file:
-            curves.to_csv(file, columns=COLUMNS, index=False, lineterminator="\n")
+        with replacing(copy / CURVES) as draft, draft.open("wb") as file:
+            for _, runs_of_seed in groupby(enumerate(whole), lambda run: run[1][0].seed):
+                curves = pd.concat([with_draws(number, *run[1:]) for number, run in runs_of_seed])
+                text = curves.to_csv(
+                    None, columns=COLUMNS, index=False, header=not file.tell(), lineterminator="\n"
+                )
+                file.write(lzma.compress(text.encode(), preset=PRESET))
         # The last: without it, or with that of another time, the others are no copy.
         plan[KEPT] = {name: digest(copy / name) for name in (RUNS, CURVES)}
         with replacing(copy / PLAN) as draft:
@@ -161,9 +167,9 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     return len(whole), len(broken)
 
 
-def place(record: Record) -> tuple[str, str, str, int]:
-    """Name a run in its study: part, pair, arm and seed."""
-    return record.part, record.pair, record.arm, record.seed
+def place(record: Record) -> tuple[int, str, str, str]:
+    """Order a study's runs: by seed, then by part, pair and arm."""
+    return record.seed, record.part, record.pair, record.arm
 
 
 def digest(path: Path) -> str:

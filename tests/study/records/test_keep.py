@@ -3,6 +3,7 @@
 import csv
 import json
 import lzma
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -94,13 +95,24 @@ def test_a_copy_is_small_and_has_no_paths_of_this_machine(copy: Path, whole_stud
     assert b"somebody" not in text and str(whole_study.parent).encode() not in text
     with (copy / "runs.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [(row["part"], row["pair"], row["arm"], row["seed"]) for row in rows[:4]] == [
-        *(("pairs", "high", "FTW", str(seed)) for seed in range(3)),
-        ("pairs", "high", "scratch", "0"),
+    assert [(row["part"], row["arm"], row["seed"]) for row in rows] == [
+        (part, arm, str(seed))
+        for seed in range(3)
+        for part, arm in (("pairs", "FTW"), ("pairs", "scratch"), ("sources", "scratch"))
     ]
     assert rows[0]["source_network"] == "case_base/1/scratch/seed=0-abc/policy.safetensors"
     keep([str(whole_study), str(copy)])
     assert files(copy) == before
+
+
+def test_a_further_seed_adds_to_the_curves_and_leaves_what_was_there(
+    whole_study: Path, copy: Path, tmp_path: Path
+) -> None:
+    for run in whole_study.rglob("seed=2"):
+        shutil.rmtree(run)
+    keep([str(whole_study), str(tmp_path / "before")])
+    fewer, more = (files(folder)[FILES[0]] for folder in (tmp_path / "before", copy))
+    assert len(fewer) < len(more) and more.startswith(fewer)
 
 
 def test_what_is_not_whole_is_left_out_of_a_copy(whole_study: Path, tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ ALLOWED = {
     "record": SIM | {"cli", "entries", "learn", "run", "transfer", "view", "viewer", "watch"},
     "explain": SIM
     | {"architecture", "cli", "entries", "learn", "outside", "policies", "pretrained", "result", "run"}
-    | {"transfer"},
+    | {"study", "transfer"},
     "export": SIM | {"__version__", "cli", "entries", "learn", "policies", "pretrained", "run", "transfer"},
     "bench": SIM | {"architecture", "checks", "cli", "gym_env", "learn", "run", "transfer", "vector_env"},
     "__main__": BELOW | {"checks", "cli", "launchers", "run", "stop"},

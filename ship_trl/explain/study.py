@@ -1,4 +1,4 @@
-"""`python -m ship_trl.study.layers FOLDER TABLE`: how alike the layers of a study's networks are.
+"""`python -m ship_trl.explain.study FOLDER TABLE`: how alike the layers of a study's networks are.
 
 It looks at the best networks of the pairs' runs while they are there, for the tables that are kept of a study
 hold none. TABLE is a CSV, to which the seeds are added that it lacks. A number is the CKA (`explain/cka.py`)
@@ -49,7 +49,7 @@ class Layer(NamedTuple):
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the command line, and add the seeds that the table lacks."""
-    parser = make_parser("ship_trl.study.layers", __doc__)
+    parser = make_parser("ship_trl.explain.study", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study's, with its networks")
     parser.add_argument("table", type=Path, metavar="TABLE", help="a CSV; the seeds that it has are kept")
     options = parser.parse_args(arguments)

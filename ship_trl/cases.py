@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from pathlib import Path
@@ -15,8 +16,11 @@ from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir, replacing
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.transfer.casebase import CaseBase, rank
+from ship_trl.transfer.measured import PACKAGED, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.similarity import MEASURES, distance, in_words, similarity
 
+# Transfers to a target that are listed, at most.
+SHOWN = 12
 console = Console(highlight=False, markup=False)
 
 
@@ -31,6 +35,12 @@ def main(arguments: list[str] | None = None) -> None:
         "--case-base", type=Path, default=Path("outputs/case_base"), help="folder of trained networks"
     )
     parser.add_argument(
+        "--measured",
+        type=Path,
+        metavar="FILE",
+        help=f"a report's {TABLE}, to recommend by; default: that of the confirmatory study",
+    )
+    parser.add_argument(
         "--picture",
         type=Path,
         help="where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png",
@@ -43,7 +53,9 @@ def main(arguments: list[str] | None = None) -> None:
         if options.target is not None:
             target = load_case(options.target, world, "--target")
             bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
+            known = read_transfers(options.measured or PACKAGED)
             show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
+            show_measured(target, transfers_to(target, known))
             name, shown = f"case_{target.name}.png", [target]
         else:
             show_cases(cases)
@@ -111,6 +123,7 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
         table.add_row(match.case.name, *measured, arm, str(count))
     console.print(table)
     if ranking:
+        console.print("By the paper's rule:")
         first = ranking[0]
         line = (
             f"python -m ship_trl source={first.case.name} target={target.name} "
@@ -122,6 +135,30 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
             known = f"{best.arm}, seed {best.seed}, greedy return {best.best_return:.1f}"
             console.print(f"with the best network of case {first.case.name} that is stored ({known}):")
             console.print(f"{line} {shlex.quote(f'source_file={best.policy}')}", markup=False, soft_wrap=True)
+
+
+def show_measured(target: Case, found: list[Transfer]) -> None:
+    """Print what transfers to a target gained, best first, and recommend the best if it surely gains."""
+    if not found:
+        console.print(f"By measurement: no transfer to case {target.name} was measured; it takes a study.")
+        return
+    title = f"Measured on case {target.name}: area above scratch (score), 95 % interval"
+    table = Table(title=title, title_justify="left")
+    for name in ("source", "arm", "epsilon from", "gain", "interval", "seeds"):
+        table.add_column(name, justify="right" if name in ("gain", "interval", "seeds") else "left")
+    for one in found[:SHOWN]:
+        start = "1" if one.epsilon_start is None else f"{one.epsilon_start:g}"
+        between = f"{one.low:+.3f} to {one.high:+.3f}"
+        table.add_row(one.source, one.arm, start, f"{one.gain:+.3f}", between, str(one.seeds))
+    console.print(table)
+    # Not the largest gain: of many arms that is the luckiest one.
+    best = max(found, key=lambda one: one.low if math.isfinite(one.low) else -math.inf)
+    if best.sure:
+        console.print(f"By measurement, of {len(found)} transfers the one that gains most for sure:")
+        console.print(best.line, markup=False, soft_wrap=True)
+    else:
+        console.print(f"By measurement, none of {len(found)} transfers is surely better than scratch:")
+        console.print(f"python -m ship_trl target={target.name} method=scratch", markup=False, soft_wrap=True)
 
 
 def write_picture(path: Path, cases: list[Case], world: World) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
 from ship_trl.study.analysis.metrics import TIMES, curve, measure, reached
-from ship_trl.study.analysis.statistics import Sample, level_of, spread_test
-from ship_trl.study.analysis.study import Places, Study
+from ship_trl.study.analysis.statistics import Estimate, Sample, level_of, spread_test
+from ship_trl.study.analysis.study import Place, Places, Study
 from ship_trl.study.margins import margin
 
 # Of all resampling: the same study gives the same report.
@@ -64,3 +64,14 @@ def steadier(study: Study, claim: str, where: str, places: Places, steady: str, 
     estimate, p, against = spread_test(curves[steady], curves[other], SEED, study.level, study.resamples)
     what = f"{where}: {steady} varies less than {other} (spread; logarithm of the ratio)"
     return [Finding(claim, what, "spread", estimate, p, against, seeds=len(curves[steady]))]
+
+
+def gain(study: Study, place: Place, scratch: Place) -> Estimate | None:
+    """Return the interquartile mean of the difference of areas with its 95 % interval.
+
+    None without seeds that both have; of one seed the interval has no ends.
+    """
+    runs = study.matched({"arm": place, "scratch": scratch})
+    areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
+    differences = np.array(areas[0]) - np.array(areas[1])
+    return level_of(differences) if len(differences) else None

@@ -21,7 +21,9 @@ from ship_trl.study.records.tables import has_tables, read_tables
 BLOCK, MOST_LOOKS = 5, len(OBRIEN_FLEMING)
 
 Records = dict[tuple[str, str, str, int], Record]
-Places = Mapping[str, tuple[str, str, str]]
+# Part, pair and arm.
+Place = tuple[str, str, str]
+Places = Mapping[str, Place]
 
 
 @dataclass(frozen=True)

@@ -142,3 +142,11 @@ def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
         return tuple(sorted(map(int, seeds))), known
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return (), {}
+
+
+def cases_of(folder: Path) -> dict[str, str]:
+    """Return the fingerprints of a study's cases, by name; nothing where there is no plan to read."""
+    try:
+        return {str(name): str(given) for name, given in read_plan(folder / PLAN, "folder")["cases"].items()}
+    except ConfigError:
+        return {}

@@ -13,14 +13,14 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.statistics import Estimate, level_of
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.measured import gain
+from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.analysis.study import Place, Study
 from ship_trl.study.claims.kinds import FE, FT
 from ship_trl.study.plan.config import CONTROL_ARMS, REUSED_ARM, read
 from ship_trl.study.plan.jobs import COMPARED, CONTROLS, PAIRS, from_scratch
 from ship_trl.study.report.figures import FONT, SMALL, Form
-from ship_trl.study.report.panels import Place, pairs, reuse_panels
+from ship_trl.study.report.panels import pairs, reuse_panels
 
 ARMS = (*FE, *CONTROL_ARMS, *FT, "FTW")
 PAIRS_TITLE, NEW_TITLE = "Source to target, by arm", "The new case, by source"
@@ -76,17 +76,6 @@ def reused(study: Study) -> dict[str, tuple[Place, Place]]:
         for arm in one.arms
         if study.arm(*one.scratch)
     }
-
-
-def gain(study: Study, place: Place, scratch: Place) -> Estimate | None:
-    """Return the interquartile mean of the difference of areas with its 95 % interval.
-
-    None without seeds that both have; of one seed the interval has no ends.
-    """
-    runs = study.matched({"arm": place, "scratch": scratch})
-    areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
-    differences = np.array(areas[0]) - np.array(areas[1])
-    return level_of(differences) if len(differences) else None
 
 
 def gains(study: Study) -> dict[str, dict[str, Estimate]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.study import Place, Study
 from ship_trl.study.claims.kinds import FE, FT
 from ship_trl.study.plan.config import NEW_CASE, REUSED_ARM, REUSED_CASE
 from ship_trl.study.plan.jobs import (
@@ -21,7 +21,6 @@ from ship_trl.study.plan.jobs import (
 )
 from ship_trl.study.report.figures import LOOKS, Look
 
-Place = tuple[str, str, str]
 NUMBERS = {"high": "5", "low": "6", "lowest": "7"}
 REUSE = "Figure 9: reuse on the new case"
 # Frozen layers that hold no features.

@@ -11,12 +11,14 @@ import numpy as np
 
 from ship_trl.paths import replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding
-from ship_trl.study.analysis.measured import SEED
+from ship_trl.study.analysis.measured import SEED, gain
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
 from ship_trl.study.analysis.statistics import Estimate, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import Answer
-from ship_trl.study.plan.jobs import from_scratch
+from ship_trl.study.plan.config import REUSED_CASE
+from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, from_scratch
+from ship_trl.transfer.measured import COLUMNS
 
 Row = dict[str, Any]
 # Columns of claims.csv that are of a contrast.
@@ -84,6 +86,27 @@ def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | N
         return (interquartile_mean(one, axis) - base) / np.maximum(np.abs(base), 1e-9)
 
     return bootstrap(areas, ratio, SEED)
+
+
+def transfer_rows(study: Study, fingerprints: Mapping[str, str]) -> list[Row]:
+    """Return what each arm gained over scratch by source and target; `ship_trl.cases` recommends by it.
+
+    Left out are controls without features, and a network that two transfers made. `fingerprints` say what a
+    case is, by name; of a case without one nothing is said.
+    """
+    rows = []
+    for part, pair, arm in sorted({key[:3] for key in study.records}):
+        place, scratch = (part, pair, arm), from_scratch(part, pair)
+        source, target = next((run.source, run.target) for run in study.arm(*place).values())
+        chained = part in (LOW, ONE) and source == REUSED_CASE
+        found = None if "-" in arm or chained else gain(study, place, scratch)
+        if found is not None and source is not None and {source, target} <= set(fingerprints):
+            seeds = len(study.matched({"arm": place, "scratch": scratch})["arm"])
+            low = LOW_EPSILON if part in (LOW, ALONE) else None
+            numbers = (round(value, 4) for value in (found.value, found.low, found.high))
+            cells = (source, target, fingerprints[source], fingerprints[target], arm, low, seeds, *numbers)
+            rows.append(dict(zip(COLUMNS, cells, strict=True)))
+    return sorted(rows, key=lambda row: (row["target"], row["source"], row["arm"]))
 
 
 def claim_rows(answers: Sequence[Answer]) -> list[Row]:

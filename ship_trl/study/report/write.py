@@ -14,7 +14,7 @@ from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.placebo import placebo
 from ship_trl.study.claims.verdicts import answer, explore
 from ship_trl.study.plan.jobs import PAIRS
-from ship_trl.study.plan.manifest import PLAN
+from ship_trl.study.plan.manifest import PLAN, cases_of
 from ship_trl.study.report import tables
 from ship_trl.study.report.drawings import draw_all
 from ship_trl.study.report.page import as_markdown, render
@@ -59,6 +59,7 @@ def write(study: Study, folder: Path, output: Path) -> None:
         ("arms", arms),
         ("claims", tables.claim_rows([*answers, *explored])),
         ("table_2", similar),
+        ("transfers", tables.transfer_rows(study, cases_of(folder))),
     ):
         tables.write_csv(output / f"{name}.csv", rows)
     drawn = draw_all(study, [*answers, *explored], output)

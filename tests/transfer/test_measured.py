@@ -39,7 +39,7 @@ def test_a_row_is_a_transfer_and_the_command_that_does_it(tmp_path: Path) -> Non
 )
 def test_a_bad_row_is_refused_in_a_line(row: tuple[str, ...], tmp_path: Path) -> None:
     path = write(tmp_path / "t.csv", ROW, row)
-    with pytest.raises(ConfigError, match="transfers.csv") as caught:
+    with pytest.raises(ConfigError, match=r"transfers\.csv") as caught:
         read_transfers(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 

@@ -99,7 +99,7 @@ def transfer_rows(study: Study, fingerprints: Mapping[str, str]) -> list[Row]:
         place, scratch = (part, pair, arm), from_scratch(part, pair)
         source, target = next((run.source, run.target) for run in study.arm(*place).values())
         chained = part in (LOW, ONE) and source == REUSED_CASE
-        found = None if "-" in arm or chained else gain(study, place, scratch)
+        found = None if arm == "scratch" or "-" in arm or chained else gain(study, place, scratch)
         if found is not None and source is not None and {source, target} <= set(fingerprints):
             seeds = len(study.matched({"arm": place, "scratch": scratch})["arm"])
             low = LOW_EPSILON if part in (LOW, ALONE) else None

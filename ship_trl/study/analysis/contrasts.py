@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from ship_trl.study.analysis.power import seen_effect
 from ship_trl.study.analysis.statistics import (
     LEVEL,
     Estimate,
@@ -16,7 +17,6 @@ from ship_trl.study.analysis.statistics import (
     p_above,
     p_below,
     p_within,
-    seen_effect,
     standard_error,
 )
 
@@ -70,9 +70,13 @@ class Finding:
     @property
     def as_claimed(self) -> bool:
         """Whether the estimate, however unsure, is what is claimed."""
-        bound = 0.0 if self.claimed is Claimed.above else (self.margin or 0.0)
+        return self.gap > 0 if self.claimed is Claimed.above else self.gap >= 0
+
+    @property
+    def gap(self) -> float:
+        """How far the estimate is on the claimed side; below zero it is on the other."""
         value = self.estimate.value
-        return value > 0 if self.claimed is Claimed.above else value <= bound
+        return value if self.claimed is Claimed.above else (self.margin or 0.0) - value
 
     def seen(self, level: float = LEVEL / 2) -> float:
         """Return the least difference that so many seeds would show four times in five at a level."""

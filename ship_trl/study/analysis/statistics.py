@@ -11,13 +11,12 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from math import sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special, stats
+from scipy import special, stats
 
 Sample = NDArray[np.float64]
 # Of resamples: the ends of a 95 % interval then vary by less than a hundredth of its width.
@@ -253,25 +252,6 @@ def share_interval(count: int, of: int) -> Estimate:
     """Return a share with its 95 % interval (Wilson, 1927)."""
     ends = stats.binomtest(count, of).proportion_ci(CONFIDENCE, method="wilson")
     return Estimate(count / of, float(ends.low), float(ends.high))
-
-
-@cache
-def seen_effect(seeds: int, level: float = LEVEL / 2, power: float = 0.8) -> float:
-    """Return the least effect, in standard errors, that a one-sided t-test of so many seeds finds so often.
-
-    A t is a normal variable over a chi; SciPy's noncentral t gives no numbers for few seeds and low levels.
-    """
-    freedom = FREEDOM * (seeds - 2 * int(TRIMMED * seeds) - 1)
-    if freedom <= 0:
-        return np.inf
-    quantiles = (np.arange(4_000) + 0.5) / 4_000
-    spread = np.sqrt(stats.chi2.ppf(quantiles, freedom) / freedom)
-    critical = stats.t.isf(level, freedom)
-
-    def short(effect: float) -> float:
-        return float(np.mean(stats.norm.sf(critical * spread - effect)) - power)
-
-    return float(optimize.brentq(short, 0.0, 1e9))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

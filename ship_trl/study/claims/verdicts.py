@@ -11,8 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Claimed, Finding, Verdict
+from ship_trl.study.analysis.power import seeds_needed
 from ship_trl.study.analysis.statistics import LEVEL, holm, look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import CONCLUSIONS, OURS
@@ -29,7 +31,7 @@ class Answer:
     `p` is what the verdict stands on, adjusted: of contradiction over the figure's contrasts, else over
     its claims, and that of support while the claim is open. `missing` is how many of its contrasts lack
     seeds at that look of `seeds`, whose one-sided level is `level`; `decided` after how many the verdict
-    fell, 0 while the claim is open; `claims` how many its figure has.
+    fell, 0 while the claim is open; `claims` how many its figure has, and `contrasts` how many those have.
     """
 
     hypothesis: Hypothesis
@@ -41,11 +43,37 @@ class Answer:
     level: float = LEVEL / 2
     decided: int = 0
     claims: int = 1
+    contrasts: int = 1
 
     @property
     def word(self) -> str:
         """The verdict for people; a claim of which nothing could be measured has none."""
         return self.verdict.value if self.findings else "no runs"
+
+    def wanted(self) -> int | None:
+        """Return how many seeds would decide the claim four times in five, if all is as it was estimated.
+
+        They would support it, contradict it or show that there is no difference, whichever takes the fewest.
+        None if a thousand would not, if it is decided, or if a contrast cannot be reckoned with. Adjusted as
+        Bonferroni does, which is a little too many.
+        """
+        if self.decided or self.missing or not self.findings:
+            return None
+
+        def needed(finding: Finding, gap: float, among: int) -> float:
+            found = seeds_needed(gap, finding.error, finding.seeds, self.level / among)
+            return inf if found is None else found
+
+        support = max(needed(f, f.gap, self.claims) for f in self.findings)
+        against = min(needed(f, -f.gap, self.contrasts) for f in self.findings)
+        same = max(
+            needed(f, f.margin - abs(f.estimate.value), self.claims)
+            if f.claimed is Claimed.above and f.margin is not None
+            else inf
+            for f in self.findings
+        )
+        fewest = min(support, against, same)
+        return int(fewest) if isfinite(fewest) else None
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
@@ -120,6 +148,7 @@ def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: 
                 level=level,
                 decided=0 if verdict is Verdict.inconclusive else count,
                 claims=len(family),
+                contrasts=planned,
             )
         )
     return answers

@@ -119,6 +119,7 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "claim's verdict": answer.word,
             "claim's p": answer.p if answer.findings else "",
             "decided after seeds": answer.decided or "",
+            "seeds wanted": answer.wanted() or "",
             **contrast_columns(answer, finding),
         }
         for answer in answers

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
-from ship_trl.study.analysis.statistics import seen_effect
+from ship_trl.study.analysis.power import seen_effect
 
 
 def measured(

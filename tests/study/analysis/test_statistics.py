@@ -124,14 +124,6 @@ def test_a_share_has_wilsons_interval() -> None:
     assert (found.value, found.low) == (0.0, 0.0) and found.high == pytest.approx(0.161, abs=0.001)
 
 
-def test_what_so_many_seeds_could_see() -> None:
-    # By hand: the power of a t-test is that of a noncentral t beyond its critical value.
-    effect, freedom = s.seen_effect(15), s.FREEDOM * (15 - 2 * 3 - 1)
-    assert stats.nct.sf(stats.t.isf(0.025, freedom), freedom, effect) == pytest.approx(0.8, abs=1e-4)
-    assert s.seen_effect(2) > s.seen_effect(5) > s.seen_effect(6) > effect
-    assert s.seen_effect(15, 0.001) > effect and s.seen_effect(1) == np.inf
-
-
 def test_holm_is_the_step_down_method() -> None:
     p = [0.01, 0.04, 0.03, 0.005]
     assert s.holm(p) == pytest.approx([0.03, 0.06, 0.06, 0.02]) and s.holm([]) == []

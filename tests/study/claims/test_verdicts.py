@@ -47,6 +47,21 @@ def test_one_open_contrast_leaves_a_claim_open() -> None:
     assert found.verdict is Verdict.inconclusive
 
 
+def test_an_open_claim_says_how_many_seeds_would_decide_it() -> None:
+    def wanted(*pairs: tuple[str, str], **ends: float) -> int | None:
+        (found,) = judge(make_study(high(**ends), sd=0.2), [claim("A", *pairs)], 15, 0.025)
+        assert found.verdict is Verdict.inconclusive
+        return found.wanted()
+
+    one = wanted(("FE1", "FE2"), FE1=0.8, FE2=0.7)
+    assert one is not None and one > 15
+    # The whole conjunction takes as many as what is hardest to see.
+    both = wanted(("FE1", "FE2"), ("FE1", "FE3"), FE1=0.8, FE2=0.7, FE3=0.3)
+    assert both == one
+    (decided,) = judge(make_study(high(FE1=0.9, FE2=0.3)), [claim("A", ("FE1", "FE2"))], 15, 0.025)
+    assert decided.wanted() is None
+
+
 def test_differences_within_the_margin_are_equivalent() -> None:
     study = make_study(high(FE1=0.7, FE2=0.7, FE3=0.701), sd=0.004)
     (found,) = judge(study, [claim("A", ("FE1", "FE2"), ("FE2", "FE3"))], 15, 0.025)

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ship_trl.config import ConfigError
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
 from ship_trl.study.plan.jobs import PAIRS
 from ship_trl.study.plan.manifest import begun_with
+from ship_trl.study.records.layers import LAYERS, Layer, read_layers
 from ship_trl.study.records.record import COMPUTED, Record, read_runs
 from ship_trl.study.records.tables import has_tables, read_tables
 
@@ -33,7 +35,8 @@ class Study:
     `broken` are those that could not be read, with the reason. `planned` are the seeds that the study was
     begun with: they alone are judged, however many are run later; all that are there where no plan is
     known. `rules` name the plan (see `rules.py`). `level` is one-sided, of intervals and tests; `resamples`
-    how often arms change places to test spreads.
+    how often arms change places to test spreads. `layers` say how alike those of networks are, where that
+    was measured.
     """
 
     records: Records
@@ -42,6 +45,7 @@ class Study:
     rules: dict[str, Any] = field(default_factory=dict)
     level: float = LEVEL / 2
     resamples: int = SWAPS
+    layers: list[Layer] = field(default_factory=list)
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -105,7 +109,19 @@ def read_study(folder: Path) -> Study:
     found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
     records = {(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found}
     planned, rules = begun_with(folder)
-    return Study(same_zero(records), broken, planned, rules)
+    return Study(same_zero(records), broken, planned, rules, layers=layers_of(folder, broken))
+
+
+def layers_of(folder: Path, broken: list[tuple[Path, str]]) -> list[Layer]:
+    """Return the rows about layers that a folder has; a table that is none is named in `broken`."""
+    path = folder / LAYERS
+    if not path.exists():
+        return []
+    try:
+        return read_layers(path)
+    except ConfigError as error:
+        broken.append((path, str(error).removeprefix(f"table: {path} ")))
+        return []
 
 
 def same_zero(records: Records) -> Records:

@@ -20,12 +20,13 @@ from ship_trl.study.report.ecdf import draw_times
 from ship_trl.study.report.figures import PAGE, TELEPHONE, Form, as_png, save
 from ship_trl.study.report.forest import draw_forest
 from ship_trl.study.report.heat_map import draw_gains
+from ship_trl.study.report.layers import draw_layers
 from ship_trl.study.report.panels import REUSE, pairs, title
 
 # Families of claims that are no figure of the paper.
 ABOUT = {CONCLUSIONS: "Conclusions", EXPLORATORY: "What explains them"}
 # Files of an earlier report, which go if they are not drawn anew.
-OWN = ("pair_*", "reuse", "differences", "times", "gains", "forest_*")
+OWN = ("pair_*", "reuse", "differences", "times", "gains", "layers", "forest_*")
 BANDS = (
     "Interquartile mean over seeds, moving over a twentieth of the episodes; the band holds 95 % of the "
     "means of resampled seeds, at each place by itself. It describes, and decides nothing. Fewer than 4 "
@@ -50,6 +51,11 @@ TIMES = (
 GAINS = (
     "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
     "scratch on the target, and its 95 % interval; bold where that does not hold zero."
+)
+LAYERS = (
+    "CKA of a layer of two networks on the same states of the target case: 1 is alike but for turning and "
+    "scaling, 0 unrelated. Another seed is the packaged network of the same case. Interquartile mean over "
+    "seeds with a band as above; it explains, and decides nothing. In brackets the number of seeds."
 )
 FOREST = (
     "Estimate and interval at the level of the look; positive is as claimed. Grey is the margin within which "
@@ -89,6 +95,7 @@ def drawings(study: Study, answers: Sequence[Answer]) -> Iterator[Drawing]:
         ("differences", "Differences from scratch along the training", DIFFERENCES, draw_differences),
         ("times", "Time to the threshold", TIMES, draw_times),
         ("gains", "What transfer gains, by source and target", GAINS, draw_gains),
+        ("layers", "How alike layers are", LAYERS, draw_layers),
     ):
         yield Drawing(name, heading, caption, partial(draw, study))
     for figure in dict.fromkeys(answer.hypothesis.figure for answer in answers):

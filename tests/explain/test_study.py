@@ -1,0 +1,69 @@
+"""How alike the layers of a study's networks are, measured by the real commands at smoke size."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from ship_trl.report import main as report
+from ship_trl.study.records.layers import LAYERS, read_layers
+from tests.study.commands import SMALL, study
+from tests.test_cli import ship_trl
+
+STUDY = Path("outputs/smoke_study")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a study of one seed lies, whose layers were looked at."""
+    place = tmp_path_factory.mktemp("place")
+    study(*SMALL, "arms=[scratch,FE2]", "seeds=1", folder=place)
+    ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
+    return place
+
+
+def test_each_network_stands_beside_its_source_and_scratch(folder: Path) -> None:
+    rows = read_layers(folder / LAYERS)
+    layers = {row.layer for row in rows}
+    assert layers == {"conv1", "conv2", "conv3", "conv4", "shared"}
+    assert {(row.arm, row.beside) for row in rows} == {
+        *(("FE2", beside) for beside in ("source", "scratch")),
+        *(("scratch", beside) for beside in ("source", "other seed", "untrained")),
+    }
+    assert len(rows) == len({row[:5] for row in rows}) and {row.pair for row in rows} == {"high"}
+    copied = [row.cka for row in rows if (row.arm, row.beside) == ("FE2", "source")][:2]
+    assert copied == pytest.approx([1.0, 1.0])
+    others = [row.cka for row in rows if (row.arm, row.beside) == ("FE2", "scratch")]
+    assert all(value < 0.999 for value in others)
+
+
+def test_seeds_whose_networks_are_gone_are_kept(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "again"
+    shutil.copytree(folder, place)
+    before = (place / LAYERS).read_bytes()
+    for network in (place / STUDY / "pairs").rglob("policy.safetensors"):
+        network.unlink()
+    ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
+    assert (place / LAYERS).read_bytes() == before
+    done = ship_trl(str(STUDY), "new.csv", folder=place, module="ship_trl.explain.study", code=1)
+    assert done.stderr.startswith("ship_trl: folder: ") and done.stderr.count("\n") == 1
+    assert not (place / "new.csv").exists()
+    (place / LAYERS).write_text("seed,pair\n0,high\n")
+    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study", code=1)
+    assert done.stderr.startswith(f"ship_trl: table: {LAYERS} is not a table of layers")
+
+
+def test_the_report_draws_what_lies_beside_the_runs(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "study"
+    shutil.copytree(folder / STUDY, place)
+    report([str(place)])
+    assert not (place / "report/layers.png").exists()
+    shutil.copy(folder / LAYERS, place / LAYERS)
+    report([str(place)])
+    assert (place / "report/layers.png").stat().st_size > 5_000
+    (place / LAYERS).write_bytes(b"\x80")
+    report([str(place)])
+    assert f"{place / LAYERS}: " in capsys.readouterr().err
+    assert not (place / "report/layers.png").exists()

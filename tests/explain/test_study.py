@@ -15,9 +15,9 @@ STUDY = Path("outputs/smoke_study")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where a study of one seed lies, whose layers were looked at."""
+    """Where a study of two seeds lies, whose layers were looked at."""
     place = tmp_path_factory.mktemp("place")
-    study(*SMALL, "arms=[scratch,FE2]", "seeds=1", folder=place)
+    study(*SMALL, "arms=[scratch,FE2]", folder=place)
     ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
     return place
 

@@ -45,18 +45,19 @@ def draw_layers(study: Study, form: Form) -> Figure | None:
     figure = Figure(figsize=(form.width, 2.5 * down), dpi=form.dpi, layout="constrained")
     for k, pair in enumerate(known):
         axis = figure.add_subplot(down, across, k + 1)
-        told = []
+        told, least = [], 0.0
         for (arm, beside), (words, look) in COMPARED.items():
             rows = [row for row in study.layers if (row.pair, row.arm, row.beside) == (pair, arm, beside)]
             curves = by_seed(rows, layers)
             if len(curves):
-                draw_curves(axis, np.arange(len(layers)), curves, look)
+                low, _ = draw_curves(axis, np.arange(len(layers)), curves, look)
+                least = min(least, low)
                 told.append((f"{words} ({len(curves)})", look))
         plain(axis)
         legend_above(axis, told)
         axis.set_xticks(range(len(layers)), layers)
         axis.set_xlabel(title(study, pair).partition(": ")[2], fontsize=FONT, labelpad=2)
-        axis.set_ylim(-0.05, 1.05)
+        axis.set_ylim(least - 0.05, 1.05)
         axis.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
         if k % across == 0:
             axis.set_ylabel("CKA", fontsize=FONT, labelpad=2)

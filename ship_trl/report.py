@@ -13,6 +13,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("ship_trl.report", __doc__)
     parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study, or of its tables")
     parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
+    parser.add_argument(
+        "--earlier", type=Path, metavar="FILE", help="claims.csv of an earlier report, to name its verdicts"
+    )
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():
         complain(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
@@ -24,7 +27,7 @@ def main(arguments: list[str] | None = None) -> None:
         complain(f"--output: {output} is the study's own folder; allowed: another one")
         sys.exit(1)
     with refusals():
-        report(options.folder, output)
+        report(options.folder, output, options.earlier)
 
 
 if __name__ == "__main__":

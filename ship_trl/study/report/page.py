@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -121,21 +121,23 @@ def spread(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def claim(answer: Answer) -> dict[str, str]:
-    """Write a claim as words."""
+def claim(answer: Answer, earlier: Mapping[str, str]) -> dict[str, str]:
+    """Write a claim as words, with what an `earlier` study said of it, by its name."""
+    name = answer.hypothesis.name
+    said = f" An earlier study: {earlier[name]}." if name in earlier else ""
     return {
-        "name": answer.hypothesis.name,
+        "name": name,
         "figure": answer.hypothesis.figure,
         "sentence": answer.hypothesis.sentence,
         "verdict": answer.word,
-        "measured": in_a_sentence(answer),
+        "measured": in_a_sentence(answer) + said,
     }
 
 
-def as_markdown(answers: Sequence[Answer]) -> str:
+def as_markdown(answers: Sequence[Answer], earlier: Mapping[str, str]) -> str:
     """All verdicts as a table of Markdown, for a README."""
     lines = ["| claim | verdict | the paper | measured |", "| --- | --- | --- | --- |"]
-    for row in map(claim, answers):
+    for row in (claim(answer, earlier) for answer in answers):
         # A bar would end the cell, and "<" may begin a tag.
         words = [row[key].replace("|", "/").replace("<", "&lt;") for key in ("sentence", "measured")]
         lines.append(f"| {row['name']} | {row['verdict']} | {' | '.join(words)} |")
@@ -157,6 +159,7 @@ def render(
     figures: Sequence[Drawn],
     shuffled: Placebo | None,
     missing: int,
+    earlier: Mapping[str, str],
 ) -> str:
     """Make the page.
 
@@ -169,6 +172,7 @@ def render(
         figures: what was drawn.
         shuffled: what the rules found where there is nothing; None with too few seeds for verdicts.
         missing: how many planned runs there are not.
+        earlier: verdicts of an earlier study, by claim.
     """
     records = list(study.records.values())
     seeds = len({key[3] for key in study.records})
@@ -196,10 +200,10 @@ def render(
         ],
         least=LEAST_SEEDS,
         shuffled=shuffled,
-        conclusions=[claim(a) for a in answers if a.hypothesis.figure == CONCLUSIONS],
-        claims=[claim(a) for a in answers if a.hypothesis.figure != CONCLUSIONS],
+        conclusions=[claim(a, earlier) for a in answers if a.hypothesis.figure == CONCLUSIONS],
+        claims=[claim(a, earlier) for a in answers if a.hypothesis.figure != CONCLUSIONS],
         contrasts=[contrast_row(a, finding) for a in (*answers, *explored) for finding in a.findings],
-        explored=[claim(a) for a in explored],
+        explored=[claim(a, earlier) for a in explored],
         arm_columns=("part", "pair", "arm", "seeds", *ARM_METRICS),
         arms=arm_cells(arms),
         similar=[

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ship_trl.paths import replacing
-from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding
+from ship_trl.config import ConfigError
+from ship_trl.paths import read_file, replacing
+from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.measured import SEED, gain
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
 from ship_trl.study.analysis.statistics import Estimate, bootstrap, interquartile_mean, share_interval
@@ -21,6 +23,8 @@ from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, from_scratch
 from ship_trl.transfer.measured import COLUMNS
 
 Row = dict[str, Any]
+# Bytes of a table that is read, at most: one of a hundred contrasts has 50,000.
+LARGEST = 10_000_000
 # Columns of claims.csv that are of a contrast.
 CONTRAST = (
     *("contrast", "metric", "estimate", "estimate low", "estimate high", "claimed"),
@@ -159,3 +163,26 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def read_verdicts(path: Path) -> dict[str, str]:
+    """Read the verdicts of a report's claims.csv, by claim.
+
+    Raises:
+        ConfigError: it is none; `--earlier` is what it was given as.
+    """
+    try:
+        text = read_file(path, LARGEST).decode()
+        rows = csv.DictReader(io.StringIO(text, newline=""), strict=True)
+        found = {row["claim"]: row["claim's verdict"] for row in rows}
+        if not found:
+            raise ValueError("no claims")
+    except OSError as error:
+        raise ConfigError(f"--earlier: {path} cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, csv.Error):
+        raise ConfigError(f"--earlier: {path} is not a report's claims.csv") from None
+    if not set(found.values()) <= {*Verdict, "no runs"}:
+        raise ConfigError(
+            f"--earlier: {path} has a verdict that is none; allowed: {', '.join(Verdict)}, no runs"
+        )
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from ship_trl.cli import complain
@@ -21,14 +22,16 @@ from ship_trl.study.report.page import as_markdown, render
 from ship_trl.study.report.similarities import table_2
 
 
-def report(folder: Path, output: Path) -> None:
+def report(folder: Path, output: Path, earlier: Path | None = None) -> None:
     """Write the report of a study's folder: index.html, verdicts.md, CSV tables, figures as PNG and PDF.
 
-    What cannot be read is named on stderr and on the page, and left out.
+    What cannot be read is named on stderr and on the page, and left out. Of an `earlier` study's claims.csv
+    the verdicts are named beside.
 
     Raises:
-        ConfigError: there is no finished run, or the report cannot be written.
+        ConfigError: there is no finished run, the report cannot be written, or the earlier table is none.
     """
+    before = {} if earlier is None else tables.read_verdicts(earlier)
     if linked := links(output, folder):
         # In a stranger's study it could lead anywhere, and files of an earlier report are deleted.
         raise ConfigError(
@@ -41,7 +44,7 @@ def report(folder: Path, output: Path) -> None:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
     try:
         output.mkdir(parents=True, exist_ok=True)
-        write(study, folder, output)
+        write(study, folder, output, before)
     except OSError as error:
         raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures and their parts refer to one another in circles, 8 MB a report, and `holm`, as it freezes what
@@ -50,7 +53,7 @@ def report(folder: Path, output: Path) -> None:
     sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
 
 
-def write(study: Study, folder: Path, output: Path) -> None:
+def write(study: Study, folder: Path, output: Path, earlier: Mapping[str, str]) -> None:
     """Measure and write everything."""
     answers, explored = answer(study), explore(study)
     arms, similar = tables.arm_rows(study), table_2()
@@ -65,8 +68,8 @@ def write(study: Study, folder: Path, output: Path) -> None:
     drawn = draw_all(study, [*answers, *explored], output)
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
-    page = render(study, answers, explored, arms, similar, drawn, shuffled, missing(folder, study))
-    for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers))):
+    page = render(study, answers, explored, arms, similar, drawn, shuffled, missing(folder, study), earlier)
+    for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers, earlier))):
         with replacing(output / name) as draft:
             draft.write_text(text)
     for found in answers:

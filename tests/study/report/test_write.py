@@ -161,6 +161,25 @@ def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> Non
     assert files(tmp_path) == files(study / "report")
 
 
+def test_what_an_earlier_study_said_stands_beside(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    earlier = tmp_path / "claims.csv"
+    earlier.write_text("claim,claim's verdict\nH5a,contradicted\nOLD,supported\n")
+    main([str(study), "--output", str(tmp_path / "page"), "--earlier", str(earlier)])
+    rows = (tmp_path / "page/verdicts.md").read_text().splitlines()
+    said = [row.split(" | ")[0] for row in rows if "An earlier study: contradicted." in row]
+    assert said == ["| H5a"] and "An earlier study" not in (study / "report/verdicts.md").read_text()
+    for text in ("a,b\n1,2\n", "claim,claim's verdict\nH5a,<b>perhaps</b>\n", "\x00\n"):
+        earlier.write_text(text)
+        capsys.readouterr()
+        with pytest.raises(SystemExit):
+            main([str(study), "--output", str(tmp_path / "other"), "--earlier", str(earlier)])
+        told = capsys.readouterr().err
+        assert told.startswith(f"ship_trl: --earlier: {earlier} ") and told.count("\n") == 1
+    assert not (tmp_path / "other").exists()
+
+
 def test_what_is_broken_is_named_and_the_rest_counted(
     study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -5,16 +5,13 @@ A study's report writes the table (`transfers.csv`); that of the confirmatory st
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 from ship_trl.config import ConfigError
-from ship_trl.paths import read_file
+from ship_trl.paths import read_csv
 from ship_trl.sim.cases import Case
 
 TABLE = "transfers.csv"
@@ -65,21 +62,18 @@ def read_transfers(path: Path) -> list[Transfer]:
         ConfigError: it is none; `--measured` is what it was given as.
     """
     try:
-        text = read_file(path, LARGEST).decode()
-        rows = list(csv.DictReader(io.StringIO(text, newline=""), strict=True))
-        return [transfer(row) for row in rows]
+        return [transfer(row) for row in read_csv(path, COLUMNS, LARGEST)]
     except OSError as error:
         raise ConfigError(f"--measured: {path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, csv.Error) as error:
-        why = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise ConfigError(f"--measured: {path} is not a report's {TABLE}: {why}") from None
+    except ValueError as error:
+        raise ConfigError(f"--measured: {path} is not a report's {TABLE}: {error}") from None
 
 
-def transfer(row: dict[str, Any]) -> Transfer:
+def transfer(row: dict[str, str]) -> Transfer:
     """Make a transfer of a row's cells.
 
     Raises:
-        ValueError, KeyError, TypeError: they are of none.
+        ValueError: they are of none.
     """
     names = [row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint", "arm")]
     # They stand in a command that is meant to be pasted.

@@ -47,6 +47,11 @@ def test_a_bad_row_is_refused_in_a_line(row: tuple[str, ...], tmp_path: Path) ->
 def test_no_table_is_refused_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--measured: .*none.csv cannot be read"):
         read_transfers(tmp_path / "none.csv")
+    # Without a row it would else be a table in which no transfer was measured.
+    path = tmp_path / "claims.csv"
+    path.write_text("claim,verdict\n")
+    with pytest.raises(ConfigError, match=r"--measured: .*claims.csv is not a report's transfers.csv"):
+        read_transfers(path)
 
 
 def test_a_case_is_known_by_what_it_is_and_not_by_its_name(world: World) -> None:

@@ -7,14 +7,13 @@ while those are there (`python -m ship_trl.explain.study`).
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from ship_trl.config import ConfigError
-from ship_trl.paths import is_name, read_file, replacing
+from ship_trl.paths import is_name, read_csv, replacing
 
 LAYERS = "layers.csv"
 # Bytes, at most: a study of 15 seeds has 0.2 million.
@@ -43,21 +42,18 @@ def read_layers(path: Path) -> list[Layer]:
         ConfigError: it is none.
     """
     try:
-        text = read_file(path, LARGEST).decode()
-        rows = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-        return [layer_of({name: row[name] for name in Layer._fields}) for row in rows]
+        return [layer_of(row) for row in read_csv(path, Layer._fields, LARGEST)]
     except OSError as error:
         raise ConfigError(f"table: {path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, csv.Error) as error:
-        why = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise ConfigError(f"table: {path} is not a table of layers: {why}") from None
+    except ValueError as error:
+        raise ConfigError(f"table: {path} is not a table of layers: {error}") from None
 
 
 def layer_of(row: dict[str, str]) -> Layer:
     """Make a row of its cells.
 
     Raises:
-        ValueError, TypeError: they are of none.
+        ValueError: they are of none.
     """
     words = {name: row[name] for name in ("pair", "arm", "beside", "layer")}
     if not all(map(is_name, words.values())):

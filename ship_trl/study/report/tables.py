@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ship_trl.config import ConfigError
-from ship_trl.paths import read_file, replacing
+from ship_trl.paths import read_csv, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.measured import SEED, gain
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
@@ -172,15 +171,12 @@ def read_verdicts(path: Path) -> dict[str, str]:
         ConfigError: it is none; `--earlier` is what it was given as.
     """
     try:
-        text = read_file(path, LARGEST).decode()
-        rows = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-        found = {row["claim"]: row["claim's verdict"] for row in rows}
-        if not found:
-            raise ValueError("no claims")
+        rows = read_csv(path, ("claim", "claim's verdict"), LARGEST)
     except OSError as error:
         raise ConfigError(f"--earlier: {path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, csv.Error):
-        raise ConfigError(f"--earlier: {path} is not a report's claims.csv") from None
+    except ValueError as error:
+        raise ConfigError(f"--earlier: {path} is not a report's claims.csv: {error}") from None
+    found = {row["claim"]: row["claim's verdict"] for row in rows}
     if not set(found.values()) <= {*Verdict, "no runs"}:
         raise ConfigError(
             f"--earlier: {path} has a verdict that is none; allowed: {', '.join(Verdict)}, no runs"

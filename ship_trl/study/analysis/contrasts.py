@@ -70,13 +70,9 @@ class Finding:
     @property
     def as_claimed(self) -> bool:
         """Whether the estimate, however unsure, is what is claimed."""
-        return self.gap > 0 if self.claimed is Claimed.above else self.gap >= 0
-
-    @property
-    def gap(self) -> float:
-        """How far the estimate is on the claimed side; below zero it is on the other."""
+        bound = 0.0 if self.claimed is Claimed.above else (self.margin or 0.0)
         value = self.estimate.value
-        return value if self.claimed is Claimed.above else (self.margin or 0.0) - value
+        return value > 0 if self.claimed is Claimed.above else value <= bound
 
     def seen(self, level: float = LEVEL / 2) -> float:
         """Return the least difference that so many seeds would show four times in five at a level."""

@@ -1,4 +1,4 @@
-"""What so many seeds can see, and how many would see what there seems to be."""
+"""Which differences so many seeds show, and how many seeds show a given difference."""
 
 from __future__ import annotations
 
@@ -13,13 +13,18 @@ from ship_trl.study.analysis.statistics import FREEDOM, LEVEL, TRIMMED
 COUNTS = (*range(5, 100, 5), *range(100, 300, 20), *range(300, 1001, 100))
 
 
+def freedom_of(seeds: int) -> float:
+    """Return the degrees of freedom of a trimmed mean of so many seeds, at most 0 where it has no error."""
+    return FREEDOM * (seeds - 2 * int(TRIMMED * seeds) - 1)
+
+
 @cache
 def seen_effect(seeds: int, level: float = LEVEL / 2, power: float = 0.8) -> float:
     """Return the least effect, in standard errors, that a one-sided t-test of so many seeds finds so often.
 
     A t is a normal variable over a chi; SciPy's noncentral t gives no numbers for few seeds and low levels.
     """
-    freedom = FREEDOM * (seeds - 2 * int(TRIMMED * seeds) - 1)
+    freedom = freedom_of(seeds)
     if freedom <= 0:
         return np.inf
     quantiles = (np.arange(4_000) + 0.5) / 4_000
@@ -32,15 +37,19 @@ def seen_effect(seeds: int, level: float = LEVEL / 2, power: float = 0.8) -> flo
     return float(optimize.brentq(short, 0.0, 1e9))
 
 
-def seeds_needed(gap: float, error: float, seeds: int, level: float) -> int | None:
-    """Return how many seeds would show a difference four times in five; None if a thousand would not.
+def seeds_needed(difference: float, error: float, seeds: int, level: float, power: float) -> int | None:
+    """Return how many seeds show a difference so often; None if a thousand do not, or no error is known.
 
     Args:
-        gap: how far the difference is from what is to be ruled out; none shows what is not above it.
+        difference: above zero.
         error: the standard error of so many `seeds`; it falls with their root.
         seeds: at least two.
         level: one-sided.
+        power: how often, above a half.
     """
-    # The comparison is false for what is not a number.
-    shown = (n for n in COUNTS if n >= seeds and seen_effect(n, level) * error * (seeds / n) ** 0.5 <= gap)
-    return next(shown, None) if gap > 0 else None
+    if not error > 0:
+        return None
+    # The root of an estimated variance is too small on average: a chi over the root of its freedom.
+    error /= 1 - 1 / (4 * freedom_of(seeds))
+    found = (n for n in COUNTS if seen_effect(n, level, power) * error * (seeds / n) ** 0.5 <= difference)
+    return next(found, None)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Claimed, Finding, Verdict
 from ship_trl.study.analysis.power import seeds_needed
@@ -22,6 +21,8 @@ from ship_trl.study.claims.hypotheses import HYPOTHESES
 from ship_trl.study.claims.kinds import Hypothesis
 
 ALL = [*CONCLUSIONS, *HYPOTHESES]
+# How often so many seeds as a claim wants may fail to decide it.
+MISSED = 0.2
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Answer:
     `p` is what the verdict stands on, adjusted: of contradiction over the figure's contrasts, else over
     its claims, and that of support while the claim is open. `missing` is how many of its contrasts lack
     seeds at that look of `seeds`, whose one-sided level is `level`; `decided` after how many the verdict
-    fell, 0 while the claim is open; `claims` how many its figure has, and `contrasts` how many those have.
+    fell, 0 while the claim is open; `claims` how many its figure has.
     """
 
     hypothesis: Hypothesis
@@ -43,7 +44,6 @@ class Answer:
     level: float = LEVEL / 2
     decided: int = 0
     claims: int = 1
-    contrasts: int = 1
 
     @property
     def word(self) -> str:
@@ -51,29 +51,23 @@ class Answer:
         return self.verdict.value if self.findings else "no runs"
 
     def wanted(self) -> int | None:
-        """Return how many seeds would decide the claim four times in five, if all is as it was estimated.
+        """Return how many seeds of a study with one look would decide an open claim four times in five.
 
-        They would support it, contradict it or show that there is no difference, whichever takes the fewest.
-        None if a thousand would not, if it is decided, or if a contrast cannot be reckoned with. Adjusted as
-        Bonferroni does, which is a little too many.
+        That is, if each of its contrasts is as large as its margin, or nothing; of what lies between, no
+        number of seeds is sure. What was estimated of the contrasts is not asked, for it is chance that it
+        stayed open with. None if a thousand would not do, if a contrast has no margin or no standard error,
+        or if the claim is decided. Adjusted over the figure's claims as Bonferroni does, a little too much.
         """
-        if self.decided or self.missing or not self.findings:
+        if self.decided or len(self.findings) < len(self.hypothesis.tests):
             return None
-
-        def needed(finding: Finding, gap: float, among: int) -> float:
-            found = seeds_needed(gap, finding.error, finding.seeds, self.level / among)
-            return inf if found is None else found
-
-        support = max(needed(f, f.gap, self.claims) for f in self.findings)
-        against = min(needed(f, -f.gap, self.contrasts) for f in self.findings)
-        same = max(
-            needed(f, f.margin - abs(f.estimate.value), self.claims)
-            if f.claimed is Claimed.above and f.margin is not None
-            else inf
+        # All contrasts at once, each from both sides, may miss as often as one.
+        power = 1 - MISSED / (2 * len(self.findings))
+        needed = [
+            seeds_needed(f.margin or 0.0, f.error, f.seeds, LEVEL / 2 / self.claims, power)
             for f in self.findings
-        )
-        fewest = min(support, against, same)
-        return int(fewest) if isfinite(fewest) else None
+        ]
+        known = [count for count in needed if count is not None]
+        return max(known) if known and len(known) == len(needed) else None
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
@@ -148,7 +142,6 @@ def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: 
                 level=level,
                 decided=0 if verdict is Verdict.inconclusive else count,
                 claims=len(family),
-                contrasts=planned,
             )
         )
     return answers

@@ -108,7 +108,7 @@ def in_a_sentence(answer: Answer) -> str:
         alone, after = ([f.seen(answer.level / m) for f in open_] for m in (1, answer.claims))
         words += f" Could see differences from {spread(alone)} on, adjusted {spread(after)}."
     if wanted := answer.wanted():
-        words += f" If all is as estimated, {wanted} seeds would decide it four times in five."
+        words += f" {wanted} seeds would tell differences of the margin from none, four times in five."
     if answer.missing:
         count = len(answer.hypothesis.tests)
         words += f" Still without {answer.seeds} seeds: {answer.missing} of {count} contrasts."

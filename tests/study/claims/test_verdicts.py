@@ -55,9 +55,10 @@ def test_an_open_claim_says_how_many_seeds_would_decide_it() -> None:
 
     one = wanted(("FE1", "FE2"), FE1=0.8, FE2=0.7)
     assert one is not None and one > 15
-    # The whole conjunction takes as many as what is hardest to see.
+    # What was estimated does not count, and all contrasts together take more than one.
+    assert wanted(("FE1", "FE2"), FE1=0.75, FE2=0.7) == one
     both = wanted(("FE1", "FE2"), ("FE1", "FE3"), FE1=0.8, FE2=0.7, FE3=0.3)
-    assert both == one
+    assert both is not None and both > one
     (decided,) = judge(make_study(high(FE1=0.9, FE2=0.3)), [claim("A", ("FE1", "FE2"))], 15, 0.025)
     assert decided.wanted() is None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 import sys
 from pathlib import Path
@@ -53,9 +52,11 @@ def main(arguments: list[str] | None = None) -> None:
         if options.target is not None:
             target = load_case(options.target, world, "--target")
             bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
-            known = read_transfers(options.measured or PACKAGED)
+            # There is no table until a study is done.
+            table = options.measured or (PACKAGED if PACKAGED.is_file() else None)
+            known = [] if table is None else read_transfers(table)
             show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
-            show_measured(target, transfers_to(target, known))
+            show_measured(target, transfers_to(target, known, bases))
             name, shown = f"case_{target.name}.png", [target]
         else:
             show_cases(cases)
@@ -138,11 +139,11 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
 
 
 def show_measured(target: Case, found: list[Transfer]) -> None:
-    """Print what transfers to a target gained, best first, and recommend the best if it surely gains."""
+    """Print what transfers to a target gained, and recommend the first if it is shown to gain."""
     if not found:
-        console.print(f"By measurement: no transfer to case {target.name} was measured; it takes a study.")
+        console.print(f"By measurement: no transfer to case {target.name} from these cases was measured.")
         return
-    title = f"Measured on case {target.name}: area above scratch (score), 95 % interval"
+    title = f"Measured on case {target.name}: area above scratch (score); all intervals hold together at 95 %"
     table = Table(title=title, title_justify="left")
     for name in ("source", "arm", "epsilon from", "gain", "interval", "seeds"):
         table.add_column(name, justify="right" if name in ("gain", "interval", "seeds") else "left")
@@ -152,12 +153,13 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
         table.add_row(one.source, one.arm, start, f"{one.gain:+.3f}", between, str(one.seeds))
     console.print(table)
     # Not the largest gain: of many arms that is the luckiest one.
-    best = max(found, key=lambda one: one.low if math.isfinite(one.low) else -math.inf)
-    if best.sure:
-        console.print(f"By measurement, of {len(found)} transfers the one that gains most for sure:")
-        console.print(best.line, markup=False, soft_wrap=True)
+    best = found[0]
+    if best.low > 0:
+        console.print(f"By measurement, of {len(found)} transfers the one whose interval begins highest:")
+        for line in best.commands():
+            console.print(line, markup=False, soft_wrap=True)
     else:
-        console.print(f"By measurement, none of {len(found)} transfers is surely better than scratch:")
+        console.print(f"By measurement, none of {len(found)} transfers is shown to gain; without a source:")
         console.print(f"python -m ship_trl target={target.name} method=scratch", markup=False, soft_wrap=True)
 
 

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, fields
+import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from ship_trl.config import ConfigError
-from ship_trl.paths import read_csv
+from ship_trl.paths import conf_dir, read_csv
 from ship_trl.sim.cases import Case
+from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
 PACKAGED = Path(__file__).parent / TABLE
@@ -22,17 +25,19 @@ LARGEST = 1_000_000
 
 @dataclass(frozen=True)
 class Transfer:
-    """What an arm gained from a source on a target, over scratch on the same schedule of exploration.
+    """What an arm gained from a source on a target, over scratch with the same exploration.
 
     The fingerprints say what the cases are, whatever they are called. `gain` is the interquartile mean over
-    `seeds` of the difference of areas under the learning curve, as scores, from `low` to `high` at 95 %; they
-    are not a number for fewer than two seeds. `epsilon_start` is None where it was the usual one.
+    `seeds` of the difference of areas under the learning curve, as scores, from `low` to `high`: intervals
+    that hold together, at 95 %, for all transfers to the target. `epsilon_start` is None where it was the
+    usual one; the source learned with the usual one in any case.
     """
 
     source: str
     target: str
     source_fingerprint: str
     target_fingerprint: str
+    profile: str
     arm: str
     epsilon_start: float | None
     seeds: int
@@ -40,16 +45,18 @@ class Transfer:
     low: float
     high: float
 
-    @property
-    def sure(self) -> bool:
-        """Whether it is surely better than scratch, if it were judged alone."""
-        return self.low > 0.0
-
-    @property
-    def line(self) -> str:
-        """The command that does it."""
-        start = "" if self.epsilon_start is None else f" learn.epsilon_start={self.epsilon_start:g}"
-        return f"python -m ship_trl source={self.source} target={self.target} +arm={self.arm}{start}"
+    def commands(self) -> list[str]:
+        """Return the commands that do it, of which the last one transfers."""
+        run = f"python -m ship_trl profile={self.profile}"
+        transfer = f"{run} source={self.source} target={self.target} +arm={self.arm}"
+        if self.epsilon_start is None:
+            return [transfer]
+        # A source that the transfer itself trained would explore as little as the transfer does.
+        folder = "outputs/source"
+        network = f'source_file="{folder}/{self.source}/scratch/seed=0/{POLICY}"'
+        start = f"learn.epsilon_start={self.epsilon_start:g}"
+        first = f"{run} target={self.source} method=scratch output={folder}"
+        return [first, f"{transfer} {start} {shlex.quote(network)}"]
 
 
 COLUMNS = tuple(field.name for field in fields(Transfer))
@@ -75,21 +82,35 @@ def transfer(row: dict[str, str]) -> Transfer:
     Raises:
         ValueError: they are of none.
     """
-    names = [row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint", "arm")]
     # They stand in a command that is meant to be pasted.
-    if not all(re.fullmatch(r"[\w.-]{1,100}", name) for name in names):
-        raise ValueError("a case or an arm that is no name")
-    epsilon = None if row["epsilon_start"] == "" else float(row["epsilon_start"])
+    names = [row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint")]
+    if not all(re.fullmatch(r"\w[\w.-]{0,99}", name) for name in names):
+        raise ValueError("a case that is no name")
+    for group in ("profile", "arm"):
+        allowed = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+        if row[group] not in allowed:
+            raise ValueError(f"no {group} {row[group]!r:.50}; allowed: {', '.join(allowed)}")
+    start = None if row["epsilon_start"] == "" else float(row["epsilon_start"])
+    if start is not None and not 0.0 <= start <= 1.0:
+        raise ValueError(f"an epsilon_start of {start:g}; allowed: 0 to 1")
     gain, low, high = (float(row[name]) for name in ("gain", "low", "high"))
-    source, target, base, own, arm = names
-    found = Transfer(source, target, base, own, arm, epsilon, int(row["seeds"]), gain, low, high)
-    if not (math.isfinite(gain) and found.seeds > 0 and 0.0 <= (epsilon or 0.0) <= 1.0):
-        raise ValueError("a gain, a number of seeds or an epsilon that is none")
-    return found
+    if not -math.inf < low <= gain <= high < math.inf:
+        raise ValueError(f"a gain of {gain:g} that is not between {low:g} and {high:g}")
+    source, target, base, own = names
+    return Transfer(
+        source, target, base, own, row["profile"], row["arm"], start, int(row["seeds"]), gain, low, high
+    )
 
 
-def transfers_to(target: Case, known: list[Transfer]) -> list[Transfer]:
-    """Return what was measured on a target, whatever it is called, from other cases; best first."""
-    own = target.fingerprint
-    found = [one for one in known if one.target_fingerprint == own != one.source_fingerprint]
-    return sorted(found, key=lambda one: (-one.gain, one.source, one.arm))
+def transfers_to(target: Case, known: Iterable[Transfer], cases: Iterable[Case]) -> list[Transfer]:
+    """Return what was measured on a target from other `cases`, with the most that is shown first.
+
+    A case is what it was measured as, whatever it was called there; its name here is put in.
+    """
+    names = {case.fingerprint: case.name for case in cases if case.fingerprint != target.fingerprint}
+    found = [
+        replace(one, source=names[one.source_fingerprint], target=target.name)
+        for one in known
+        if one.target_fingerprint == target.fingerprint and one.source_fingerprint in names
+    ]
+    return sorted(found, key=lambda one: (-one.low, -one.gain, one.source, one.arm))

@@ -1,14 +1,17 @@
 """What transfers gained, as a table that may be a stranger's."""
 
+import shlex
 from pathlib import Path
 
 import pytest
 
 from ship_trl.config import ConfigError, World
+from ship_trl.result import read_result
 from ship_trl.sim.cases import load_case
 from ship_trl.transfer.measured import COLUMNS, Transfer, read_transfers, transfers_to
+from tests.test_cli import ship_trl
 
-ROW = ("3", "4", "abc", "def", "FT3", "", "15", "0.05", "0.03", "0.07")
+ROW = ("3", "4", "abc", "def", "quick", "FT3", "", "15", "0.05", "0.03", "0.07")
 
 
 def write(path: Path, *rows: tuple[str, ...]) -> Path:
@@ -17,31 +20,48 @@ def write(path: Path, *rows: tuple[str, ...]) -> Path:
 
 
 def test_a_row_is_a_transfer_and_the_command_that_does_it(tmp_path: Path) -> None:
-    low = ("2", "new", "abc", "def", "FTW", "0.1", "1", "0.05", "nan", "nan")
-    usual, started = read_transfers(write(tmp_path / "t.csv", ROW, low))
-    assert (usual.gain, usual.seeds, usual.epsilon_start, usual.sure) == (0.05, 15, None, True)
-    assert usual.line == "python -m ship_trl source=3 target=4 +arm=FT3"
-    assert started.line == "python -m ship_trl source=2 target=new +arm=FTW learn.epsilon_start=0.1"
-    assert not started.sure
+    (found,) = read_transfers(write(tmp_path / "t.csv", ROW))
+    assert (found.gain, found.low, found.seeds, found.epsilon_start) == (0.05, 0.03, 15, None)
+    assert found.commands() == ["python -m ship_trl profile=quick source=3 target=4 +arm=FT3"]
+
+
+def test_a_source_learns_with_the_usual_exploration(tmp_path: Path) -> None:
+    row = ("2", "new", "abc", "def", "smoke", "FTW", "0.1", "15", "0.05", "0.03", "0.07")
+    (found,) = read_transfers(write(tmp_path / "t.csv", row))
+    for command in found.commands():
+        ship_trl(*shlex.split(command)[3:], folder=tmp_path)
+    result = read_result(next((tmp_path / "outputs/smoke").glob("*/FTW/seed=0")))
+    assert result.source_network == "outputs/source/2/scratch/seed=0/policy.safetensors"
+
+
+def changed(**cells: str) -> tuple[str, ...]:
+    return tuple((dict(zip(COLUMNS, ROW, strict=True)) | cells).values())
 
 
 @pytest.mark.parametrize(
     "row",
     [
-        ("3", "4", "abc"),
-        ("../3", "4", "abc", "def", "FT3", "", "15", "0.05", "0.03", "0.07"),
-        ("3", "4", "abc", "def", "FT3; rm\x1b[2J", "", "15", "0.05", "0.03", "0.07"),
-        ("3", "4", "abc", "def", "FT3", "7", "15", "0.05", "0.03", "0.07"),
-        ("3", "4", "abc", "def", "FT3", "", "0", "0.05", "0.03", "0.07"),
-        ("3", "4", "abc", "def", "FT3", "", "15", "inf", "0.03", "0.07"),
-        ("3", "4", "abc", "def", "FT3", "", "15", "much", "0.03", "0.07"),
+        ROW[:3],
+        (*ROW, "more"),
+        changed(source="../3"),
+        changed(source="-m"),
+        changed(arm="FT3; rm\x1b[2J"),
+        changed(arm="FT9"),
+        changed(profile="long"),
+        changed(epsilon_start="7"),
+        changed(seeds="many"),
+        changed(gain="inf", high="inf"),
+        changed(gain="much"),
+        changed(low="nan"),
+        changed(low="0.06"),
+        changed(high="0.04"),
     ],
 )
 def test_a_bad_row_is_refused_in_a_line(row: tuple[str, ...], tmp_path: Path) -> None:
     path = write(tmp_path / "t.csv", ROW, row)
     with pytest.raises(ConfigError, match=r"transfers\.csv") as caught:
         read_transfers(path)
-    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+    assert str(path) in str(caught.value) and str(caught.value).isprintable()
 
 
 def test_no_table_is_refused_in_a_line(tmp_path: Path) -> None:
@@ -55,11 +75,17 @@ def test_no_table_is_refused_in_a_line(tmp_path: Path) -> None:
 
 
 def test_a_case_is_known_by_what_it_is_and_not_by_its_name(world: World) -> None:
-    case = load_case("4", world)
+    cases = [load_case(name, world) for name in ("2", "3", "4")]
+    own = {case.name: case.fingerprint for case in cases}
 
-    def to(fingerprint: str, gain: float, source: str = "abc") -> Transfer:
-        return Transfer("3", "4", source, fingerprint, "FT3", None, 15, gain, gain - 0.1, gain + 0.1)
+    def known(source: str, target: str, low: float) -> Transfer:
+        return Transfer("x", "y", source, target, "quick", "FT3", None, 15, low + 0.1, low, low + 0.2)
 
-    worse, better, other = to(case.fingerprint, 0.1), to(case.fingerprint, 0.2), to("another", 0.3)
-    itself = to(case.fingerprint, 0.4, source=case.fingerprint)
-    assert transfers_to(case, [worse, other, itself, better]) == [better, worse]
+    worse, better = known(own["3"], own["4"], 0.1), known(own["2"], own["4"], 0.2)
+    others = [
+        known(own["3"], "another", 0.3),
+        known("another", own["4"], 0.4),
+        known(own["4"], own["4"], 0.5),
+    ]
+    found = transfers_to(cases[2], [worse, *others, better], cases)
+    assert [(one.source, one.target, one.low) for one in found] == [("2", "4", 0.2), ("3", "4", 0.1)]

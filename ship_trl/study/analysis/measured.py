@@ -67,11 +67,11 @@ def steadier(study: Study, claim: str, where: str, places: Places, steady: str, 
 
 
 def gain(study: Study, place: Place, scratch: Place) -> Estimate | None:
-    """Return the interquartile mean of the difference of areas with its 95 % interval.
+    """Return the interquartile mean of the difference of areas, with the interval of the study's level.
 
     None without seeds that both have; of one seed the interval has no ends.
     """
     runs = study.matched({"arm": place, "scratch": scratch})
     areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
     differences = np.array(areas[0]) - np.array(areas[1])
-    return level_of(differences) if len(differences) else None
+    return level_of(differences, study.level) if len(differences) else None

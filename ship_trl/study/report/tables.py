@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +16,12 @@ from ship_trl.paths import read_csv, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.measured import SEED, gain
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
-from ship_trl.study.analysis.statistics import Estimate, bootstrap, interquartile_mean, share_interval
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
+from ship_trl.study.analysis.study import Place, Study
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.plan.config import REUSED_CASE
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, from_scratch
+from ship_trl.study.records.record import Record
 from ship_trl.transfer.measured import COLUMNS
 
 Row = dict[str, Any]
@@ -94,21 +97,43 @@ def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | N
 def transfer_rows(study: Study, fingerprints: Mapping[str, str]) -> list[Row]:
     """Return what each arm gained over scratch by source and target; `ship_trl.cases` recommends by it.
 
-    Left out are controls without features, and a network that two transfers made. `fingerprints` say what a
-    case is, by name; of a case without one nothing is said.
+    Only seeds that are judged count, and transfers that have five of them. Left out are controls without
+    features, and a network that two transfers made. `fingerprints` say what a case is, by name; of a case
+    without one nothing is said.
     """
-    rows = []
-    for part, pair, arm in sorted({key[:3] for key in study.records}):
-        place, scratch = (part, pair, arm), from_scratch(part, pair)
-        source, target = next((run.source, run.target) for run in study.arm(*place).values())
+    judged = study.first(len(study.seeds), study.level)
+    targets: dict[str, list[tuple[Place, list[Record]]]] = defaultdict(list)
+    for part, pair, arm in sorted({key[:3] for key in judged.records}):
+        place = part, pair, arm
+        runs = judged.matched({"arm": place, "scratch": from_scratch(part, pair)})["arm"]
+        if arm == "scratch" or "-" in arm or len(runs) < LEAST_SEEDS:
+            continue
+        source, target = runs[0].source, runs[0].target
         chained = part in (LOW, ONE) and source == REUSED_CASE
-        found = None if arm == "scratch" or "-" in arm or chained else gain(study, place, scratch)
-        if found is not None and source is not None and {source, target} <= set(fingerprints):
-            seeds = len(study.matched({"arm": place, "scratch": scratch})["arm"])
-            low = LOW_EPSILON if part in (LOW, ALONE) else None
-            numbers = (round(value, 4) for value in (found.value, found.low, found.high))
-            cells = (source, target, fingerprints[source], fingerprints[target], arm, low, seeds, *numbers)
-            rows.append(dict(zip(COLUMNS, cells, strict=True)))
+        if not chained and {source, target} <= set(fingerprints):
+            targets[target].append((place, runs))
+    rows = []
+    for target, transfers in targets.items():
+        # All intervals of a target together miss as often as one.
+        seen = replace(judged, level=LEVEL / 2 / len(transfers))
+        for (part, pair, arm), runs in transfers:
+            found = gain(seen, (part, pair, arm), from_scratch(part, pair))
+            if found is None:
+                continue
+            row = {
+                "source": runs[0].source,
+                "target": target,
+                "source_fingerprint": fingerprints[str(runs[0].source)],
+                "target_fingerprint": fingerprints[target],
+                "profile": runs[0].profile,
+                "arm": arm,
+                "epsilon_start": LOW_EPSILON if part in (LOW, ALONE) else None,
+                "seeds": len(runs),
+                "gain": round(found.value, 4),
+                "low": round(found.low, 4),
+                "high": round(found.high, 4),
+            }
+            rows.append({name: row[name] for name in COLUMNS})
     return sorted(rows, key=lambda row: (row["target"], row["source"], row["arm"]))
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from ship_trl.cli import make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.entries import settings_of
+from ship_trl.paths import is_name
 from ship_trl.pretrained import PRETRAINED
 from ship_trl.result import Result, ResultError, read_result
 from ship_trl.sim.cases import load_case
@@ -56,27 +57,30 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def add_seeds(folder: Path, path: Path) -> None:
-    """Measure the seeds that the table lacks and whose networks are all there, and write it anew.
+    """Measure the seeds that the table lacks and whose networks are all there; it is written after each.
 
     Raises:
         ConfigError: the folder holds no study, or no seed is whole, or the table is none.
     """
     rows = read_layers(path) if path.exists() else []
     done = {row.seed for row in rows}
-    for seed, runs in sorted(places(folder).items()):
-        begun = time.monotonic()
-        if seed in done or not all(
-            (run / POLICY).is_file() for arms in runs.values() for run in arms.values()
-        ):
+    whole = {seed: pairs for seed, pairs in sorted(places(folder).items()) if is_whole(pairs)}
+    for seed in whole:
+        if seed in done:
             continue
-        found = [row for pair, arms in runs.items() for row in of_pair(seed, pair, arms)]
+        begun = time.monotonic()
+        found = []
+        for pair, runs in whole[seed].items():
+            alike = [s for s, pairs in whole.items() if SCRATCH in pairs.get(pair, {})]
+            other = following(seed, alike) if seed in alike else seed
+            found += of_pair(seed, pair, runs, whole[other][pair])
         rows += found
         done.add(seed)
+        write_layers(path, rows)
         sys.stdout.write(f"seed {seed}: {len(found)} numbers, {time.monotonic() - begun:.0f} s\n")
         sys.stdout.flush()
     if not done:
         raise ConfigError(f"folder: {folder} has no seed with the networks of all arms of the pairs")
-    write_layers(path, rows)
     sys.stdout.write(f"{len(done)} seeds; {path}\n")
 
 
@@ -88,14 +92,27 @@ def places(folder: Path) -> dict[int, dict[str, Runs]]:
     """
     found: dict[int, dict[str, Runs]] = defaultdict(lambda: defaultdict(dict))
     for job in read_plan(folder / PLAN, "folder")["jobs"]:
-        if job["part"] == PAIRS:
-            run = folder.joinpath(PAIRS, job["label"], job["arm"], f"seed={job['seed']}")
-            found[job["seed"]][job["label"]][job["arm"]] = run
+        if job["part"] != PAIRS:
+            continue
+        if not (is_name(job["label"]) and is_name(job["arm"])):
+            raise ConfigError(f"folder: {folder / PLAN} has a pair or an arm that is no name")
+        run = folder.joinpath(PAIRS, job["label"], job["arm"], f"seed={job['seed']}")
+        found[job["seed"]][job["label"]][job["arm"]] = run
     return found
 
 
-def of_pair(seed: int, pair: str, runs: Runs) -> list[Layer]:
-    """Compare the networks of a pair.
+def is_whole(pairs: dict[str, Runs]) -> bool:
+    """Whether all networks of a seed are there."""
+    return all((run / POLICY).is_file() for runs in pairs.values() for run in runs.values())
+
+
+def following(seed: int, seeds: list[int]) -> int:
+    """Return the seed after another, and after the last one the first."""
+    return seeds[(seeds.index(seed) + 1) % len(seeds)]
+
+
+def of_pair(seed: int, pair: str, runs: Runs, others: Runs) -> list[Layer]:
+    """Compare the networks of a pair; `others` are the runs of another seed, or the same.
 
     Raises:
         ConfigError: a run or a network cannot be read, none is from scratch, or there are several sources.
@@ -113,31 +130,37 @@ def of_pair(seed: int, pair: str, runs: Runs) -> list[Layer]:
     configure_process()
     results = {arm: result_of(run) for arm, run in runs.items()}
     sources = {result.source_network for result in results.values()} - {None}
-    if SCRATCH not in runs or len(sources) != 1:
-        wanted = "allowed: a run from scratch, and arms of one source"
-        raise ConfigError(f"folder: pair {pair}, seed {seed}, has {len(sources)} sources; {wanted}")
+    source = str(next(iter(sources), None))
+    # What a policy is called may also be a program, and a stranger's result may name one.
+    if SCRATCH not in runs or len(sources) != 1 or Path(source).suffix != ".safetensors":
+        wanted = "allowed: a run from scratch, and arms of one source, a safetensors file"
+        raise ConfigError(f"folder: pair {pair}, seed {seed}: sources {sorted(map(str, sources))}; {wanted}")
     world, colour = settings_of(runs[SCRATCH])
     case = load_case(results[SCRATCH].target, world)
     env = ShipEnv(case, world, 1, colour=colour)
 
-    def load(name: str) -> DuelingNetwork:
-        return load_with_network(name, env)[1]
+    def load(name: str | Path) -> DuelingNetwork:
+        return load_with_network(str(name), env)[1]
 
     packaged = load(PRETRAINED)
     draws = Generator().manual_seed(STATES_SEED)
     drawn = draw_states(
         case, world, env.rasteriser, lambda pixels: choose(packaged, pixels), EPISODES, draws
     ).pixels
-    blank = untrained(packaged, Generator().manual_seed(seed))[0]
-    own = {arm: grams(load(str(run / POLICY)), drawn) for arm, run in runs.items()}
-    source = {SOURCE: grams(load(str(sources.pop())), drawn)}
-    beside = {arm: source | {SCRATCH: own[SCRATCH]} for arm in own}
-    beside[SCRATCH] = source | {OTHER_SEED: grams(packaged, drawn), UNTRAINED: grams(blank, drawn)}
+    scratch = load(runs[SCRATCH] / POLICY)
+    blank = untrained(scratch, Generator().manual_seed(seed))[0]
+    own = {arm: grams(load(run / POLICY), drawn) for arm, run in runs.items()}
+    known = {SOURCE: grams(load(source), drawn)}
+    beside = {arm: known | {SCRATCH: own[SCRATCH]} for arm in own}
+    beside[SCRATCH] = known | {UNTRAINED: grams(blank, drawn)}
+    if others != runs:
+        beside[SCRATCH][OTHER_SEED] = grams(load(others[SCRATCH] / POLICY), drawn)
     return [
         Layer(seed, pair, arm, name, layer, round(cka(kernel, other[layer]), 4))
         for arm, found in own.items()
         for name, other in beside[arm].items()
         for layer, kernel in found.items()
+        if layer in other
     ]
 
 

@@ -1,5 +1,6 @@
 """How alike the layers of a study's networks are, measured by the real commands at smoke size."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -33,8 +34,44 @@ def test_each_network_stands_beside_its_source_and_scratch(folder: Path) -> None
     assert len(rows) == len({row[:5] for row in rows}) and {row.pair for row in rows} == {"high"}
     copied = [row.cka for row in rows if (row.arm, row.beside) == ("FE2", "source")][:2]
     assert copied == pytest.approx([1.0, 1.0])
-    others = [row.cka for row in rows if (row.arm, row.beside) == ("FE2", "scratch")]
+    others = [row.cka for row in rows if row.beside in ("scratch", "other seed")]
     assert all(value < 0.999 for value in others)
+    # Of two seeds each stands beside the other.
+    apart = {
+        seed: [row.cka for row in rows if (row.seed, row.beside) == (seed, "other seed")] for seed in (0, 1)
+    }
+    assert apart[0] == apart[1]
+
+
+def test_a_seed_is_added_to_those_that_are_there(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "again"
+    shutil.copytree(folder, place)
+    lines = (place / LAYERS).read_text().splitlines(keepends=True)
+    (place / LAYERS).write_text("".join(line for line in lines if not line.startswith("1,")))
+    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
+    assert (place / LAYERS).read_text() == "".join(lines)
+    assert "seed 1: " in done.stdout and "seed 0: " not in done.stdout
+
+
+def test_what_was_measured_is_kept_where_a_later_seed_is_damaged(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "again"
+    shutil.copytree(folder / STUDY, place / STUDY)
+    (place / STUDY / "pairs/high/FE2/seed=1/policy.safetensors").write_bytes(b"\x80")
+    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study", code=1)
+    assert done.stderr.startswith("ship_trl: ") and done.stderr.count("\n") == 1
+    assert {row.seed for row in read_layers(place / LAYERS)} == {0}
+
+
+def test_a_strangers_study_runs_no_code(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "again"
+    shutil.copytree(folder / STUDY, place / STUDY)
+    (place / "evil.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n")
+    path = place / STUDY / "pairs/high/FE2/seed=0/result.json"
+    values = json.loads(path.read_text())
+    path.write_text(json.dumps(values | {"source_network": f"{place / 'evil.py'}:run"}))
+    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study", code=1)
+    assert done.stderr.startswith("ship_trl: folder: ") and done.stderr.count("\n") == 1
+    assert not (tmp_path / "ran").exists()
 
 
 def test_seeds_whose_networks_are_gone_are_kept(folder: Path, tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ LAYERS = "layers.csv"
 # Bytes, at most: a study of 15 seeds has 0.2 million.
 LARGEST = 20_000_000
 # What an arm's network stands beside: the source that it began with, and the network from scratch of its
-# seed. That one stands beside the source too, which is of another case, beside the packaged network of its
-# own case, which is of another seed, and beside one of drawn weights.
+# seed. That one stands beside the source too, which is of another case, beside the network from scratch of
+# the seed after it, and beside one of drawn weights.
 SOURCE, SCRATCH, OTHER_SEED, UNTRAINED = "source", "scratch", "other seed", "untrained"
 
 

@@ -54,7 +54,7 @@ GAINS = (
 )
 LAYERS = (
     "CKA of a layer of two networks on the same states of the target case: 1 is alike but for turning and "
-    "scaling, 0 unrelated. Another seed is the packaged network of the same case. Interquartile mean over "
+    "scaling, 0 unrelated. Another seed is the study's next one. Interquartile mean over "
     "seeds with a band as above; it explains, and decides nothing. In brackets the number of seeds."
 )
 FOREST = (

@@ -15,12 +15,16 @@ from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.statistics import Estimate, look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import FIGURE as CONCLUSIONS
+from ship_trl.study.claims.kinds import Hypothesis
 from ship_trl.study.claims.placebo import Placebo
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.report.drawings import Drawn
 from ship_trl.study.report.similarities import EQUATION
 from ship_trl.study.report.tables import Row
 from ship_trl.study.rules import told
+
+# Verdict and sentence of a claim in an earlier study, by its name.
+Earlier = Mapping[str, tuple[str, str]]
 
 ARM_METRICS = (
     "area",
@@ -121,20 +125,27 @@ def spread(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def claim(answer: Answer, earlier: Mapping[str, str]) -> dict[str, str]:
-    """Write a claim as words, with what an `earlier` study said of it, by its name."""
-    name = answer.hypothesis.name
-    said = f" An earlier study: {earlier[name]}." if name in earlier else ""
+def said_earlier(hypothesis: Hypothesis, earlier: Earlier) -> str:
+    """Write what an earlier study said of a claim, and of what, for its sentence may have been another."""
+    if hypothesis.name not in earlier:
+        return ""
+    verdict, sentence = earlier[hypothesis.name]
+    of = "" if sentence == hypothesis.sentence else f', of "{sentence}"'
+    return f" An earlier study, by its own rules{of}: {verdict}."
+
+
+def claim(answer: Answer, earlier: Earlier) -> dict[str, str]:
+    """Write a claim as words, with what an `earlier` study said of it."""
     return {
-        "name": name,
+        "name": answer.hypothesis.name,
         "figure": answer.hypothesis.figure,
         "sentence": answer.hypothesis.sentence,
         "verdict": answer.word,
-        "measured": in_a_sentence(answer) + said,
+        "measured": in_a_sentence(answer) + said_earlier(answer.hypothesis, earlier),
     }
 
 
-def as_markdown(answers: Sequence[Answer], earlier: Mapping[str, str]) -> str:
+def as_markdown(answers: Sequence[Answer], earlier: Earlier) -> str:
     """All verdicts as a table of Markdown, for a README."""
     lines = ["| claim | verdict | the paper | measured |", "| --- | --- | --- | --- |"]
     for row in (claim(answer, earlier) for answer in answers):
@@ -159,7 +170,7 @@ def render(
     figures: Sequence[Drawn],
     shuffled: Placebo | None,
     missing: int,
-    earlier: Mapping[str, str],
+    earlier: Earlier,
 ) -> str:
     """Make the page.
 
@@ -172,7 +183,7 @@ def render(
         figures: what was drawn.
         shuffled: what the rules found where there is nothing; None with too few seeds for verdicts.
         missing: how many planned runs there are not.
-        earlier: verdicts of an earlier study, by claim.
+        earlier: verdicts of an earlier study with the sentences that it judged, by claim.
     """
     records = list(study.records.values())
     seeds = len({key[3] for key in study.records})

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.config import ConfigError
+from ship_trl.config import ConfigError, one_line
 from ship_trl.paths import read_csv, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.measured import SEED, gain
@@ -189,21 +189,24 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         writer.writerows(rows)
 
 
-def read_verdicts(path: Path) -> dict[str, str]:
-    """Read the verdicts of a report's claims.csv, by claim.
+def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
+    """Read from a report's claims.csv, by claim, its verdict and the sentence that was judged.
 
     Raises:
         ConfigError: it is none; `--earlier` is what it was given as.
     """
+    names = "claim", "claim's verdict", "sentence"
     try:
-        rows = read_csv(path, ("claim", "claim's verdict"), LARGEST)
+        rows = read_csv(path, names, LARGEST)
     except OSError as error:
         raise ConfigError(f"--earlier: {path} cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise ConfigError(f"--earlier: {path} is not a report's claims.csv: {error}") from None
-    found = {row["claim"]: row["claim's verdict"] for row in rows}
-    if not set(found.values()) <= {*Verdict, "no runs"}:
-        raise ConfigError(
-            f"--earlier: {path} has a verdict that is none; allowed: {', '.join(Verdict)}, no runs"
-        )
-    return found
+    allowed = *(verdict.value for verdict in Verdict), "no runs"
+    for row in rows:
+        if row["claim's verdict"] not in allowed:
+            unknown = row["claim's verdict"]
+            raise ConfigError(
+                f"--earlier: {path} has the verdict {unknown!r:.50}; allowed: {', '.join(allowed)}"
+            )
+    return {row["claim"]: (row["claim's verdict"], one_line(row["sentence"])) for row in rows}

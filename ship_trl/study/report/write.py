@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 from ship_trl.cli import complain
@@ -18,7 +17,7 @@ from ship_trl.study.plan.jobs import PAIRS
 from ship_trl.study.plan.manifest import PLAN, cases_of
 from ship_trl.study.report import tables
 from ship_trl.study.report.drawings import draw_all
-from ship_trl.study.report.page import as_markdown, render
+from ship_trl.study.report.page import Earlier, as_markdown, render
 from ship_trl.study.report.similarities import table_2
 
 
@@ -53,7 +52,7 @@ def report(folder: Path, output: Path, earlier: Path | None = None) -> None:
     sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
 
 
-def write(study: Study, folder: Path, output: Path, earlier: Mapping[str, str]) -> None:
+def write(study: Study, folder: Path, output: Path, earlier: Earlier) -> None:
     """Measure and write everything."""
     answers, explored = answer(study), explore(study)
     arms, similar = tables.arm_rows(study), table_2()

@@ -165,12 +165,20 @@ def test_what_an_earlier_study_said_stands_beside(
     study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     earlier = tmp_path / "claims.csv"
-    earlier.write_text("claim,claim's verdict\nH5a,contradicted\nOLD,supported\n")
+    with (study / "report/claims.csv").open(newline="") as file:
+        sentence = next(row["sentence"] for row in csv.DictReader(file) if row["claim"] == "H5a")
+    rows = (("H5a", "contradicted", sentence), ("H5b", "supported", "less | <b>"), ("OLD", "supported", ""))
+    with earlier.open("w", newline="") as file:
+        csv.writer(file).writerows([("claim", "claim's verdict", "sentence"), *rows])
     main([str(study), "--output", str(tmp_path / "page"), "--earlier", str(earlier)])
-    rows = (tmp_path / "page/verdicts.md").read_text().splitlines()
-    said = [row.split(" | ")[0] for row in rows if "An earlier study: contradicted." in row]
+    lines = (tmp_path / "page/verdicts.md").read_text().splitlines()
+    said = [
+        row.split(" | ")[0] for row in lines if "An earlier study, by its own rules: contradicted." in row
+    ]
     assert said == ["| H5a"] and "An earlier study" not in (study / "report/verdicts.md").read_text()
-    for text in ("a,b\n1,2\n", "claim,claim's verdict\nH5a,<b>perhaps</b>\n", "\x00\n"):
+    said = [row.split(" | ")[0] for row in lines if 'rules, of "less / &lt;b>": supported.' in row]
+    assert said == ["| H5b"]
+    for text in ("a,b\n1,2\n", "claim,claim's verdict,sentence\nH5a,<b>perhaps</b>,x\n", "\x00\n"):
         earlier.write_text(text)
         capsys.readouterr()
         with pytest.raises(SystemExit):
@@ -178,6 +186,16 @@ def test_what_an_earlier_study_said_stands_beside(
         told = capsys.readouterr().err
         assert told.startswith(f"ship_trl: --earlier: {earlier} ") and told.count("\n") == 1
     assert not (tmp_path / "other").exists()
+
+
+def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None:
+    with (study / "report/claims.csv").open(newline="") as file:
+        rows = {row["claim"]: row for row in csv.DictReader(file)}
+    wanted = {name: row["seeds wanted"] for name, row in rows.items() if row["seeds wanted"]}
+    assert wanted and not any(rows[name]["decided after seeds"] for name in wanted)
+    for line in (study / "report/verdicts.md").read_text().splitlines()[2:]:
+        name = line.split(" | ")[0].removeprefix("| ")
+        assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
 
 
 def test_what_is_broken_is_named_and_the_rest_counted(

@@ -74,7 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
         whole, broken = collect(folder)
         for path, error in broken:
             complain(f"{path} {error}; left out")
-        found += [one for one in whole if options.arm in (None, one.result.arm)]
+        found += [one for one in without_copies(whole) if options.arm in (None, one.result.arm)]
     if not found:
         places = ", ".join(map(str, folders))
         complain(f"folder: no finished run below {places}; python -m ship_trl makes one")
@@ -147,6 +147,19 @@ def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
         except ResultError as error:
             broken.append((path, str(error)))
     return found, broken
+
+
+def without_copies(found: Iterable[Found]) -> list[Found]:
+    """Leave out, and name, each run whose result is that of another one: it is no further seed."""
+    kept: dict[str, list[Found]] = {}
+    for one in found:
+        alike = kept.setdefault(f"{one.place}/{one.result.arm}/{one.result.seed}", [])
+        known = next((other for other in alike if other.result == one.result), None)
+        if known is None:
+            alike.append(one)
+        else:
+            complain(f"{one.folder} is a copy of {known.folder}; left out")
+    return [one for runs in kept.values() for one in runs]
 
 
 def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:

@@ -1,5 +1,6 @@
 """The table of finished runs."""
 
+import shutil
 from pathlib import Path
 
 import pandas as pd
@@ -51,6 +52,22 @@ def test_a_broken_result_is_named_and_the_rest_shown(
     main([str(tmp_path), "--markdown"])
     said = capsys.readouterr()
     assert said.err.count("; left out") == 3 and "4 scratch" in said.out
+
+
+def test_a_copy_is_no_further_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    shutil.copytree(tmp_path / "4", tmp_path / "4 again")
+    # The same seed on another machine, say, may end otherwise.
+    write(tmp_path / "other", 0, 20.0)
+    (tmp_path / "other/4").rename(tmp_path / "4 elsewhere")
+    main([str(tmp_path), "--markdown"])
+    said = capsys.readouterr()
+    assert "| 4 scratch | 0 0 | 40.0 | 30.0 20.0 |" in said.out
+    copies = [tmp_path / f"{name}/scratch/seed=0" for name in ("4 again", "4")]
+    assert said.err == f"ship_trl: {copies[0]} is a copy of {copies[1]}; left out\n"
+    # Two folders that are compared may hold the same run.
+    main([str(tmp_path / "4"), str(tmp_path / "4 again"), "--markdown"])
+    assert capsys.readouterr().out.count("scratch | 0 |") == 2
 
 
 def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from ship_trl.config import ConfigError
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
 from ship_trl.study.plan.jobs import PAIRS
-from ship_trl.study.plan.manifest import begun_with
+from ship_trl.study.plan.manifest import begun_with, warmup_of
 from ship_trl.study.records.layers import LAYERS, Layer, read_layers
 from ship_trl.study.records.record import COMPUTED, Record, read_runs
 from ship_trl.study.records.tables import has_tables, read_tables
@@ -36,7 +36,7 @@ class Study:
     begun with: they alone are judged, however many are run later; all that are there where no plan is
     known. `rules` name the plan (see `rules.py`). `level` is one-sided, of intervals and tests; `resamples`
     how often arms change places to test spreads. `layers` say how alike those of networks are, where that
-    was measured.
+    was measured. No run learns before `warmup` episodes are over.
     """
 
     records: Records
@@ -46,6 +46,7 @@ class Study:
     level: float = LEVEL / 2
     resamples: int = SWAPS
     layers: list[Layer] = field(default_factory=list)
+    warmup: int = 0
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -109,7 +110,8 @@ def read_study(folder: Path) -> Study:
     found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
     records = {(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found}
     planned, rules = begun_with(folder)
-    return Study(same_zero(records), broken, planned, rules, layers=layers_of(folder, broken))
+    layers, warmup = layers_of(folder, broken), warmup_of(folder)
+    return Study(same_zero(records), broken, planned, rules, layers=layers, warmup=warmup)
 
 
 def layers_of(folder: Path, broken: list[tuple[Path, str]]) -> list[Layer]:

@@ -150,3 +150,12 @@ def cases_of(folder: Path) -> dict[str, str]:
         return {str(name): str(given) for name, given in read_plan(folder / PLAN, "folder")["cases"].items()}
     except ConfigError:
         return {}
+
+
+def warmup_of(folder: Path) -> int:
+    """Return after how many episodes a study's runs learn at the earliest; 0 where no plan says it."""
+    try:
+        settings = read_plan(folder / PLAN, "folder")["settings"]
+        return max(0, int(settings["learn"]["warmup_steps"] // settings["world"]["max_steps"]))
+    except (ConfigError, KeyError, TypeError, ValueError, ArithmeticError):
+        return 0

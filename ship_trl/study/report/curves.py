@@ -31,6 +31,8 @@ from ship_trl.study.report.panels import REUSE, Panel, Section, pair_sections, r
 
 # Of a panel's height, for the exploration rate from 0 to 1.
 STRIP = 0.14
+# How much the warm-up is shaded, below the exploration rate.
+WARMUP = 0.55
 BEST, RANDOM = (0, (5, 2)), (0, (1, 2))
 
 
@@ -55,7 +57,7 @@ def draw(study: Study, sections: Sequence[Section], form: Form, columns: int) ->
 
     heights = (1.0, 0.7) if form.narrow else (1.25, 0.8)
     counts = sorted({len(study.arm(*panel.scratch)) for section in sections for panel in section.panels})
-    handles = legend(f"scratch ({' or '.join(map(str, counts))})")
+    handles = legend(f"scratch ({' or '.join(map(str, counts))})", warm=study.warmup > 0)
     across = 2 if form.narrow else columns
     figure, placed = lay_out(form, sections, across, heights, names, "training episodes", handles)
     for row, values in enumerate(zip(*(draw_panel(study, one) for one in placed), strict=True)):
@@ -72,14 +74,16 @@ def draw(study: Study, sections: Sequence[Section], form: Form, columns: int) ->
     return figure
 
 
-def legend(scratch: str) -> list[Artist]:
+def legend(scratch: str, *, warm: bool) -> list[Artist]:
     """Return what is named once for all panels."""
+    warmup = [Patch(color=PALE, alpha=WARMUP, label="warm-up, no update yet")] if warm else []
     return [
         Line2D([], [], color=SCRATCH.colour, linewidth=1.5, label=scratch),
         Line2D([], [], color=GREY, linestyle=BEST, linewidth=1, label="best known return"),
         Line2D([], [], color=GREY, linestyle=RANDOM, linewidth=1.2, label="random actions"),
         Patch(color=PALE, label="exploration rate"),
         Line2D([], [], color=GREY, marker="|", markersize=9, linewidth=0, label="exploration ends"),
+        *warmup,
     ]
 
 
@@ -102,6 +106,9 @@ def draw_panel(study: Study, placed: Placed) -> list[tuple[float, float]]:
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             seen.append((level, level))
         along(axis, len(one.training.returns))
+        # A run with shorter episodes learns some episodes later.
+        if study.warmup:
+            axis.axvspan(0, study.warmup, color=PALE, alpha=WARMUP, linewidth=0, zorder=0.4)
         axis.yaxis.set_major_locator(MaxNLocator(4))
     draw_exploration(placed.axes, one)
     legend_above(

@@ -33,7 +33,8 @@ BANDS = (
     "seeds are a thin line each. In brackets the number of runs."
 )
 CURVES = (
-    f"{BANDS} Black is scratch. The grey strip is the exploration rate; the upright line is where it ends."
+    f"{BANDS} Black is scratch. The grey strip is the exploration rate; the upright line is where it ends. "
+    "Shaded at the left are episodes in which no run has learned yet."
 )
 REUSED = (
     f"{CURVES} \N{GREEK SMALL LETTER EPSILON} is the exploration rate that a run begins with, 0.1 where none "

@@ -8,7 +8,7 @@ import pytest
 from ship_trl.config import ConfigError
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import PLAN, begun_with, write_plan
+from ship_trl.study.plan.manifest import PLAN, begun_with, warmup_of, write_plan
 
 
 def begin(folder: Path, *overrides: str) -> None:
@@ -72,6 +72,17 @@ def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
         begin(tmp_path)
     assert (tmp_path / PLAN).read_text() == text
     assert begun_with(tmp_path) == ((), {})
+
+
+def test_a_plan_says_after_how_many_episodes_runs_learn_at_the_earliest(tmp_path: Path) -> None:
+    begin(tmp_path, "overrides=[learn.warmup_steps=2000,world.max_steps=60]")
+    # The 33rd ends at step 1980 if all are as long as they may be.
+    assert warmup_of(tmp_path) == 33
+    plan = json.loads((tmp_path / PLAN).read_text())
+    wrongs: list[dict[str, object]] = [{}, {"learn": {"warmup_steps": 10}, "world": {"max_steps": 0}}]
+    for wrong in (*wrongs, {"learn": []}):
+        (tmp_path / PLAN).write_text(json.dumps(plan | {"settings": wrong}))
+        assert warmup_of(tmp_path) == 0
 
 
 def test_what_is_missing_now_is_named_too(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.jobs import CONTROLS, PAIRS
@@ -119,6 +120,15 @@ def test_the_reader_sees_where_exploration_ends() -> None:
 
 def test_of_a_constant_rate_no_end_is_drawn() -> None:
     assert all(upright(axis) == [] for axis in drawn(collapsing(4)).axes)
+
+
+def test_the_warm_up_is_shaded_where_a_plan_says_how_long_it_is() -> None:
+    def shaded(study: Study) -> list[tuple[float, ...]]:
+        patches = [one for axis in drawn(study).axes for one in axis.patches if isinstance(one, Rectangle)]
+        return sorted({tuple(one.get_bbox().intervalx) for one in patches})
+
+    assert shaded(replace(collapsing(4), warmup=33)) == [(0, 33)]
+    assert shaded(collapsing(4)) == []
 
 
 def test_the_best_known_return_and_that_of_random_actions_are_lines() -> None:

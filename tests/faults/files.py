@@ -1,8 +1,9 @@
 """Damaged and hostile files: what a command reads it works with, or refuses in lines of ours.
 
 A library holds one of each file that we read: two cases, a finished transfer and its source, their entries in
-the case base, a kept plan, a stopped run with its checkpoints, demonstrations, a study and its tables. In a
-copy of it one file is damaged (`damage.py`), and a command that reads it is run.
+the case base, a kept plan, a stopped run with its checkpoints, demonstrations, a study and its tables, and
+what a report or a comparison of layers has measured. In a copy of it one file is damaged (`damage.py`), and a
+command that reads it is run.
 
 Survived: the command ends with exit code 0, or with code 1 and nothing on stderr but lines that begin with
 `ship_trl: `; without a traceback; in thrice the time that it takes otherwise and half a minute; in 3 GiB
@@ -10,13 +11,14 @@ more memory than it begins with. Nothing that was there is lost, but what the co
 draft is left behind; and nothing has been executed.
 """
 
+import csv
 import itertools
 import os
 import random
 import resource
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
@@ -24,9 +26,13 @@ from tempfile import mkdtemp
 
 import numpy as np
 
+from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.plan.manifest import write_plan
+from ship_trl.study.records.layers import Layer, write_layers
+from ship_trl.transfer.measured import COLUMNS as TRANSFERS
+from ship_trl.transfer.measured import Transfer
 from tests.faults.command import Done, run
 from tests.faults.damage import DAMAGES, EXECUTED
 from tests.faults.kills import die_at, steps
@@ -71,7 +77,23 @@ def library() -> Path:
         write_run(place / job.part, scores, pair=job.label, arm=job.arm, seed=job.seed)
     done = run("study", "tables", folder=folder, module="ship_trl.study.keep")
     assert done.code == 0, done
+    measured(folder)
     return folder
+
+
+def measured(folder: Path) -> None:
+    """Write the tables of measurements: layers beside the study's tables, verdicts, transfers."""
+    rows = [Layer(seed, "high", "FE3", "source", f"conv.{n}", 0.9) for seed in range(2) for n in range(4)]
+    write_layers(folder / "tables/layers.csv", rows)
+    place = folder / "measured"
+    place.mkdir()
+    (place / "claims.csv").write_text("claim,claim's verdict,sentence\nH5a,inconclusive,FE3 is best.\n")
+    near, met = (load_case(str(folder / f"conf/case/{name}.yaml"), load_world()) for name in ("near", "met"))
+    found = Transfer("near", "met", near.fingerprint, met.fingerprint, "smoke", "FT3", None, 5, 0.2, 0.1, 0.3)
+    with (place / "transfers.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, TRANSFERS)
+        writer.writeheader()
+        writer.writerow(asdict(found))
 
 
 def stop_a_run(folder: Path) -> None:
@@ -112,6 +134,11 @@ def readers() -> dict[str, Reader]:
             ("--target", "met", "--no-picture", "--case-base", f"{OUTPUT}/case_base"),
             base[:1],
         ),
+        "cases, measured": Reader(
+            "ship_trl.cases",
+            ("--target", "met", "--no-picture", "--measured", "measured/transfers.csv"),
+            ("measured/transfers.csv",),
+        ),
         "record": Reader(
             "ship_trl.record",
             (RUN, "--trajectories", "chart.png"),
@@ -120,6 +147,11 @@ def readers() -> dict[str, Reader]:
         "export": Reader("ship_trl.export", (RUN, "model.onnx"), (*run_files, case)),
         "report": Reader("ship_trl.report", ("study",), judged),
         "report of tables": Reader("ship_trl.report", ("tables", "--output", "page"), tables),
+        "report beside an earlier one": Reader(
+            "ship_trl.report",
+            ("tables", "--output", "page", "--earlier", "measured/claims.csv"),
+            ("measured/claims.csv", "tables/layers.csv"),
+        ),
         "keep": Reader("ship_trl.study.keep", ("study", "copy"), judged),
         "restore": Reader("ship_trl.study.keep", ("--restore", "tables", "again"), tables),
         "a run again": Reader("ship_trl", TRANSFER, (*run_files, f"{RUN}/curve.csv", case), (f"{RUN}/*",)),

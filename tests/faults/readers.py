@@ -177,6 +177,26 @@ def read_tables_plan(folder: Path) -> None:
     read_tables(folder / "tables")
 
 
+def read_layers_table(folder: Path) -> None:
+    from ship_trl.study.records.layers import read_layers
+
+    read_layers(folder / "tables/layers.csv")
+
+
+def read_measured(folder: Path) -> None:
+    """Read what was measured, and write the commands that it stands for."""
+    from ship_trl.transfer.measured import read_transfers
+
+    for transfer in read_transfers(folder / "measured/transfers.csv"):
+        transfer.commands()
+
+
+def read_earlier(folder: Path) -> None:
+    from ship_trl.study.report.tables import read_verdicts
+
+    read_verdicts(folder / "measured/claims.csv")
+
+
 def read_demonstrated(folder: Path) -> None:
     from ship_trl.demonstrations import read_demonstrations
     from ship_trl.sim.cases import load_case, load_world
@@ -202,6 +222,9 @@ READERS: dict[str, tuple[Callable[[Path], None], str]] = {
     "runs table": (read_kept, "tables/runs.csv"),
     "curves table": (read_kept, "tables/curves.csv.xz"),
     "tables' plan": (read_tables_plan, "tables/study.json"),
+    "layers": (read_layers_table, "tables/layers.csv"),
+    "transfers": (read_measured, "measured/transfers.csv"),
+    "verdicts": (read_earlier, "measured/claims.csv"),
     "demonstration": (read_demonstrated, "shown/met-001.json"),
 }
 

@@ -71,9 +71,8 @@ def add_seeds(folder: Path, path: Path) -> None:
         begun = time.monotonic()
         found = []
         for pair, runs in whole[seed].items():
-            alike = [s for s, pairs in whole.items() if SCRATCH in pairs.get(pair, {})]
-            other = following(seed, alike) if seed in alike else seed
-            found += of_pair(seed, pair, runs, whole[other][pair])
+            before = [s for s, pairs in whole.items() if s < seed and SCRATCH in pairs.get(pair, {})]
+            found += of_pair(seed, pair, runs, whole[before[-1]][pair] if before else {})
         rows += found
         done.add(seed)
         write_layers(path, rows)
@@ -106,13 +105,8 @@ def is_whole(pairs: dict[str, Runs]) -> bool:
     return all((run / POLICY).is_file() for runs in pairs.values() for run in runs.values())
 
 
-def following(seed: int, seeds: list[int]) -> int:
-    """Return the seed after another, and after the last one the first."""
-    return seeds[(seeds.index(seed) + 1) % len(seeds)]
-
-
 def of_pair(seed: int, pair: str, runs: Runs, others: Runs) -> list[Layer]:
-    """Compare the networks of a pair; `others` are the runs of another seed, or the same.
+    """Compare the networks of a pair; `others` are the runs of the seed before, if there is one.
 
     Raises:
         ConfigError: a run or a network cannot be read, none is from scratch, or there are several sources.
@@ -153,7 +147,7 @@ def of_pair(seed: int, pair: str, runs: Runs, others: Runs) -> list[Layer]:
     known = {SOURCE: grams(load(source), drawn)}
     beside = {arm: known | {SCRATCH: own[SCRATCH]} for arm in own}
     beside[SCRATCH] = known | {UNTRAINED: grams(blank, drawn)}
-    if others != runs:
+    if others:
         beside[SCRATCH][OTHER_SEED] = grams(load(others[SCRATCH] / POLICY), drawn)
     return [
         Layer(seed, pair, arm, name, layer, round(cka(kernel, other[layer]), 4))

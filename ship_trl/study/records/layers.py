@@ -20,7 +20,7 @@ LAYERS = "layers.csv"
 LARGEST = 20_000_000
 # What an arm's network stands beside: the source that it began with, and the network from scratch of its
 # seed. That one stands beside the source too, which is of another case, beside the network from scratch of
-# the seed after it, and beside one of drawn weights.
+# the seed before it if there is one, and beside one of drawn weights.
 SOURCE, SCRATCH, OTHER_SEED, UNTRAINED = "source", "scratch", "other seed", "untrained"
 
 

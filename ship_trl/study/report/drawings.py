@@ -55,8 +55,8 @@ GAINS = (
 )
 LAYERS = (
     "CKA of a layer of two networks on the same states of the target case: 1 is alike but for turning and "
-    "scaling, 0 unrelated. Another seed is the study's next one. Interquartile mean over "
-    "seeds with a band as above; it explains, and decides nothing. In brackets the number of seeds."
+    "scaling, 0 unrelated. Another seed is the one before it, of which the first has none. Interquartile "
+    "mean over seeds with a band as above; it explains, and decides nothing. In brackets the number of seeds."
 )
 FOREST = (
     "Estimate and interval at the level of the look; positive is as claimed. Grey is the margin within which "

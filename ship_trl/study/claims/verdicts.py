@@ -72,7 +72,7 @@ class Answer:
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
     """Judge claims at each look that the study's seeds allow; a figure's are judged together."""
-    looks = study.looks
+    looks, there = study.looks, {key[3] for key in study.records}
     decided: dict[str, Answer] = {}
     answers: list[Answer] = []
     for number, count in enumerate(looks, 1):
@@ -82,8 +82,8 @@ def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]
         for found in answers:
             if found.decided:
                 decided.setdefault(found.hypothesis.name, found)
-        if len({key[3] for key in seen.records}) < count:
-            # Not yet reached: what there is, is shown.
+        if len({key[3] for key in seen.records}) < count or not there.intersection(study.seeds[count:]):
+            # Not yet reached, or the last one that is: what there is, is shown.
             break
     return [decided.get(found.hypothesis.name, found) for found in answers]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.analysis.contrasts import Verdict
+from ship_trl.study.analysis.statistics import look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
@@ -129,6 +130,15 @@ def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> No
     # The other one awaits ten seeds.
     assert none.verdict is Verdict.inconclusive
     assert (none.seeds, none.missing, none.findings[0].seeds) == (10, 1, 7)
+
+
+def test_what_stays_open_at_the_last_look_is_told_of_that_look() -> None:
+    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 10, sd=0.1), planned=tuple(range(15)))
+    for seeds in (5, 10):
+        (found,) = answer(study.first(seeds, study.level), [claim("B", ("FE2", "FE3"))])
+        # No seed of the next look is there, so that nothing is missing from one.
+        assert (found.verdict, found.seeds, found.missing) == (Verdict.inconclusive, seeds, 0)
+        assert found.level == look_level(seeds // 5, 3)
 
 
 def test_seeds_that_come_later_undo_no_decision() -> None:

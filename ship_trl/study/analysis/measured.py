@@ -15,6 +15,8 @@ from ship_trl.study.margins import margin
 
 # Of all resampling: the same study gives the same report.
 SEED = 2022
+# The metric of curves that vary less than others; all else are levels.
+SPREAD = "spread"
 # Times of arms can be called equal if at least this share of the runs of each got there.
 REACHED = 0.75
 # What stands beside a metric to show whether the choice of it decides.
@@ -62,8 +64,8 @@ def steadier(study: Study, claim: str, where: str, places: Places, steady: str, 
         return []
     curves = {name: np.stack([curve(record) for record in runs[name]]) for name in (steady, other)}
     estimate, p, against = spread_test(curves[steady], curves[other], SEED, study.level, study.resamples)
-    what = f"{where}: {steady} varies less than {other} (spread; logarithm of the ratio)"
-    return [Finding(claim, what, "spread", estimate, p, against, seeds=len(curves[steady]))]
+    what = f"{where}: {steady} varies less than {other} ({SPREAD}; logarithm of the ratio)"
+    return [Finding(claim, what, SPREAD, estimate, p, against, seeds=len(curves[steady]))]
 
 
 def gain(study: Study, place: Place, scratch: Place) -> Estimate | None:

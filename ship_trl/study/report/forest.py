@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ship_trl.study.analysis.contrasts import Finding
+from ship_trl.study.analysis.measured import SPREAD
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.report.figures import FONT, PALE, SMALL, VERDICTS, Form, plain
 
@@ -43,7 +44,7 @@ class Block:
 
 def unit(finding: Finding) -> str:
     """Return what a contrast's numbers are: scores and shares of episodes lie on one axis, others do not."""
-    return {"spread": RATIO, "start": START}.get(finding.metric, DIFFERENCE)
+    return {SPREAD: RATIO, "start": START}.get(finding.metric, DIFFERENCE)
 
 
 def blocks(answers: Sequence[Answer], letters: int) -> Iterator[Block]:

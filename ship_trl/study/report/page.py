@@ -12,6 +12,7 @@ from typing import Any
 import jinja2
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
+from ship_trl.study.analysis.power import seen_effect
 from ship_trl.study.analysis.statistics import Estimate, look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import FIGURE as CONCLUSIONS
@@ -107,7 +108,11 @@ def in_a_sentence(answer: Answer) -> str:
     words += f"; adjusted {answer.p:.3f} for the verdict."
     if answer.decided:
         words += f" Decided after {answer.decided} seeds."
-    open_ = [f for f in findings if f.verdict is Verdict.inconclusive and isfinite(f.error)]
+    # Of an open claim whose contrasts each hold alone, all are short of what the figure asks for.
+    unsure = [f for f in findings if f.verdict is Verdict.inconclusive] or (
+        [] if answer.decided else findings
+    )
+    open_ = [f for f in unsure if isfinite(f.error)]
     if open_:
         alone, after = ([f.seen(answer.level / m) for f in open_] for m in (1, answer.claims))
         words += f" Could see differences from {spread(alone)} on, adjusted {spread(after)}."
@@ -206,8 +211,9 @@ def render(
             for key, counts in study.mixed().items()
         },
         looks=[
-            {"seeds": count, "level": number(look_level(k, len(study.looks)), 4)}
+            {"seeds": count, "level": number(level, 5), "seen": number(seen_effect(count, level), 1)}
             for k, count in enumerate(study.looks, 1)
+            for level in (look_level(k, len(study.looks)),)
         ],
         least=LEAST_SEEDS,
         shuffled=shuffled,

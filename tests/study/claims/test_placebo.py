@@ -40,3 +40,10 @@ def test_claims_of_no_difference_are_no_false_findings() -> None:
     study = make_study({("pairs", "low", arm): 0.7 for arm in ("FE1", "FE2", "FE3", "FT1", "FT2")}, sd=0.001)
     found = placebo(study, shuffles=3)
     assert found.claims == 0
+
+
+def test_claims_of_spread_are_not_counted_where_none_could_be_decided() -> None:
+    study = make_study({("pairs", "high", arm): 0.7 for arm in ("FE1", "scratch", "FE4", "FT2")})
+    claims = [found.hypothesis.name for found in answer(study) if found.findings]
+    # H5b is of spread alone.
+    assert "H5b" in claims and placebo(study, shuffles=2).of_claims < 2 * len(claims)

@@ -18,8 +18,11 @@ import numpy as np
 import pytest
 
 from ship_trl.report import main
-from ship_trl.study.claims.verdicts import ALL
-from tests.study.synthetic import learning, write_planned, write_run
+from ship_trl.study.analysis.contrasts import Verdict
+from ship_trl.study.claims.kinds import Hypothesis, beats
+from ship_trl.study.claims.verdicts import ALL, judge
+from ship_trl.study.report.page import in_a_sentence
+from tests.study.synthetic import learning, make_study, write_planned, write_run
 from tests.test_cli import ROOT, files
 
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4", "FTW")
@@ -196,6 +199,25 @@ def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None
     for line in (study / "report/verdicts.md").read_text().splitlines()[2:]:
         name = line.split(" | ")[0].removeprefix("| ")
         assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
+
+
+def test_of_each_look_it_is_said_what_it_could_see(study: Path) -> None:
+    text = " ".join((study / "report/index.html").read_text().split())
+    # Without a plan five seeds are all, and are looked at once.
+    assert "after 5 seeds (one-sided level 0.02500, which sees a difference of" in text
+
+
+def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:
+    made = make_study({("pairs", "high", "FE1"): 0.75, ("pairs", "high", "FE2"): 0.7}, sd=0.06)
+    family = [Hypothesis("A", "5", "", [beats("high", "FE1", "FE2")])]
+    (one,) = judge(made, family, 15, 0.025)
+    # As many other claims as its p can just not bear.
+    family += [
+        Hypothesis(f"B{k}", "5", "", [beats("high", "FE2", "FE1")]) for k in range(int(0.025 / one.p) + 1)
+    ]
+    found, *_ = judge(made, family, 15, 0.025)
+    assert found.word == "inconclusive" and found.findings[0].verdict is Verdict.supported
+    assert "Could see differences from" in in_a_sentence(found)
 
 
 def test_what_is_broken_is_named_and_the_rest_counted(

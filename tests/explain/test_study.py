@@ -96,7 +96,14 @@ def test_the_report_draws_what_lies_beside_the_runs(
     assert not (place / "report/layers.png").exists()
     shutil.copy(folder / LAYERS, place / LAYERS)
     report([str(place)])
-    assert (place / "report/layers.png").stat().st_size > 5_000
+    drawn = (place / "report/layers.png").read_bytes()
+    assert len(drawn) > 5_000 and capsys.readouterr().err == ""
+    # Of another study's networks nothing is drawn.
+    with (place / LAYERS).open("a") as file:
+        file.write("7,high,FE2,source,conv1,0.5\n")
+    report([str(place)])
+    assert "1 of 46 rows are of runs that are not there; left out" in capsys.readouterr().err
+    assert (place / "report/layers.png").read_bytes() == drawn
     (place / LAYERS).write_bytes(b"\x80")
     report([str(place)])
     assert f"{place / LAYERS}: " in capsys.readouterr().err

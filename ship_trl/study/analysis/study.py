@@ -110,20 +110,24 @@ def read_study(folder: Path) -> Study:
     found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
     records = {(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found}
     planned, rules = begun_with(folder)
-    layers, warmup = layers_of(folder, broken), warmup_of(folder)
+    layers, warmup = layers_of(folder, records, broken), warmup_of(folder)
     return Study(same_zero(records), broken, planned, rules, layers=layers, warmup=warmup)
 
 
-def layers_of(folder: Path, broken: list[tuple[Path, str]]) -> list[Layer]:
-    """Return the rows about layers that a folder has; a table that is none is named in `broken`."""
+def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) -> list[Layer]:
+    """Return the rows about layers that a folder has of these runs; what is left out is named in `broken`."""
     path = folder / LAYERS
     if not path.exists():
         return []
     try:
-        return read_layers(path)
+        rows = read_layers(path)
     except ConfigError as error:
         broken.append((path, str(error).removeprefix(f"table: {path} ")))
         return []
+    kept = [row for row in rows if (PAIRS, row.pair, row.arm, row.seed) in records]
+    if others := len(rows) - len(kept):
+        broken.append((path, f"{others} of {len(rows)} rows are of runs that are not there"))
+    return kept
 
 
 def same_zero(records: Records) -> Records:

@@ -98,7 +98,7 @@ def test_the_report_draws_what_lies_beside_the_runs(
     report([str(place)])
     drawn = (place / "report/layers.png").read_bytes()
     assert len(drawn) > 5_000 and capsys.readouterr().err == ""
-    # Of another study's networks nothing is drawn.
+    # Of a run that the study has not nothing is drawn.
     with (place / LAYERS).open("a") as file:
         file.write("7,high,FE2,source,conv1,0.5\n")
     report([str(place)])

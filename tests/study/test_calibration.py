@@ -5,9 +5,9 @@ import pytest
 from ship_trl.study.calibration import REPEATS, TRIED, Wrong, calibrate, main
 
 # Of cheap rows many simulations, of the others as many as a test may take.
-MANY, FEW = 1500, 100
+MANY, SOME, FEW = 1500, 400, 100
 # How many times what is allowed a row may err. Arms with a tail, or whose seeds vary in different ways, are
-# known to err a little more than is allowed, and nearly all of it is on one side.
+# known to err a little more than is allowed on both sides together, and so twice as often on one of them.
 TOLERATED = {
     "one with a long tail: said to be better": 2.6,
     "spreads alike: whole curves said to vary less": 3,
@@ -16,7 +16,8 @@ TOLERATED = {
 
 @pytest.mark.parametrize(("what", "allowed", "wrong"), TRIED, ids=[what for what, _, _ in TRIED])
 def test_the_rules_err_about_as_often_as_they_allow(what: str, allowed: float | None, wrong: Wrong) -> None:
-    repeats = FEW if what.startswith(("a figure", "the same, ", "spreads")) else MANY
+    dear = what.startswith(("a figure", "the same, ", "spreads"))
+    repeats = SOME if dear and what in TOLERATED else FEW if dear else MANY
     (row,) = calibrate(repeats, [(what, allowed, wrong)])
     if allowed is None:
         # A difference of another kind: Student's t of the mean sees it in a quarter of the studies.

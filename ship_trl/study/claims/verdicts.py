@@ -27,7 +27,7 @@ MISSED = 0.2
 
 @dataclass(frozen=True)
 class Answer:
-    """A claim measured at the look that decided it, or at the last one.
+    """A claim measured at the look that decided it, or at the last one that was reached.
 
     `p` is what the verdict stands on, adjusted: of contradiction over the figure's contrasts, else over
     its claims, and that of support while the claim is open. `missing` is how many of its contrasts lack
@@ -71,20 +71,23 @@ class Answer:
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
-    """Judge claims at each look that the study's seeds allow; a figure's are judged together."""
-    looks, there = study.looks, {key[3] for key in study.records}
+    """Judge claims at each look that the study's seeds allow; a figure's are judged together.
+
+    What is open is told of the last look that was reached, for seeds beyond it are not looked at yet; before
+    the first look, of the seeds that there are.
+    """
+    looks = study.looks
     decided: dict[str, Answer] = {}
     answers: list[Answer] = []
     for number, count in enumerate(looks, 1):
         level = look_level(number, len(looks))
         seen = study.first(count, level)
+        if answers and len({key[3] for key in seen.records}) < count:
+            break
         answers = [found for family in families(hypotheses) for found in judge(seen, family, count, level)]
         for found in answers:
             if found.decided:
                 decided.setdefault(found.hypothesis.name, found)
-        if len({key[3] for key in seen.records}) < count or not there.intersection(study.seeds[count:]):
-            # Not yet reached, or the last one that is: what there is, is shown.
-            break
     return [decided.get(found.hypothesis.name, found) for found in answers]
 
 

@@ -109,9 +109,9 @@ def in_a_sentence(answer: Answer) -> str:
     if answer.decided:
         words += f" Decided after {answer.decided} seeds."
     # Of an open claim whose contrasts each hold alone, all are short of what the figure asks for.
-    unsure = [f for f in findings if f.verdict is Verdict.inconclusive] or (
-        [] if answer.decided else findings
-    )
+    unsure = [f for f in findings if f.verdict is Verdict.inconclusive]
+    if not answer.decided and all(f.verdict is Verdict.supported for f in findings):
+        unsure = findings
     open_ = [f for f in unsure if isfinite(f.error)]
     if open_:
         alone, after = ([f.seen(answer.level / m) for f in open_] for m in (1, answer.claims))
@@ -211,7 +211,11 @@ def render(
             for key, counts in study.mixed().items()
         },
         looks=[
-            {"seeds": count, "level": number(level, 5), "seen": number(seen_effect(count, level), 1)}
+            {
+                "seeds": count,
+                "level": number(level, 5),
+                "seen": number(seen_effect(count, level), 1) if count >= LEAST_SEEDS else "",
+            }
             for k, count in enumerate(study.looks, 1)
             for level in (look_level(k, len(study.looks)),)
         ],

@@ -127,18 +127,20 @@ def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> No
     sure, none = answer(study, [claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))])
     assert (sure.verdict, sure.decided, sure.missing) == (Verdict.supported, 5, 0)
     assert sure.findings[0].seeds == 5 and sure.level < 0.001
-    # The other one awaits ten seeds.
+    # Of the other one too: seeds of a look that is not whole are not looked at.
     assert none.verdict is Verdict.inconclusive
-    assert (none.seeds, none.missing, none.findings[0].seeds) == (10, 1, 7)
+    assert (none.seeds, none.missing, none.findings[0].seeds) == (5, 0, 5)
 
 
 def test_what_stays_open_at_the_last_look_is_told_of_that_look() -> None:
-    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 10, sd=0.1), planned=tuple(range(15)))
-    for seeds in (5, 10):
+    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 12, sd=0.1), planned=tuple(range(15)))
+    for seeds, look in ((5, 5), (6, 5), (9, 5), (10, 10), (12, 10)):
         (found,) = answer(study.first(seeds, study.level), [claim("B", ("FE2", "FE3"))])
-        # No seed of the next look is there, so that nothing is missing from one.
-        assert (found.verdict, found.seeds, found.missing) == (Verdict.inconclusive, seeds, 0)
-        assert found.level == look_level(seeds // 5, 3)
+        assert (found.verdict, found.seeds, found.missing) == (Verdict.inconclusive, look, 0)
+        assert found.level == look_level(look // 5, 3) and found.findings[0].seeds == look
+    # Before the first look there is nothing else to tell of.
+    (found,) = answer(study.first(4, study.level), [claim("B", ("FE2", "FE3"))])
+    assert (found.seeds, found.missing, found.findings[0].seeds) == (5, 1, 4)
 
 
 def test_seeds_that_come_later_undo_no_decision() -> None:

@@ -19,6 +19,7 @@ import pytest
 
 from ship_trl.report import main
 from ship_trl.study.analysis.contrasts import Verdict
+from ship_trl.study.analysis.power import seen_effect
 from ship_trl.study.claims.kinds import Hypothesis, beats
 from ship_trl.study.claims.verdicts import ALL, judge
 from ship_trl.study.report.page import in_a_sentence
@@ -203,8 +204,11 @@ def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None
 
 def test_of_each_look_it_is_said_what_it_could_see(study: Path) -> None:
     text = " ".join((study / "report/index.html").read_text().split())
-    # Without a plan five seeds are all, and are looked at once.
-    assert "after 5 seeds (one-sided level 0.02500, which sees a difference of" in text
+    # Without a plan five seeds are all, and are looked at once. Were the error known, 2.8 would be seen.
+    seen = re.search(
+        r"after 5 seeds \(one-sided level 0.02500, which sees a difference of ([\d.]+) standard", text
+    )
+    assert seen and float(seen[1]) == pytest.approx(seen_effect(5, 0.025), abs=0.05) and float(seen[1]) > 5
 
 
 def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import errno
-import io
 import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,27 +57,6 @@ def read_file(path: Path, most: int = LARGEST) -> bytes:
     if path.stat().st_size > most:
         raise OSError(errno.EFBIG, f"is larger than {most} bytes", str(path))
     return path.read_bytes()
-
-
-def read_csv(path: Path, columns: Sequence[str], most: int = LARGEST) -> list[dict[str, str]]:
-    """Read a table that has these columns, and may have others, as words.
-
-    Raises:
-        OSError: it cannot be read (`read_file`).
-        ValueError: it is no such table.
-    """
-    rows = csv.DictReader(io.StringIO(read_file(path, most).decode(), newline=""), strict=True)
-    try:
-        missing = [name for name in columns if name not in (rows.fieldnames or ())]
-        found = list(rows)
-    except csv.Error as error:
-        raise ValueError(str(error)) from None
-    if missing:
-        raise ValueError(f"it has no column {missing[0]!r}")
-    # What is missing in a row is None, and what is too much stands under None.
-    if any(None in row or None in row.values() for row in found):
-        raise ValueError("a row has more or fewer cells than there are columns")
-    return found
 
 
 def remove(path: Path) -> None:

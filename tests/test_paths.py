@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.paths import conf_dir, read_csv, read_file, read_json, replacing
+from ship_trl.paths import conf_dir, read_file, read_json, replacing
 
 
 def test_conf_is_the_checkout_s() -> None:
@@ -60,29 +60,3 @@ def test_json_that_lies_too_deep_is_an_error_of_its_value(tmp_path: Path) -> Non
     path.write_text("[" * 200_000)
     with pytest.raises(ValueError, match="nested too deep"):
         read_json(path)
-
-
-def test_a_table_has_its_columns_and_may_have_others(tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text('b,a,c\n1,"x\ny",3\n')
-    assert read_csv(path, ("a", "b")) == [{"b": "1", "a": "x\ny", "c": "3"}]
-    path.write_text("a,b\n")
-    assert read_csv(path, ("a", "b")) == []
-
-
-@pytest.mark.parametrize(
-    ("content", "why"),
-    [
-        (b"", "column 'a'"),
-        (b"a\n1\n", "column 'b'"),
-        (b"a,b\n1\n", "cells"),
-        (b"a,b\n1,2,3\n", "cells"),
-        (b'a,b\n1,"2\n', "unexpected end"),
-        (b"a,b\n1,\xff\n", "utf-8"),
-    ],
-)
-def test_what_is_no_such_table_is_an_error_of_its_value(content: bytes, why: str, tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=why):
-        read_csv(path, ("a", "b"))

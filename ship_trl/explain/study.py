@@ -21,7 +21,7 @@ from ship_trl.paths import is_name
 from ship_trl.pretrained import PRETRAINED
 from ship_trl.result import Result, ResultError, read_result
 from ship_trl.sim.cases import load_case
-from ship_trl.study.plan.jobs import PAIRS
+from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
 from ship_trl.study.records.layers import (
     OTHER_SEED,
@@ -95,7 +95,7 @@ def places(folder: Path) -> dict[int, dict[str, Runs]]:
             continue
         if not (is_name(job["label"]) and is_name(job["arm"])):
             raise ConfigError(f"folder: {folder / PLAN} has a pair or an arm that is no name")
-        run = folder.joinpath(PAIRS, job["label"], job["arm"], f"seed={job['seed']}")
+        run = run_folder(folder, PAIRS, job["label"], job["arm"], job["seed"])
         found[job["seed"]][job["label"]][job["arm"]] = run
     return found
 

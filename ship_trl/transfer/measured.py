@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import conf_dir, read_csv
+from ship_trl.paths import conf_dir
 from ship_trl.sim.cases import Case
+from ship_trl.table import read_table
 from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
@@ -68,12 +68,7 @@ def read_transfers(path: Path) -> list[Transfer]:
     Raises:
         ConfigError: it is none; `--measured` is what it was given as.
     """
-    try:
-        return [transfer(row) for row in read_csv(path, COLUMNS, LARGEST)]
-    except OSError as error:
-        raise ConfigError(f"--measured: {path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ConfigError(f"--measured: {path} is not a report's {TABLE}: {error}") from None
+    return read_table(path, COLUMNS, transfer, LARGEST, "--measured", f"a report's {TABLE}")
 
 
 def transfer(row: dict[str, str]) -> Transfer:

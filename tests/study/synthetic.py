@@ -19,6 +19,7 @@ from tests.a_result import a_result, an_evaluation
 
 BEST, RANDOM = 80.0, -320.0
 LAYERS = ("1", "2", "3", "4", "W")
+ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4", "FTW")
 
 
 def returns_of(scores: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -156,3 +157,13 @@ def learned(
             scores = learning(rng, episodes, end + rng.normal(0, sd), halves[place], noise=0.02)
             records[(*place, seed)] = make_record(scores, *place, seed)
     return Study(records)
+
+
+def write_study(folder: Path, seeds: int, episodes: int = 60, pairs: tuple[str, ...] = ("high",)) -> None:
+    """Write runs of a study's pairs, of which each arm is better than the one before."""
+    rng = np.random.default_rng(0)
+    for pair in pairs:
+        for k, arm in enumerate(ARMS):
+            for seed in range(seeds):
+                scores = learning(rng, episodes, 0.5 + 0.04 * k)
+                write_run(folder / "pairs", scores, pair=pair, arm=arm, seed=seed)

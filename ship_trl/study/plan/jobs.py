@@ -51,7 +51,12 @@ class Job:
 
     def folder(self, study: Path) -> Path:
         """Where its results lie."""
-        return study / self.part / self.label / self.arm / f"seed={self.seed}"
+        return run_folder(study, self.part, self.label, self.arm, self.seed)
+
+
+def run_folder(study: Path, part: str, label: str, arm: str, seed: int) -> Path:
+    """Where a study keeps a run's results."""
+    return study / part / label / arm / f"seed={seed}"
 
 
 def plan_jobs(config: StudyConfig) -> list[Job]:

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import is_name, read_csv, replacing
+from ship_trl.paths import is_name, replacing
+from ship_trl.table import read_table
 
 LAYERS = "layers.csv"
 # Bytes, at most: a study of 15 seeds has 0.2 million.
@@ -41,12 +41,7 @@ def read_layers(path: Path) -> list[Layer]:
     Raises:
         ConfigError: it is none.
     """
-    try:
-        return [layer_of(row) for row in read_csv(path, Layer._fields, LARGEST)]
-    except OSError as error:
-        raise ConfigError(f"table: {path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ConfigError(f"table: {path} is not a table of layers: {error}") from None
+    return read_table(path, Layer._fields, layer_of, LARGEST, "table", "a table of layers")
 
 
 def layer_of(row: dict[str, str]) -> Layer:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.config import ConfigError, one_line
-from ship_trl.paths import read_csv, replacing
+from ship_trl.config import one_line
+from ship_trl.paths import replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.measured import SEED, gain
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
@@ -22,6 +22,7 @@ from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.plan.config import REUSED_CASE
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, from_scratch
 from ship_trl.study.records.record import Record
+from ship_trl.table import Cells, read_table
 from ship_trl.transfer.measured import COLUMNS
 
 Row = dict[str, Any]
@@ -196,17 +197,17 @@ def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
         ConfigError: it is none; `--earlier` is what it was given as.
     """
     names = "claim", "claim's verdict", "sentence"
-    try:
-        rows = read_csv(path, names, LARGEST)
-    except OSError as error:
-        raise ConfigError(f"--earlier: {path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ConfigError(f"--earlier: {path} is not a report's claims.csv: {error}") from None
+    return dict(read_table(path, names, verdict_of, LARGEST, "--earlier", "a report's claims.csv"))
+
+
+def verdict_of(row: Cells) -> tuple[str, tuple[str, str]]:
+    """Make of a row's cells a claim's name, its verdict and its sentence.
+
+    Raises:
+        ValueError: there is no such verdict.
+    """
     allowed = *(verdict.value for verdict in Verdict), "no runs"
-    for row in rows:
-        if row["claim's verdict"] not in allowed:
-            unknown = row["claim's verdict"]
-            raise ConfigError(
-                f"--earlier: {path} has the verdict {unknown!r:.50}; allowed: {', '.join(allowed)}"
-            )
-    return {row["claim"]: (row["claim's verdict"], one_line(row["sentence"])) for row in rows}
+    verdict = row["claim's verdict"]
+    if verdict not in allowed:
+        raise ValueError(f"it has the verdict {verdict!r:.50}; allowed: {', '.join(allowed)}")
+    return row["claim"], (verdict, one_line(row["sentence"]))

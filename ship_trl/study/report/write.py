@@ -13,7 +13,7 @@ from ship_trl.study.analysis.contrasts import LEAST_SEEDS
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.placebo import placebo
 from ship_trl.study.claims.verdicts import answer, explore
-from ship_trl.study.plan.jobs import PAIRS
+from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, cases_of
 from ship_trl.study.report import tables
 from ship_trl.study.report.drawings import draw_all
@@ -81,7 +81,7 @@ def missing(folder: Path, study: Study) -> int:
     """How many runs the study planned that are neither there nor named as broken."""
     try:
         jobs = read_json(folder / PLAN)["jobs"]
-        planned = {folder / j["part"] / j["label"] / j["arm"] / f"seed={j['seed']}" for j in jobs}
+        planned = {run_folder(folder, j["part"], j["label"], j["arm"], j["seed"]) for j in jobs}
     except (OSError, ValueError, KeyError, TypeError):
         return 0
     found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}

@@ -1,15 +1,36 @@
-"""The confirmatory study's kept tables: whole seeds, of the settings and the rules of the plan."""
+"""The confirmatory study's kept tables: whole seeds, by the plan; and what follows from them."""
 
+import csv
+import math
 from collections import defaultdict
 from datetime import datetime
 from pathlib import Path
+
+import pytest
 
 from ship_trl.study.plan.manifest import begun_with
 from ship_trl.study.records.layers import LAYERS, read_layers
 from ship_trl.study.records.tables import read_tables
 from ship_trl.study.rules import digest
+from ship_trl.transfer.measured import PACKAGED, TABLE
+from tests.test_cli import ROOT, ship_trl
 
-FOLDER = Path(__file__).parents[2] / "outputs/confirmatory"
+FOLDER = ROOT / "outputs/confirmatory"
+REPORT = FOLDER / "report"
+EARLIER = ROOT / "outputs/quick_study/report/claims.csv"
+
+
+def read(path: Path) -> list[list[str]]:
+    with path.open(newline="") as file:
+        return list(csv.reader(file))
+
+
+def same(one: str, other: str) -> bool:
+    """Whether two cells say the same; processors differ in the last digits of a number."""
+    try:
+        return math.isclose(float(one), float(other), rel_tol=1e-6, abs_tol=1e-9) or one == other
+    except ValueError:
+        return one == other
 
 
 def test_its_seeds_are_whole_and_of_the_plan() -> None:
@@ -33,3 +54,29 @@ def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
     assert rules["digest"] == digest()
     committed = rules["commit"].partition(" of ")[2]
     assert datetime.fromisoformat(committed) < datetime.fromisoformat(rules["begun"])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report, made anew from the kept tables by the command that the docs name."""
+    folder = tmp_path_factory.mktemp("made")
+    # In a process of its own, which goes by conf/analysis.yaml and not by the tests' margins.
+    words = str(FOLDER), "--output", str(folder), "--earlier", str(EARLIER)
+    ship_trl(*words, folder=folder, module="ship_trl.report")
+    return folder
+
+
+def test_the_report_that_is_kept_follows_from_the_tables(made: Path) -> None:
+    names = {path.name for path in made.glob("*.csv")}
+    assert {path.name for path in REPORT.glob("*.csv")} == names
+    for name in sorted(names):
+        kept, anew = read(REPORT / name), read(made / name)
+        assert len(kept) == len(anew) and kept[0] == anew[0]
+        for here, there in zip(kept, anew, strict=True):
+            assert all(map(same, here, there)), (name, here, there)
+    assert (REPORT / "verdicts.md").read_text() == (made / "verdicts.md").read_text()
+    assert {path.name for path in REPORT.glob("*.png")} <= {path.name for path in made.glob("*.png")}
+
+
+def test_what_transfers_gained_comes_with_the_package() -> None:
+    assert PACKAGED.read_bytes() == (REPORT / TABLE).read_bytes()

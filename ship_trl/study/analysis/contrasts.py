@@ -49,7 +49,8 @@ class Finding:
     contrast alone: `p` that what is claimed is not so, `against` that its opposite is not so, and
     `within` that the difference is beyond the margin (1 where there is none). `error` is the standard
     error, not a number for spreads; `adjusted` is `against` by Holm's method within its figure; `beside`
-    is the same contrast by other metrics, which decide nothing.
+    is the same contrast by other metrics, which decide nothing. `differences` are those of each seed, in
+    order; spreads have none.
     """
 
     claim: str
@@ -66,6 +67,7 @@ class Finding:
     adjusted: float = 1.0
     verdict: Verdict = Verdict.inconclusive
     beside: Mapping[str, Estimate] = field(default_factory=dict)
+    differences: tuple[float, ...] = ()
 
     @property
     def as_claimed(self) -> bool:
@@ -117,4 +119,5 @@ def contrast(
         margin=margin,
         within=1.0 if margin is None else p_within(differences, margin),
         error=standard_error(differences)[0],
+        differences=tuple(map(float, differences)),
     )

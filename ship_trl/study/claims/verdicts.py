@@ -9,7 +9,7 @@ stays decided.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Claimed, Finding, Verdict
@@ -70,11 +70,18 @@ class Answer:
         return max(known) if known and len(known) == len(needed) else None
 
 
-def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
+def as_planned(finding: Finding) -> Finding:
+    """Return what was measured of a contrast, tested as the plan has it."""
+    return finding
+
+
+def answer(
+    study: Study, hypotheses: Sequence[Hypothesis] = ALL, tested: Callable[[Finding], Finding] = as_planned
+) -> list[Answer]:
     """Judge claims at each look that the study's seeds allow; a figure's are judged together.
 
     What is open is told of the last look that was reached, for seeds beyond it are not looked at yet; before
-    the first look, of the seeds that there are.
+    the first look, of the seeds that there are. `tested` may put other p-values in the place of the plan's.
     """
     looks = study.looks
     decided: dict[str, Answer] = {}
@@ -84,7 +91,9 @@ def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]
         seen = study.first(count, level)
         if answers and len({key[3] for key in seen.records}) < count:
             break
-        answers = [found for family in families(hypotheses) for found in judge(seen, family, count, level)]
+        answers = [
+            found for family in families(hypotheses) for found in judge(seen, family, count, level, tested)
+        ]
         for found in answers:
             if found.decided:
                 decided.setdefault(found.hypothesis.name, found)
@@ -103,13 +112,19 @@ def families(hypotheses: Sequence[Hypothesis]) -> list[list[Hypothesis]]:
     return [[h for h in hypotheses if h.figure == figure] for figure in figures]
 
 
-def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: float) -> list[Answer]:
+def judge(
+    study: Study,
+    family: Sequence[Hypothesis],
+    seeds: int | None,
+    level: float,
+    tested: Callable[[Finding], Finding] = as_planned,
+) -> list[Answer]:
     """Judge the claims of a figure together at a one-sided level.
 
     A contrast counts if it has `seeds` seeds; None takes as many as there are, at least five.
     """
     measured = [
-        [finding for test in hypothesis.tests for finding in test(study, hypothesis.name)]
+        [tested(finding) for test in hypothesis.tests for finding in test(study, hypothesis.name)]
         for hypothesis in family
     ]
     # A figure has as many claims and contrasts as the plan gives it, also while some lack runs.

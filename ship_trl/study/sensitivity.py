@@ -1,0 +1,112 @@
+"""`python -m ship_trl.study.sensitivity FOLDER`: would other tests than the plan's have said the same?
+
+Beside the plan's verdict on each claim stands what it would be by means, whose tails count, with t-tests in
+the place of Yuen's; and by all changes of place of two arms' curves, where the plan's test of spread draws
+some. Looks, Holm's method and margins are the plan's. It decides nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy import stats
+
+from ship_trl.cli import complain, make_parser
+from ship_trl.config import ConfigError
+from ship_trl.study.analysis.contrasts import Claimed, Finding
+from ship_trl.study.analysis.measured import SPREAD
+from ship_trl.study.analysis.statistics import SAME
+from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.claims.kinds import Hypothesis
+from ship_trl.study.claims.verdicts import ALL, Answer, answer
+
+# Ways of two arms to change places: of 16 seeds, in some minutes. Beyond them there is no such column.
+MOST_SWAPS = 2**16
+PLAN, MEANS, SWAPPED = "the plan", "means", "all changes of place"
+HEADINGS = ("claim", PLAN, MEANS, SWAPPED, "p of its spreads, drawn -> all", "seeds that agree")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print a row for each claim, and how many verdicts would be others."""
+    parser = make_parser("ship_trl.study.sensitivity", __doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study, or its kept tables")
+    options = parser.parse_args(arguments)
+    try:
+        study = read_study(options.folder)
+        if not study.records:
+            raise ConfigError(f"folder: no finished run below {options.folder}")
+    except ConfigError as error:
+        complain(str(error))
+        sys.exit(1)
+    found = answers(study)
+    table = Table(*HEADINGS)
+    for row in rows(found):
+        table.add_row(*row)
+    # In a pipe no line is broken.
+    Console(highlight=False, width=None if sys.stdout.isatty() else 200).print(table)
+    for way in (MEANS, SWAPPED):
+        if way in found:
+            others = sum(
+                one.verdict is not two.verdict for one, two in zip(found[PLAN], found[way], strict=True)
+            )
+            sys.stdout.write(f"By {way} {others} of {len(found[PLAN])} verdicts are others.\n")
+
+
+def answers(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> dict[str, list[Answer]]:
+    """Judge the claims in each way; all changes of place only where they can be counted."""
+    found = {PLAN: answer(study, hypotheses), MEANS: answer(study, hypotheses, by_means)}
+    if 2 ** len(study.seeds) <= MOST_SWAPS:
+        found[SWAPPED] = answer(replace(study, resamples=MOST_SWAPS), hypotheses)
+    return found
+
+
+def by_means(finding: Finding) -> Finding:
+    """Test a contrast of levels by its mean over seeds, with t-tests; others are as they were."""
+    values = np.array(finding.differences)
+    if len(values) < 2 or np.std(values) < SAME:
+        return finding
+
+    def p(bound: float, alternative: str) -> float:
+        return float(stats.ttest_1samp(values, bound, alternative=alternative).pvalue)
+
+    above, below, margin = p(0.0, "greater"), p(0.0, "less"), finding.margin
+    if margin is None:
+        known = finding.claimed is Claimed.above
+        return replace(finding, p=above if known else 1.0, against=below if known else 1.0)
+    within = max(p(margin, "less"), p(-margin, "greater"))
+    if finding.claimed is Claimed.no_more:
+        above, below = p(margin, "less"), p(margin, "greater")
+    return replace(finding, p=above, against=below, within=within)
+
+
+def rows(found: Mapping[str, Sequence[Answer]]) -> list[list[str]]:
+    """Make a row for each claim."""
+    made = []
+    for number, one in enumerate(found[PLAN]):
+        others = [found[way][number] if way in found else None for way in (MEANS, SWAPPED)]
+        verdicts = ["-" if other is None else other.word for other in others]
+        made.append([one.hypothesis.name, one.word, *verdicts, spreads(one, others[-1]), str(ties(one))])
+    return made
+
+
+def spreads(drawn: Answer, every: Answer | None) -> str:
+    """Write the p of a claim's contrasts of spread, by what was drawn and by all ways."""
+    known = {} if every is None else {f.what: f.p for f in every.findings}
+    of_spread = [f for f in drawn.findings if f.metric == SPREAD and f.what in known]
+    return ", ".join(f"{f.p:.4f} -> {known[f.what]:.4f}" for f in of_spread)
+
+
+def ties(one: Answer) -> int:
+    """Count the seeds that agree in a contrast of levels, at most; what agrees shows nothing of chance."""
+    return max((max(Counter(f.differences).values()) for f in one.findings if f.differences), default=0)
+
+
+if __name__ == "__main__":
+    main()

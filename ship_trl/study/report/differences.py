@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -55,25 +57,30 @@ def draw_differences(study: Study, form: Form) -> Figure | None:
     figure, placed = lay_out(
         form, sections, 2 if form.narrow else 6, [1.0 if form.narrow else 1.2], names, "training episodes"
     )
-    ranges, axes = [], []
-    for one in placed:
-        (axis,) = one.axes
-        axes.append(axis)
-        axis.axhline(0, color=SCRATCH.colour, linewidth=1.0, zorder=1.5)
-        for arm in one.panel.arms:
-            x, curves = found[arm.place]
-            if len(curves):
-                ranges.append(draw_curves(axis, x, curves, arm.look))
-                along(axis, x[-1])
-        legend_above(axis, [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in one.panel.arms])
-        if one.first:
-            axis.set_ylabel("above scratch", fontsize=FONT, labelpad=2)
-    share(axes, min(low for low, _ in ranges), max(high for _, high in ranges))
+    left = iter(placed)
+    for section in sections:
+        ranges, axes = [], []
+        for one in islice(left, len(section.panels)):
+            (axis,) = one.axes
+            axes.append(axis)
+            axis.axhline(0, color=SCRATCH.colour, linewidth=1.0, zorder=1.5)
+            for arm in one.panel.arms:
+                x, curves = found[arm.place]
+                if len(curves):
+                    ranges.append(draw_curves(axis, x, curves, arm.look))
+                    along(axis, x[-1])
+            shown = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in one.panel.arms]
+            legend_above(axis, shown)
+            if one.first:
+                axis.set_ylabel("above scratch", fontsize=FONT, labelpad=2)
+        share(axes, ranges)
     return figure
 
 
-def share(axes: list[Axes], least: float, most: float) -> None:
-    """Give all axes the same range, with zero in it."""
+def share(axes: list[Axes], ranges: list[tuple[float, float]]) -> None:
+    """Give the axes of a section the same range, with zero in it."""
+    least = min((low for low, _ in ranges), default=0.0)
+    most = max((high for _, high in ranges), default=0.0)
     least, most = min(least, 0.0), max(most, 0.0)
     room = 0.05 * (most - least) or 0.1
     for axis in axes:

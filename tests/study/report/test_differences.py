@@ -46,6 +46,15 @@ def test_without_runs_from_scratch_there_are_no_differences() -> None:
     assert draw_times(alone, TELEPHONE) is not None
 
 
+def test_a_pair_of_small_differences_has_an_axis_of_its_own() -> None:
+    small, large = shifted(0.1), shifted(2.0)
+    moved = {(part, "low", arm, seed): run for (part, _, arm, seed), run in large.records.items()}
+    figure = draw_differences(Study(small.records | moved), PAGE)
+    assert figure is not None
+    tops = [axis.get_ylim()[1] for axis in figure.axes if named(axis) == ["FE1 (6)"]]
+    assert len(tops) == 2 and 0.1 < tops[0] < 0.2 and 2 < tops[1] < 3
+
+
 def reaching(times: list[int | None]) -> Study:
     """Runs of 100 episodes whose score is 1 from these on; None never is."""
     records = {}

@@ -16,6 +16,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--earlier", type=Path, metavar="FILE", help="claims.csv of an earlier report, to name its verdicts"
     )
+    parser.add_argument(
+        "--seeds", type=int, metavar="N", help="the first N seeds alone, as a look after so many saw them"
+    )
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():
         complain(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
@@ -27,7 +30,7 @@ def main(arguments: list[str] | None = None) -> None:
         complain(f"--output: {output} is the study's own folder; allowed: another one")
         sys.exit(1)
     with refusals():
-        report(options.folder, output, options.earlier)
+        report(options.folder, output, options.earlier, options.seeds)
 
 
 if __name__ == "__main__":

@@ -64,7 +64,8 @@ class Study:
         """Return the runs of the first `count` seeds, to be judged at a level."""
         seeds = set(self.seeds[:count])
         kept = {key: record for key, record in self.records.items() if key[3] in seeds}
-        return replace(self, records=kept, level=level)
+        layers = [row for row in self.layers if row.seed in seeds]
+        return replace(self, records=kept, layers=layers, level=level)
 
     def arm(self, part: str, pair: str, arm: str) -> dict[int, Record]:
         """Return the runs of an arm by seed."""

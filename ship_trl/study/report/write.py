@@ -20,15 +20,18 @@ from ship_trl.study.report.drawings import draw_all
 from ship_trl.study.report.page import Earlier, as_markdown, render
 from ship_trl.study.report.similarities import table_2
 
+Seeds = tuple[int, ...] | None
 
-def report(folder: Path, output: Path, earlier: Path | None = None) -> None:
+
+def report(folder: Path, output: Path, earlier: Path | None = None, seeds: int | None = None) -> None:
     """Write the report of a study's folder: index.html, verdicts.md, CSV tables, figures as PNG and PDF.
 
     What cannot be read is named on stderr and on the page, and left out. Of an `earlier` study's claims.csv
-    the verdicts are named beside.
+    the verdicts are named beside. Of a study under way the first `seeds` may be shown alone.
 
     Raises:
-        ConfigError: there is no finished run, the report cannot be written, or the earlier table is none.
+        ConfigError: there is no finished run, the report cannot be written, the earlier table is none, or
+            there are not so many seeds.
     """
     before = {} if earlier is None else tables.read_verdicts(earlier)
     if linked := links(output, folder):
@@ -37,13 +40,17 @@ def report(folder: Path, output: Path, earlier: Path | None = None) -> None:
             f"output: {linked[0]} is a link; allowed: --output with the folder that it leads to"
         )
     study = read_study(folder)
+    if seeds is not None:
+        if not 1 <= seeds <= len(study.seeds):
+            raise ConfigError(f"--seeds: must be from 1 to {len(study.seeds)}, got {seeds}")
+        study = study.first(seeds, study.level)
     for path, reason in study.broken:
         complain(f"{path}: {reason}; left out")
     if not study.records:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
     try:
         output.mkdir(parents=True, exist_ok=True)
-        write(study, folder, output, before)
+        write(study, folder, output, before, None if seeds is None else study.seeds[:seeds])
     except OSError as error:
         raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures and their parts refer to one another in circles, 8 MB a report, and `holm`, as it freezes what
@@ -52,8 +59,8 @@ def report(folder: Path, output: Path, earlier: Path | None = None) -> None:
     sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
 
 
-def write(study: Study, folder: Path, output: Path, earlier: Earlier) -> None:
-    """Measure and write everything."""
+def write(study: Study, folder: Path, output: Path, earlier: Earlier, shown: Seeds) -> None:
+    """Measure and write everything; what is missing is counted for the seeds `shown`, or for all."""
     answers, explored = answer(study), explore(study)
     arms, similar = tables.arm_rows(study), table_2()
     for name, rows in (
@@ -67,7 +74,8 @@ def write(study: Study, folder: Path, output: Path, earlier: Earlier) -> None:
     drawn = draw_all(study, [*answers, *explored], output)
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
-    page = render(study, answers, explored, arms, similar, drawn, shuffled, missing(folder, study), earlier)
+    lacking = missing(folder, study, shown)
+    page = render(study, answers, explored, arms, similar, drawn, shuffled, lacking, earlier)
     for name, text in (("index.html", page), ("verdicts.md", as_markdown(answers, earlier))):
         with replacing(output / name) as draft:
             draft.write_text(text)
@@ -77,11 +85,15 @@ def write(study: Study, folder: Path, output: Path, earlier: Earlier) -> None:
         sys.stdout.write(f"fewer than {LEAST_SEEDS} seeds: no verdict is possible but inconclusive\n")
 
 
-def missing(folder: Path, study: Study) -> int:
-    """How many runs the study planned that are neither there nor named as broken."""
+def missing(folder: Path, study: Study, shown: Seeds = None) -> int:
+    """How many runs the study planned, of some seeds or all, that are neither there nor named as broken."""
     try:
         jobs = read_json(folder / PLAN)["jobs"]
-        planned = {run_folder(folder, j["part"], j["label"], j["arm"], j["seed"]) for j in jobs}
+        planned = {
+            run_folder(folder, j["part"], j["label"], j["arm"], j["seed"])
+            for j in jobs
+            if shown is None or j["seed"] in shown
+        }
     except (OSError, ValueError, KeyError, TypeError):
         return 0
     found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}

@@ -51,6 +51,23 @@ def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> Non
     assert files(tmp_path) == files(study / "report")
 
 
+def test_the_first_seeds_are_shown_as_if_there_were_no_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    six, few, five, other = (tmp_path / name for name in ("six", "few", "five", "other"))
+    write_study(six, seeds=6)
+    for seeds in ("0", "7"):
+        with pytest.raises(SystemExit):
+            main([str(six), "--seeds", seeds, "--output", str(other)])
+        assert capsys.readouterr().err == f"ship_trl: --seeds: must be from 1 to 6, got {seeds}\n"
+    assert not other.exists()
+    main([str(six), "--seeds", "5", "--output", str(few)])
+    for folder in six.rglob("seed=5"):
+        shutil.rmtree(folder)
+    main([str(six), "--output", str(five)])
+    assert files(few) == files(five)
+
+
 def test_what_is_broken_is_named_and_the_rest_counted(
     study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

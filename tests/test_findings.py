@@ -11,8 +11,8 @@ from tests.test_cli import ROOT
 
 REPORT = ROOT / "outputs/confirmatory/report"
 NUMBER = r"([+-]\d+\.\d+)"
-# A contrast of claims.csv: `high: FE3 above scratch (area)` +0.12 (+0.09 to +0.15).
-CONTRAST = rf"`([^`]+)` {NUMBER} \({NUMBER} to {NUMBER}\)"
+# A contrast of claims.csv: `high: FE3 above scratch (area)` +0.12 (+0.09 to +0.15; greedy +0.20).
+CONTRAST = rf"`([^`]+)` {NUMBER} \({NUMBER} to {NUMBER}(?:; greedy {NUMBER})?\)"
 # A row of transfers.csv: case 3 to case 4, FT3: +0.12 (+0.09 to +0.15).
 GAIN = rf"case (\w+) to case (\w+), (\w+): {NUMBER} \({NUMBER} to {NUMBER}\)"
 
@@ -68,9 +68,11 @@ def test_every_number_with_a_sign_is_of_a_contrast_that_is_named(page: str) -> N
     contrasts = defaultdict(list)
     for row in table("claims.csv"):
         contrasts[row["contrast"]].append(row)
-    for what, *words in re.findall(CONTRAST, text):
-        ends = "estimate", "estimate low", "estimate high"
-        assert any(as_written(tuple(words), row, ends) for row in contrasts[what]), what
+    ends = "estimate", "estimate low", "estimate high"
+    for what, *words, greedy in re.findall(CONTRAST, text):
+        rows = [row for row in contrasts[what] if as_written(tuple(words), row, ends)]
+        assert rows, what
+        assert not greedy or f"greedy area {greedy}" in rows[0]["beside"].split("; "), what
     gains = {(row["source"], row["target"], row["arm"]): row for row in table("transfers.csv")}
     for source, target, arm, *words in re.findall(GAIN, text):
         assert as_written(tuple(words), gains[source, target, arm], ("gain", "low", "high")), (source, target)

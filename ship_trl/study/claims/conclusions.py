@@ -30,7 +30,8 @@ CONCLUSIONS = [
     Hypothesis(
         "C2",
         FIGURE,
-        "More layers help in pair high and harm in the others; so does extraction beside finetuning.",
+        "More layers help in pair high and harm in the others; "
+        "extraction beats finetuning in pair high, and loses in the others.",
         [
             *(rises("high", *arms) for arms in (FE, FT)),
             *(rises(pair, *arms[::-1]) for pair in ("low", "lowest") for arms in (FE, FT)),

@@ -68,12 +68,12 @@ def steadier(study: Study, claim: str, where: str, places: Places, steady: str, 
     return [Finding(claim, what, SPREAD, estimate, p, against, seeds=len(curves[steady]))]
 
 
-def gain(study: Study, place: Place, scratch: Place) -> Estimate | None:
-    """Return the interquartile mean of the difference of areas, with the interval of the study's level.
+def gain(study: Study, place: Place, scratch: Place, metric: str = "area") -> Estimate | None:
+    """Return the difference from scratch in a metric: interquartile mean, and interval of the study's level.
 
     None without seeds that both have; of one seed the interval has no ends.
     """
     runs = study.matched({"arm": place, "scratch": scratch})
-    areas = [[measure(run, "area") for run in runs[name]] for name in ("arm", "scratch")]
-    differences = np.array(areas[0]) - np.array(areas[1])
+    arm, other = (np.array([measure(run, metric) for run in runs[name]]) for name in ("arm", "scratch"))
+    differences = arm - other
     return level_of(differences, study.level) if len(differences) else None

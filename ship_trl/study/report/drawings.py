@@ -19,14 +19,14 @@ from ship_trl.study.report.differences import draw_differences
 from ship_trl.study.report.ecdf import draw_times
 from ship_trl.study.report.figures import PAGE, TELEPHONE, Form, as_png, save
 from ship_trl.study.report.forest import draw_forest
-from ship_trl.study.report.heat_map import draw_gains
+from ship_trl.study.report.heat_map import draw_gains, draw_greedy_gains
 from ship_trl.study.report.layers import draw_layers
 from ship_trl.study.report.panels import REUSE, pairs, title
 
 # Families of claims that are no figure of the paper.
 ABOUT = {CONCLUSIONS: "Conclusions", EXPLORATORY: "What explains them"}
 # Files of an earlier report, which go if they are not drawn anew.
-OWN = ("pair_*", "reuse", "differences", "times", "gains", "layers", "forest_*")
+OWN = ("pair_*", "reuse", "differences", "times", "gains", "gains_greedy", "layers", "forest_*")
 BANDS = (
     "Interquartile mean over seeds, moving over a twentieth of the episodes; the band holds 95 % of the "
     "means of resampled seeds, at each place by itself. It describes, and decides nothing. Fewer than 4 "
@@ -52,6 +52,10 @@ TIMES = (
 GAINS = (
     "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
     "scratch on the target, and its 95 % interval; bold where that does not hold zero."
+)
+GREEDY_GAINS = (
+    "The same of greedy evaluations, which do not explore: the picture above is of what was earned on the "
+    "way, with random actions in it, this one of what the network knew. It describes, and decides nothing."
 )
 LAYERS = (
     "CKA of a layer of two networks on the same states of the target case: 1 is alike but for turning and "
@@ -96,6 +100,7 @@ def drawings(study: Study, answers: Sequence[Answer]) -> Iterator[Drawing]:
         ("differences", "Differences from scratch along the training", DIFFERENCES, draw_differences),
         ("times", "Time to the threshold", TIMES, draw_times),
         ("gains", "What transfer gains, by source and target", GAINS, draw_gains),
+        ("gains_greedy", "What transfer gains in greedy returns", GREEDY_GAINS, draw_greedy_gains),
         ("layers", "How alike layers are", LAYERS, draw_layers),
     ):
         yield Drawing(name, heading, caption, partial(draw, study))

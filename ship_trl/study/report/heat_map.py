@@ -78,22 +78,24 @@ def reused(study: Study) -> dict[str, tuple[Place, Place]]:
     }
 
 
-def gains(study: Study) -> dict[str, dict[str, Estimate]]:
-    """Return what each arm gains, by source and target; rows without any are left out."""
+def gains(study: Study, metric: str = "area") -> dict[str, dict[str, Estimate]]:
+    """Return what each arm gains in a metric, by source and target; rows without any are left out."""
     measured = {
-        name: {arm: found for arm in ARMS if arm in arms and (found := gain(study, arms[arm], scratch))}
+        name: {
+            arm: found for arm in ARMS if arm in arms and (found := gain(study, arms[arm], scratch, metric))
+        }
         for name, (scratch, arms) in rows(study).items()
     }
     return {name: found for name, found in measured.items() if found}
 
 
-def draw_gains(study: Study, form: Form) -> Figure | None:
+def draw_gains(study: Study, form: Form, metric: str = "area") -> Figure | None:
     """Draw what is gained on the pairs and, apart, on the new case; None without runs to compare with."""
-    table = gains(study)
+    table = gains(study, metric)
     alone = {
         name: found
         for name, (scratch, place) in reused(study).items()
-        if (found := gain(study, place, scratch))
+        if (found := gain(study, place, scratch, metric))
     }
     maps = maps_of(table, alone, form)
     if not maps:
@@ -120,6 +122,11 @@ def draw_gains(study: Study, form: Form) -> Figure | None:
     bar.tick_params(labelsize=SMALL, length=2, pad=2)
     bar.set_title("above scratch (score)", fontsize=FONT, pad=3, loc="left")
     return figure
+
+
+def draw_greedy_gains(study: Study, form: Form) -> Figure | None:
+    """Draw the same of greedy returns."""
+    return draw_gains(study, form, "greedy area")
 
 
 def maps_of(table: Mapping[str, Row], alone: Row, form: Form) -> list[Map]:

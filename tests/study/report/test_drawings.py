@@ -69,7 +69,7 @@ def figures(study: Study, answers: list[Answer]) -> list[Shown]:
 def test_a_whole_study_has_all_figures(figures: list[Shown]) -> None:
     names = {one.name for one in figures if one.form is PAGE}
     forests = {f"forest_{name}" for name in ("4", "5", "9", "conclusions", "exploratory")}
-    assert names == {"pair_high", "reuse", "differences", "times", "gains", *forests}
+    assert names == {"pair_high", "reuse", "differences", "times", "gains", "gains_greedy", *forests}
     assert names == {one.name for one in figures if one.form is TELEPHONE}
 
 

@@ -7,8 +7,17 @@ import numpy as np
 import pytest
 
 from ship_trl.study.report.figures import PAGE, TELEPHONE, Form
-from ship_trl.study.report.heat_map import ARMS, draw_gains, gain, gains, luminance, reused, rows
-from tests.study.synthetic import make_study
+from ship_trl.study.report.heat_map import (
+    ARMS,
+    draw_gains,
+    draw_greedy_gains,
+    gain,
+    gains,
+    luminance,
+    reused,
+    rows,
+)
+from tests.study.synthetic import BEST, RANDOM, make_study
 
 
 def test_a_case_to_itself_may_be_a_pair_like_others() -> None:
@@ -73,6 +82,19 @@ def test_a_cell_says_how_sure_its_number_is(form: Form) -> None:
     assert f"{found.value:+.2f}" in cells and f"{found.low:+.2f} to {found.high:+.2f}" in cells
     # Three cells of a number and its interval, in two maps, and a scale.
     assert len(cells) == 6 and len(figure.axes) == 3
+
+
+def test_greedy_gains_are_of_evaluations_alone() -> None:
+    study = make_study({("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}, seeds=6)
+    for key, record in study.records.items():
+        if key[2] == "FE1":
+            # Evaluations are 0.3 of a score worse than what was earned while it was learned.
+            known = replace(record.greedy, returns=record.greedy.returns - 0.3 * (BEST - RANDOM))
+            study.records[key] = replace(record, greedy=known)
+    trained, greedy = (draw(study, PAGE) for draw in (draw_gains, draw_greedy_gains))
+    assert trained is not None and greedy is not None
+    first = [float(figure.axes[0].texts[0].get_text()) for figure in (trained, greedy)]
+    assert first[0] == 0.16 and first[1] == pytest.approx(first[0] - 0.3, abs=0.02)
 
 
 def test_a_single_seed_has_no_interval() -> None:

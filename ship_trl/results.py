@@ -76,8 +76,7 @@ def main(arguments: list[str] | None = None) -> None:
             complain(f"{path} {error}; left out")
         found += [one for one in without_copies(whole) if options.arm in (None, one.result.arm)]
     if not found:
-        places = ", ".join(map(str, folders))
-        complain(f"folder: no finished run below {places}; python -m ship_trl makes one")
+        complain(nothing_below(folders))
         sys.exit(1)
     rows = list(summarise(found))
     try:
@@ -98,6 +97,16 @@ def main(arguments: list[str] | None = None) -> None:
             complain(f"--test: two folders are needed, got {len(folders)}")
             sys.exit(1)
         show(TEST_HEADINGS, list(compare(found, *folders)), options.markdown)
+
+
+def nothing_below(folders: list[Path]) -> str:
+    """Say that no run is there, and what to do about it."""
+    from ship_trl.study.records.tables import has_tables
+
+    for folder in folders:
+        if has_tables(folder):
+            return f"folder: {folder} holds a study's tables; python -m ship_trl.report {folder} reads them"
+    return f"folder: no finished run below {', '.join(map(str, folders))}; python -m ship_trl makes one"
 
 
 def png(name: str) -> Path:

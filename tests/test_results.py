@@ -86,6 +86,16 @@ def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.C
     ]
 
 
+def test_of_a_study_that_is_kept_as_tables_the_report_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "runs.csv").touch()
+    with pytest.raises(SystemExit):
+        main([str(tmp_path)])
+    said = capsys.readouterr().err
+    assert f"python -m ship_trl.report {tmp_path} reads them" in said and said.count("\n") == 1
+
+
 def test_an_empty_folder_is_one_line_and_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main([str(tmp_path)])

@@ -56,7 +56,8 @@ def main(arguments: list[str] | None = None) -> None:
             jobs = plan_jobs(config)
             if has_tables(config.folder):
                 raise ConfigError(
-                    f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER"
+                    f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER, as "
+                    f"python -m ship_trl.study.keep --restore {config.folder} FOLDER makes of them"
                 )
             # They are read when the runs are judged, which may be days from now.
             margins()

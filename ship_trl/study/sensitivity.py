@@ -2,7 +2,9 @@
 
 Beside the plan's verdict on each claim stands what it would be by means, whose tails count, with t-tests in
 the place of Yuen's; and by all changes of place of two arms' curves, where the plan's test of spread draws
-some. Looks, Holm's method and margins are the plan's. It decides nothing.
+some, with the p that this changes. Then how many seeds have the same difference to the last digit, in the
+contrast where most do: such a tie shows nothing of chance. Looks, Holm's method and margins are the plan's.
+It decides nothing.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from ship_trl.study.claims.verdicts import ALL, Answer, answer
 # Ways of two arms to change places: of 16 seeds, in some minutes. Beyond them there is no such column.
 MOST_SWAPS = 2**16
 PLAN, MEANS, SWAPPED = "the plan", "means", "all changes of place"
-HEADINGS = ("claim", PLAN, MEANS, SWAPPED, "p of its spreads, drawn -> all", "seeds that agree")
+HEADINGS = ("claim", PLAN, MEANS, SWAPPED, "p of spreads that changes", "seeds that tie")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -92,20 +94,21 @@ def rows(found: Mapping[str, Sequence[Answer]]) -> list[list[str]]:
     for number, one in enumerate(found[PLAN]):
         others = [found[way][number] if way in found else None for way in (MEANS, SWAPPED)]
         verdicts = ["-" if other is None else other.word for other in others]
-        made.append([one.hypothesis.name, one.word, *verdicts, spreads(one, others[-1]), str(ties(one))])
+        made.append([one.hypothesis.name, one.word, *verdicts, spreads(one, others[-1]), ties(one)])
     return made
 
 
 def spreads(drawn: Answer, every: Answer | None) -> str:
-    """Write the p of a claim's contrasts of spread, by what was drawn and by all ways."""
+    """Write the p of a claim's contrasts of spread, drawn -> by all ways, where these differ."""
     known = {} if every is None else {f.what: f.p for f in every.findings}
-    of_spread = [f for f in drawn.findings if f.metric == SPREAD and f.what in known]
+    of_spread = [f for f in drawn.findings if f.metric == SPREAD and f.p != known.get(f.what, f.p)]
     return ", ".join(f"{f.p:.4f} -> {known[f.what]:.4f}" for f in of_spread)
 
 
-def ties(one: Answer) -> int:
-    """Count the seeds that agree in a contrast of levels, at most; what agrees shows nothing of chance."""
-    return max((max(Counter(f.differences).values()) for f in one.findings if f.differences), default=0)
+def ties(one: Answer) -> str:
+    """Say how many seeds have the same difference, in the contrast of levels where most do; "" if none."""
+    most = max((max(Counter(f.differences).values()) for f in one.findings if f.differences), default=0)
+    return str(most) if most > 1 else ""
 
 
 if __name__ == "__main__":

@@ -83,14 +83,11 @@ def answer(
     What is open is told of the last look that was reached, for seeds beyond it are not looked at yet; before
     the first look, of the seeds that there are. `tested` may put other p-values in the place of the plan's.
     """
-    looks = study.looks
     decided: dict[str, Answer] = {}
     answers: list[Answer] = []
-    for number, count in enumerate(looks, 1):
-        level = look_level(number, len(looks))
+    for number, count in enumerate(reached(study), 1):
+        level = look_level(number, len(study.looks))
         seen = study.first(count, level)
-        if answers and len({key[3] for key in seen.records}) < count:
-            break
         answers = [
             found for family in families(hypotheses) for found in judge(seen, family, count, level, tested)
         ]
@@ -100,9 +97,19 @@ def answer(
     return [decided.get(found.hypothesis.name, found) for found in answers]
 
 
+def reached(study: Study) -> tuple[int, ...]:
+    """Return the looks of which all seeds have runs; the first is reached with whatever seeds there are."""
+    begun = {key[3] for key in study.records}
+    first, *others = study.looks
+    return (first, *(count for count in others if begun.issuperset(study.seeds[:count])))
+
+
 def explore(study: Study) -> list[Answer]:
-    """Judge each of our own contrasts alone, on all seeds that it has: it explains and decides nothing."""
-    seen = study.first(len(study.seeds), LEVEL / 2)
+    """Judge each of our own contrasts alone, on the seeds of the last look: it explains and decides nothing.
+
+    Between looks nothing is judged. A contrast may have fewer seeds, where the plan gives it no more.
+    """
+    seen = study.first(reached(study)[-1], LEVEL / 2)
     return [judge(seen, [hypothesis], None, LEVEL / 2)[0] for hypothesis in OURS]
 
 

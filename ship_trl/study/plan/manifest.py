@@ -127,6 +127,8 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
             raise TypeError
         if not all(list(map(type, job)) == [str, int, str, str, str, int] for job in jobs):
             raise TypeError
+    except FileNotFoundError:
+        raise ConfigError(f"{key}: no {path}, the plan that a study has") from None
     except (OSError, ValueError, KeyError, TypeError):
         raise ConfigError(f"{key}: {path} is not a study's plan") from None
     return dict(plan)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 DECIMALS = {"return": 3, "dcpa": 1}
 # What decides the digits, beside the settings.
 COMPUTED = ("ship_trl", "torch", "device", "precision", "backend", "processor")
+# Of runs that lie where a study has none.
+NO_PART = "is no part of a study"
 
 
 class BrokenRunError(Exception):
@@ -200,7 +202,7 @@ def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[tuple[Re
     for path, part in find_runs(folder):
         try:
             if part not in PARTS:
-                raise BrokenRunError(f"{part or folder} is no part of a study")
+                raise BrokenRunError(f"{part or folder} {NO_PART}")
             yield read_placed(path, part)
         except BrokenRunError as error:
             broken.append((path, str(error)))

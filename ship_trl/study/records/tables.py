@@ -142,6 +142,8 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
     whole = sorted(read_runs(folder, broken), key=lambda run: place(run[0]))
+    if not whole and has_tables(folder):
+        raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not whole:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}

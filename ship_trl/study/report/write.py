@@ -12,9 +12,10 @@ from ship_trl.paths import links, read_json, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.placebo import placebo
-from ship_trl.study.claims.verdicts import answer, explore
+from ship_trl.study.claims.verdicts import answer, explore, reached
 from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, cases_of
+from ship_trl.study.records.record import NO_PART
 from ship_trl.study.report import tables
 from ship_trl.study.report.drawings import draw_all
 from ship_trl.study.report.page import Earlier, as_markdown, render
@@ -42,8 +43,12 @@ def report(folder: Path, output: Path, earlier: Path | None = None, seeds: int |
     study = read_study(folder)
     if seeds is not None:
         if not 1 <= seeds <= len(study.seeds):
-            raise ConfigError(f"--seeds: must be from 1 to {len(study.seeds)}, got {seeds}")
+            raise ConfigError(
+                f"--seeds: must be from 1 to {len(study.seeds)}, which it was begun with, got {seeds}"
+            )
         study = study.first(seeds, study.level)
+    if not study.records and study.broken and all(reason.endswith(NO_PART) for _, reason in study.broken):
+        raise ConfigError(f"folder: the runs below {folder} are of no study; ship_trl.results tables them")
     for path, reason in study.broken:
         complain(f"{path}: {reason}; left out")
     if not study.records:
@@ -73,6 +78,7 @@ def write(study: Study, folder: Path, output: Path, earlier: Earlier, shown: See
         tables.write_csv(output / f"{name}.csv", rows)
     drawn = draw_all(study, [*answers, *explored], output)
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
+    looked = set(study.seeds[: reached(study)[-1]])
     shuffled = placebo(study) if len(seeds) >= LEAST_SEEDS else None
     lacking = missing(folder, study, shown)
     page = render(study, answers, explored, arms, similar, drawn, shuffled, lacking, earlier)
@@ -81,6 +87,13 @@ def write(study: Study, folder: Path, output: Path, earlier: Earlier, shown: See
             draft.write_text(text)
     for found in answers:
         sys.stdout.write(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}\n")
+    if between := sorted(seeds & set(study.seeds) - looked):
+        sys.stdout.write(
+            f"Claims are those of the look after {len(looked)} seeds; figures and arms.csv have "
+            f"{len(between)} more, which the next look judges.\n"
+        )
+    if lacking:
+        sys.stdout.write(f"{lacking} planned runs are missing\n")
     if shuffled is None:
         sys.stdout.write(f"fewer than {LEAST_SEEDS} seeds: no verdict is possible but inconclusive\n")
 

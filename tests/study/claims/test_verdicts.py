@@ -10,7 +10,7 @@ from ship_trl.study.analysis.statistics import look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.conclusions import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
-from ship_trl.study.claims.verdicts import answer, explore, judge
+from ship_trl.study.claims.verdicts import answer, explore, judge, reached
 from tests.study.synthetic import make_study
 
 
@@ -185,6 +185,16 @@ def test_spread_is_judged_along_the_curve() -> None:
     tests = {"yes": [steady("high", "FE1", "FT1")], "no": [steady("high", "FT1", "FE1")]}
     found = {n: judge(study, [Hypothesis(n, "5", "", t)], 15, 0.025)[0].verdict for n, t in tests.items()}
     assert found == {"yes": Verdict.supported, "no": Verdict.contradicted}
+
+
+def test_between_looks_nothing_is_judged() -> None:
+    # Of fifteen seeds twelve have runs.
+    ends = {("pairs", "low", "scratch"): 0.5, ("controls", "self4", "FTW"): 0.9}
+    study = replace(make_study(ends, seeds=12), planned=tuple(range(15)))
+    assert reached(study) == (5, 10)
+    own = {found.hypothesis.name: found for found in explore(study)}["E4"]
+    assert {finding.seeds for finding in own.findings} == {10}
+    assert reached(study.first(7, 0.025)) == reached(study.first(3, 0.025)) == (5,)
 
 
 def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:

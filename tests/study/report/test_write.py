@@ -59,9 +59,12 @@ def test_the_first_seeds_are_shown_as_if_there_were_no_others(
     for seeds in ("0", "7"):
         with pytest.raises(SystemExit):
             main([str(six), "--seeds", seeds, "--output", str(other)])
-        assert capsys.readouterr().err == f"ship_trl: --seeds: must be from 1 to 6, got {seeds}\n"
+        assert capsys.readouterr().err == (
+            f"ship_trl: --seeds: must be from 1 to 6, which it was begun with, got {seeds}\n"
+        )
     assert not other.exists()
     main([str(six), "--seeds", "5", "--output", str(few)])
+    assert "Claims are those" not in capsys.readouterr().out
     for folder in six.rglob("seed=5"):
         shutil.rmtree(folder)
     main([str(six), "--output", str(five)])
@@ -89,6 +92,28 @@ def test_what_is_broken_is_named_and_the_rest_counted(
     text = (tmp_path / "report/index.html").read_text()
     # A third seed of each of ten arms; what is broken is named, not missing.
     assert "10 planned runs are missing" in text and text.count("<li>") == 4
+
+
+def test_seeds_of_the_next_look_are_told_and_not_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_study(tmp_path, seeds=6)
+    jobs = [{"part": "pairs", "label": "high", "arm": arm, "seed": seed} for arm in ARMS for seed in range(7)]
+    (tmp_path / "study.json").write_text(json.dumps({"jobs": jobs}))
+    main([str(tmp_path)])
+    said = capsys.readouterr().out
+    assert "the look after 5 seeds; figures and arms.csv have 1 more" in said
+    assert "10 planned runs are missing" in said
+    with (tmp_path / "report/claims.csv").open(newline="") as file:
+        assert {row["seeds"] for row in csv.DictReader(file) if row["contrast"]} == {"5"}
+
+
+def test_runs_of_a_grid_are_no_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_study(tmp_path / "pairs_old", seeds=1)
+    with pytest.raises(SystemExit) as caught:
+        main([str(tmp_path / "pairs_old/pairs")])
+    said = capsys.readouterr().err
+    assert caught.value.code == 1 and said.count("\n") == 1 and "are of no study" in said
 
 
 @pytest.mark.parametrize("make", [False, True])

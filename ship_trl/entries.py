@@ -87,12 +87,14 @@ def packaged(name: str, targets: list[Case], world: World) -> list[Entry]:
     Raises:
         ConfigError: none is of a case that was asked for.
     """
-    if not targets:
-        chosen = networks() if name == PRETRAINED else [find(name, None)]
-        targets = [load_case(one.case, world) for one in chosen]
+    if targets:
+        chosen = [(find(name, case), case) for case in targets]
+    else:
+        named = networks() if name == PRETRAINED else [find(name, None)]
+        # A case of that name in the folder where one works may be another, of which nothing is claimed.
+        chosen = [(one, load_case(one.case, world)) for one in named]
     entries = []
-    for case in targets:
-        one = find(name, case)
+    for one, case in chosen:
         claimed = one.episode_return if one.fingerprint == case.fingerprint else None
         entries.append(Entry(str(one.file), name, case, world, colour=False, claimed=claimed))
     return entries

@@ -53,7 +53,10 @@ def main(arguments: list[str] | None = None) -> None:
             entries, options.episodes, options.seed, options.gif, options.markdown, options.demonstrations
         )
     if wrong:
-        complain(f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]} ...")
+        complain(
+            f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]}"
+            + " ..." * (len(wrong) > 1)
+        )
         sys.exit(1)
 
 
@@ -65,7 +68,7 @@ def table(
     markdown: bool,
     demonstrations: Path | None,
 ) -> list[str]:
-    """Sail every entry and print what it reached; returns the labels of those that fall short of a claim."""
+    """Sail every entry and print what it reached; says of which that is not what is claimed, and how."""
     from ship_trl.results import show
     from ship_trl.run.process import configure_process
     from ship_trl.sim.reference import best_known
@@ -74,7 +77,15 @@ def table(
     rows, wrong = [], []
     film: tuple[Entry, Any, Episode] | None = None
     for entry in entries:
-        env, _, sailed = sail(entry, episodes, seed)
+        try:
+            env, _, sailed = sail(entry, episodes, seed)
+        except ConfigError as error:
+            # Of a folder the other networks are shown; a policy that was named must be right.
+            if entry.label == entry.policy or len(entries) == 1:
+                raise
+            complain(f"{error}; left out")
+            wrong.append(f"{entry.label} cannot be read")
+            continue
         reached = sum(episode.episode_return for episode in sailed) / len(sailed)
         rows.append(row(entry, sailed, reached, best_known(entry.case, entry.world).episode_return))
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:

@@ -83,7 +83,7 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
         seed: of what it draws.
 
     Raises:
-        ConfigError: there is no such policy, or its file is not right.
+        ConfigError: there is no such policy, or its file is not right; later, as it sails, an action is not.
     """
     if name in POLICIES:
         return POLICIES[name](env, seed)
@@ -99,7 +99,7 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     where, colon, function = name.rpartition(":")
     if not colon:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
-    return own(where, function, name)(env, seed)
+    return checked(own(where, function, name)(env, seed), name, env)
 
 
 def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:
@@ -119,6 +119,39 @@ def network_of(policy: Policy) -> DuelingNetwork | None:
     """Find the network inside a policy, None where it has none of ours."""
     parts = policy.modules() if isinstance(policy, nn.Module) else ()
     return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
+
+
+def checked(policy: object, name: str, env: ShipEnv) -> Policy:
+    """Give somebody's own policy back, which then says in one line what is wrong with an action it writes.
+
+    Raises:
+        ConfigError: it cannot be called.
+    """
+    if not callable(policy):
+        raise ConfigError(f"policy: {name} gives {policy!r:.40}; allowed: a function of a tensordict")
+
+    def check(step: object) -> None:
+        action = step.get("action", None) if isinstance(step, TensorDictBase) else None
+        if not isinstance(action, torch.Tensor):
+            raise ConfigError(f"policy: {name} must give its tensordict back, with `action` in it")
+        shape, last = list(env.batch_size), len(env.world.actions) - 1
+        allowed = f"int64 {shape} from 0 to {last}"
+        if action.dtype != torch.int64 or action.shape != env.batch_size:
+            kind = str(action.dtype).removeprefix("torch.")
+            raise ConfigError(f"policy: {name} writes action {kind} {list(action.shape)}; allowed: {allowed}")
+        if not bool(((action >= 0) & (action <= last)).all()):
+            raise ConfigError(f"policy: {name} writes action {action.tolist()!s:.60}; allowed: {allowed}")
+
+    if isinstance(policy, nn.Module):
+        policy.register_forward_hook(lambda _module, _given, step: check(step))
+        return policy
+
+    def act(step: TensorDictBase) -> TensorDictBase:
+        written: TensorDictBase = policy(step)
+        check(written)
+        return written
+
+    return act
 
 
 def own(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy]:

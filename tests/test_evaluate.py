@@ -81,6 +81,24 @@ def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.Capture
         path.write_text(whole)
 
 
+def test_of_a_folder_with_a_damaged_network_the_others_are_sailed(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "runs"
+    shutil.copytree(trained, copy)
+    network = copy / "2" / "scratch" / "seed=0" / "policy.safetensors"
+    network.write_bytes(network.read_bytes()[:1000])
+    with pytest.raises(SystemExit) as left:
+        main([str(copy), "--markdown"])
+    told = capsys.readouterr()
+    assert left.value.code == 1 and "2 scratch seed 0, final" in told.out and "best |" not in told.out
+    first, last = told.err.splitlines()
+    assert str(network) in first and first.endswith("; left out")
+    assert last.endswith("1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best cannot be read")
+    # One that was named must be right.
+    assert str(network) in refused(capsys, str(network), "random", "target=2")
+
+
 OWN = """
 import torch
 
@@ -102,6 +120,50 @@ def test_a_policy_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     file.write_text(OWN)
     rows = table(capsys, f"{file}:always", f"{file}:looking", "keep_course", "target=2")
     assert rows[0][2:] == rows[2][2:] and rows[1][2:] != rows[2][2:]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        (
+            "step.set('action', torch.full(env.batch_size, 3.0))",
+            "writes action float32 [1]; allowed: int64 [1] from",
+        ),
+        (
+            "step.set('action', torch.full(env.batch_size, 7))",
+            "writes action [7]; allowed: int64 [1] from 0 to 6",
+        ),
+        (
+            "step.set('action', torch.full(env.batch_size, -1))",
+            "writes action [-1]; allowed: int64 [1] from 0 to 6",
+        ),
+        (
+            "step.set('action', torch.zeros(*env.batch_size, 1, dtype=int))",
+            "writes action int64 [1, 1]; allowed: int64 [1]",
+        ),
+        ("torch.full(env.batch_size, 3)", "must give its tensordict back, with `action` in it"),
+        ("step.exclude('action')", "must give its tensordict back, with `action` in it"),
+    ],
+)
+@pytest.mark.parametrize("module", [False, True])
+def test_an_action_that_is_none_is_one_line(
+    module: bool, written: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "own.py"
+    act = f"def act(step):\n        return {written}"
+    made = (
+        "act"
+        if not module
+        else "type('Own', (torch.nn.Module,), {'forward': lambda self, step: act(step)})()"
+    )
+    file.write_text(
+        f"import torch\n\ndef wrong(env, seed):\n    {act}\n    return {made}\n\nnothing = lambda *_: None\n"
+    )
+    told = refused(capsys, f"{file}:wrong", "target=2")
+    assert f"policy: {file}:wrong {said}" in told and told.count("\n") == 1
+    assert f"policy: {file}:nothing gives None; allowed: a function" in refused(
+        capsys, f"{file}:nothing", "target=2"
+    )
 
 
 def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -100,6 +100,19 @@ def test_a_case_of_ones_own_has_none() -> None:
     assert pretrained.find("pretrained", load_case("same.yaml", WORLD)).case == "4"
 
 
+def test_a_changed_case_of_a_shipped_name_is_sailed_and_nothing_claimed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    changed = tmp_path / "conf/case/4.yaml"
+    changed.parent.mkdir(parents=True)
+    changed.write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
+    claims = {row[0]: row[7] for row in table(capsys)}
+    assert claims["4"] == "" and all(claim for case, claim in claims.items() if case != "4")
+    told = refused(capsys, "pretrained", "target=4")
+    assert "case 4 is not here as the trained network knows it; allowed: pretrained:4" in told
+
+
 def test_a_run_begins_with_one(tmp_path: Path) -> None:
     told = ship_trl("+pair=high", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
     assert "case 1 -> case 2, FT3-pretrained" in told.stdout

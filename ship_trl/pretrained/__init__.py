@@ -85,6 +85,11 @@ def find(name: str, case: Case | None, key: str = "policy") -> Pretrained:
     for one in networks():
         if one.case == wanted or (case and not wanted and one.fingerprint == case.fingerprint):
             return one
+    if case and not wanted and any(one.case == case.name for one in networks()):
+        raise ConfigError(
+            f"{key}: case {case.name} is not here as the trained network knows it; "
+            f"allowed: {PRETRAINED}:{case.name}, which was trained on the one that comes with us"
+        )
     of, allowed = wanted or (case.name if case else "none"), ", ".join(one.case for one in networks())
     raise ConfigError(f"{key}: no trained network of case {of} comes with us; allowed: {allowed}")
 

@@ -7,6 +7,7 @@ import ctypes
 import math
 import os
 import secrets
+import shutil
 import signal
 import sys
 import time
@@ -20,6 +21,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from ship_trl.cli import complain
+from ship_trl.config import ConfigError
 from ship_trl.stop import TIME_TO_STOP, die_of
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
@@ -129,6 +131,16 @@ def refuse_links(folder: Path) -> None:
 def place_in_grid(number: int) -> str:
     """Say which run of a grid this is, as `3 of 40`, by its number from 0."""
     return f"{number + 1} of {os.environ.get(GRID, '?')}"
+
+
+def check_slurm(launcher: str, key: str) -> None:
+    """Check that there is a cluster where its launcher was chosen.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    if launcher == "slurm" and shutil.which("sbatch") is None:
+        raise ConfigError(f"{key}: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib")
 
 
 class PrivateToken(Callback):

@@ -183,11 +183,13 @@ def test_a_permuted_source_is_the_learned_one_shuffled(trained: Path) -> None:
 
 
 def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:
-    done = ship_trl(
-        "-m", "profile=smoke", "target=1", "method=scratch", "seed=1,-1,2", folder=trained, code=1
-    )
-    assert "ship_trl: seed: must be at least 0, got -1" in done.stderr
-    assert "Traceback" not in done.stderr
+    # Of other settings, so that its folder is taken.
+    taken = trained / "outputs/smoke/1/scratch/seed=3"
+    ship_trl("profile=smoke", "target=1", "method=scratch", "seed=3", "learn.episodes=2", folder=trained)
+    before = files(taken)
+    done = ship_trl("-m", "profile=smoke", "target=1", "method=scratch", "seed=1,3,2", folder=trained, code=1)
+    assert "seed=3 holds a finished run of other settings" in done.stderr
+    assert "Traceback" not in done.stderr and files(taken) == before
     for seed in (1, 2):
         assert (trained / f"outputs/smoke/1/scratch/seed={seed}/result.json").is_file()
     curves = [(trained / f"outputs/smoke/1/scratch/seed={seed}/curve.csv").read_bytes() for seed in (0, 1, 2)]

@@ -37,7 +37,8 @@ ALLOWED = {
     | {"__version__", "architecture", "curve", "demonstrations", "learn", "pretrained", "progress"}
     | {"outside", "result", "stop", "transfer", "view"},
     "cases": SIM | {"cli", "transfer", "view"},
-    "launchers": {"cli", "stop"},
+    "launchers": {"cli", "config", "stop"},
+    "grid": BELOW | {"checks", "cli", "launchers", "run"},
     "study": SIM
     | {
         "architecture",

@@ -76,6 +76,8 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
         *(sys.executable, "-m", "ship_trl", "--multirun"),
         *("--config-dir", str((config.folder / JOBS).absolute())),
         *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
+        # They were checked when they were planned.
+        "~hydra.callbacks.check_runs",
         *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
         f"profile={config.profile}",
         *logging(config),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
@@ -17,6 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.checks import check_logger
 from ship_trl.config import ConfigError, Logger, WandbMode, explain
+from ship_trl.launchers import check_slurm
 from ship_trl.paths import conf_dir
 from ship_trl.shapes import check_shapes
 
@@ -142,10 +142,7 @@ def check(config: StudyConfig) -> None:
     if find_spec(f"hydra_plugins.{plugin}") is None:
         extra = config.launcher.split("_")[0]
         raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
-    if config.launcher == "slurm" and shutil.which("sbatch") is None:
-        raise ConfigError(
-            "launcher: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib"
-        )
+    check_slurm(config.launcher, "launcher")
     check_overrides(config)
     if config.profile_seeds is None:
         raise ConfigError("profile_seeds: must be a number of seeds for each profile, got None")

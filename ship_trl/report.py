@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
-from ship_trl.cli import complain, make_parser, refusals
+from ship_trl.cli import make_parser, refusals
+from ship_trl.config import ConfigError
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -20,16 +20,14 @@ def main(arguments: list[str] | None = None) -> None:
         "--seeds", type=int, metavar="N", help="the first N seeds alone, as a look after so many saw them"
     )
     options = parser.parse_args(arguments)
-    if not options.folder.is_dir():
-        complain(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
-        sys.exit(1)
-    from ship_trl.study.report.write import report
-
-    output = options.output or options.folder / "report"
-    if output.resolve() == options.folder.resolve():
-        complain(f"--output: {output} is the study's own folder; allowed: another one")
-        sys.exit(1)
     with refusals():
+        if not options.folder.is_dir():
+            raise ConfigError(f"folder: no folder {options.folder}; python -m ship_trl.study makes one")
+        from ship_trl.study.report.write import report
+
+        output = options.output or options.folder / "report"
+        if output.resolve() == options.folder.resolve():
+            raise ConfigError(f"--output: {output} is the study's own folder; allowed: another one")
         report(options.folder, output, options.earlier, options.seeds)
 
 

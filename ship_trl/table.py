@@ -43,14 +43,16 @@ def rows(data: bytes, columns: Sequence[str]) -> list[Cells]:
     """Take a table apart.
 
     Raises:
-        ValueError: it is none, or lacks a column.
+        ValueError: it is none, lacks a column, or has one twice.
     """
-    table = csv.DictReader(io.StringIO(data.decode(), newline=""), strict=True)
+    table = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     try:
         missing = [name for name in columns if name not in (table.fieldnames or ())]
         found = list(table)
     except csv.Error as error:
         raise ValueError(str(error)) from None
+    if len(set(table.fieldnames or ())) < len(table.fieldnames or ()):
+        raise ValueError("it has a column twice")
     if missing:
         raise ValueError(f"it has no column {missing[0]!r}")
     # What is missing in a row is None, and what is too much stands under None.

@@ -23,6 +23,9 @@ def test_a_table_has_its_columns_and_may_have_others(tmp_path: Path) -> None:
     assert read(path) == [{"b": "1", "a": "x\ny", "c": "3"}]
     path.write_text("a,b\n")
     assert read(path) == []
+    # As spreadsheets begin a file.
+    path.write_bytes(b"\xef\xbb\xbfa,b\n1,2\n")
+    assert read(path) == [{"a": "1", "b": "2"}]
 
 
 @pytest.mark.parametrize(
@@ -35,6 +38,7 @@ def test_a_table_has_its_columns_and_may_have_others(tmp_path: Path) -> None:
         (b'a,b\n1,"2\n', "unexpected end"),
         (b"a,b\n1,\xff\n", "utf-8"),
         (b"a,b\nbad,1\n", "a bad row"),
+        (b"a,b,a\n1,2,3\n", "a column twice"),
     ],
 )
 def test_what_is_no_such_table_is_refused_in_one_line(content: bytes, why: str, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy import stats
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli import complain, make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.study.analysis.contrasts import Claimed, Finding
 from ship_trl.study.analysis.measured import SPREAD
@@ -32,6 +32,8 @@ from ship_trl.study.claims.verdicts import ALL, Answer, answer
 # Ways of two arms to change places: of 16 seeds, in some minutes. Beyond them there is no such column.
 MOST_SWAPS = 2**16
 PLAN, MEANS, SWAPPED = "the plan", "means", "all changes of place"
+# Columns of a table that goes into a file or a pipe.
+WIDEST = 1_000
 HEADINGS = ("claim", PLAN, MEANS, SWAPPED, "p of spreads that changes", "seeds that tie")
 
 
@@ -40,25 +42,28 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("ship_trl.study.sensitivity", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study, or its kept tables")
     options = parser.parse_args(arguments)
-    try:
+    with refusals():
         study = read_study(options.folder)
+        for path, reason in study.broken:
+            complain(f"{path}: {reason}; left out")
         if not study.records:
             raise ConfigError(f"folder: no finished run below {options.folder}")
-    except ConfigError as error:
-        complain(str(error))
-        sys.exit(1)
-    found = answers(study)
-    table = Table(*HEADINGS)
-    for row in rows(found):
-        table.add_row(*row)
-    # In a pipe no line is broken.
-    Console(highlight=False, width=None if sys.stdout.isatty() else 200).print(table)
-    for way in (MEANS, SWAPPED):
-        if way in found:
-            others = sum(
-                one.verdict is not two.verdict for one, two in zip(found[PLAN], found[way], strict=True)
-            )
-            sys.stdout.write(f"By {way} {others} of {len(found[PLAN])} verdicts are others.\n")
+        found = answers(study)
+        table = Table(*HEADINGS)
+        for row in rows(found):
+            table.add_row(*row)
+        # In a pipe no line is broken.
+        Console(highlight=False, width=None if sys.stdout.isatty() else WIDEST).print(table)
+        for way in found:
+            if way != PLAN:
+                sys.stdout.write(
+                    f"By {way} {others(found, way)} of {len(found[PLAN])} verdicts are others.\n"
+                )
+
+
+def others(found: Mapping[str, Sequence[Answer]], way: str) -> int:
+    """Count the verdicts that another way than the plan's would change."""
+    return sum(one.verdict is not two.verdict for one, two in zip(found[PLAN], found[way], strict=True))
 
 
 def answers(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> dict[str, list[Answer]]:
@@ -99,15 +104,27 @@ def rows(found: Mapping[str, Sequence[Answer]]) -> list[list[str]]:
 
 
 def spreads(drawn: Answer, every: Answer | None) -> str:
-    """Write the p of a claim's contrasts of spread, drawn -> by all ways, where these differ."""
-    known = {} if every is None else {f.what: f.p for f in every.findings}
-    of_spread = [f for f in drawn.findings if f.metric == SPREAD and f.p != known.get(f.what, f.p)]
-    return ", ".join(f"{f.p:.4f} -> {known[f.what]:.4f}" for f in of_spread)
+    """Write the p of a claim's contrasts of spread, drawn -> by all ways, where these differ.
+
+    Of both sides the smaller one, for a contradiction stands on the other; of one look alone.
+    """
+    known = {f.what: f for f in every.findings} if every and every.seeds == drawn.seeds else {}
+    pairs = [(f, known[f.what]) for f in drawn.findings if f.metric == SPREAD and f.what in known]
+    return ", ".join(
+        f"{least(one):.2g} -> {least(two):.2g}" for one, two in pairs if least(one) != least(two)
+    )
+
+
+def least(finding: Finding) -> float:
+    """Return the p of the side that a contrast leans to."""
+    return min(finding.p, finding.against)
 
 
 def ties(one: Answer) -> str:
     """Say how many seeds have the same difference, in the contrast of levels where most do; "" if none."""
-    most = max((max(Counter(f.differences).values()) for f in one.findings if f.differences), default=0)
+    # Rounded, for sums of the same numbers in another order differ by their last bit.
+    counts = [Counter(np.round(f.differences, 10).tolist()) for f in one.findings if f.differences]
+    most = max((max(count.values()) for count in counts), default=0)
     return str(most) if most > 1 else ""
 
 

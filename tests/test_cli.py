@@ -251,8 +251,12 @@ def test_a_case_of_ones_own_is_one_file(tmp_path: Path) -> None:
     (tmp_path / "conf/case").mkdir(parents=True)
     text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")
     (tmp_path / "conf/case/mine.yaml").write_text(text)
-    ship_trl("profile=smoke", "target=mine", "method=scratch", folder=tmp_path)
+    # One that has the name of a shipped case is taken for it, and that is told.
+    (tmp_path / "conf/case/2.yaml").write_text(text)
+    told = ship_trl("profile=smoke", "source=mine", "target=2", "layers=1", folder=tmp_path).stdout
     assert (tmp_path / "outputs/smoke/mine/scratch/seed=0/result.json").is_file()
+    assert told.count("case 2: conf/case/2.yaml, not the one of this name that comes with us") == 1
+    assert told.count("not the one of this name") == 1
 
 
 REFUSED = {

@@ -15,7 +15,7 @@ from yaml import YAMLError
 
 from ship_trl.config import ConfigError, World, explain
 from ship_trl.outside import read_yaml
-from ship_trl.paths import conf_dir, is_name
+from ship_trl.paths import conf_dir, is_name, read_file
 from ship_trl.shapes import check_shapes
 
 MAX_TARGET_SHIPS = 8
@@ -80,6 +80,13 @@ def case_names() -> list[str]:
     return sorted({path.stem for folder in case_folders() for path in folder.glob("*.yaml")})
 
 
+def in_place_of(name: str) -> Path | None:
+    """Return the working directory's case that is taken for another, shipped one of this name."""
+    own, shipped = (folder / f"{name}.yaml" for folder in case_folders())
+    both = is_file(own) and is_file(shipped)
+    return own if both and read_file(own) != read_file(shipped) else None
+
+
 def load_case(name: str, world: World, key: str = "case") -> Case:
     """Read a case by name, or by the path of a YAML file, and check it against the world.
 
@@ -106,6 +113,10 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: must hold {', '.join(f.name for f in fields(CaseFile))}, not a list")
+    for field in fields(CaseFile):
+        if field.name in values and values[field.name] is None:
+            wanted = "; [] stands for no ships" if field.name == "target_ships" else ""
+            raise ConfigError(f"{path}: {field.name}: has no value{wanted}")
     ships = values.get("target_ships")
     # One by one first, because an error inside a list does not say in which entry it is.
     for index, ship in enumerate(ships if isinstance(ships, list) else ()):

@@ -6,7 +6,7 @@ import pytest
 
 from ship_trl.config import ConfigError, World
 from ship_trl.paths import conf_dir
-from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, load_case
+from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, in_place_of, load_case
 from tests.fuzz.case_files import GOOD
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
@@ -89,7 +89,8 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD + "name: other\n", "name"),
         (GOOD.replace("heading: 90.0", "heading: ${nothing}", 1), NO_INTERPOLATION),
         (GOOD.replace("heading: 90.0", "heading: ???", 1), "heading"),
-        (GOOD.replace("heading: 90.0", "heading: null", 1), "heading"),
+        (GOOD.replace("heading: 90.0", "heading: null", 1), "heading: has no value"),
+        (GOOD.replace("target_ships:\n" + SHIP, "target_ships:\n"), "target_ships: has no value; [] stands"),
         (GOOD.replace("heading: 90.0", "heading: true", 1), "heading"),
         (with_ship(x="'${nothing}'"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, SHIP + "  - {x: 1.0}\n"), "target_ships[1].y"),
@@ -218,9 +219,13 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     (folder / "mine.yaml").write_text(GOOD)
     # The working directory's cases come before the shipped ones.
     (folder / "1.yaml").write_text(GOOD)
+    (folder / "2.yaml").write_text((conf_dir() / "case" / "2.yaml").read_text())
     assert case_names() == sorted([*SHIPPED, "mine"])
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
+    # It is told of a case that is another one than the shipped one of its name.
+    taken = {name for name in case_names() if in_place_of(name)}
+    assert taken == {"1"} and in_place_of("1") == Path("conf/case/1.yaml")
 
 
 def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:

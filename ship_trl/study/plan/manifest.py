@@ -135,15 +135,27 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
 
 
 def begun_with(folder: Path) -> tuple[tuple[int, ...], dict[str, Any]]:
-    """Return the seeds and the rules that a study was begun with; nothing where there is no plan to read."""
+    """Return the seeds and the rules that a study was begun with; nothing where there is no plan.
+
+    Raises:
+        ConfigError: there is one, and it is damaged: after how many seeds claims are judged is unknown then.
+    """
+    path = folder / PLAN
     try:
-        plan = read_json(folder / PLAN)
-        seeds = plan.get("judged") or {job["seed"] for job in plan["jobs"] if job["part"] == PAIRS}
+        plan = read_json(path)
+        seeds = plan.get("judged", [job["seed"] for job in plan["jobs"] if job["part"] == PAIRS])
         rules = plan.get("rules", {})
         known = {key: rules[key] for key in ("digest", "commit", "begun")} if rules else {}
-        return tuple(sorted(map(int, seeds))), known
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        if type(seeds) is not list or any(type(seed) is not int for seed in seeds):
+            raise TypeError
+        if not seeds and "judged" in plan:
+            raise ValueError
+        return tuple(sorted(set(seeds))), known
+    except FileNotFoundError:
         return (), {}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        wanted = "allowed: the file that the study was begun with, or none, to judge all its seeds at once"
+        raise ConfigError(f"folder: {path} is not a study's plan; {wanted}") from None
 
 
 def cases_of(folder: Path) -> dict[str, str]:

@@ -71,6 +71,20 @@ def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="is not a study's plan"):
         begin(tmp_path)
     assert (tmp_path / PLAN).read_text() == text
+    with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan; allowed: the file that the"):
+        begun_with(tmp_path)
+
+
+@pytest.mark.parametrize("judged", [[], None, 3, ["5"], [0, 1.5], {"0": 1}], ids=str)
+def test_damaged_seeds_are_refused_and_do_not_become_one_look(judged: object, tmp_path: Path) -> None:
+    begin(tmp_path)
+    seeds, rules = begun_with(tmp_path)
+    assert seeds == (0, 1) and rules
+    plan = json.loads((tmp_path / PLAN).read_text())
+    (tmp_path / PLAN).write_text(json.dumps(plan | {"judged": judged}))
+    with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan"):
+        begun_with(tmp_path)
+    (tmp_path / PLAN).unlink()
     assert begun_with(tmp_path) == ((), {})
 
 

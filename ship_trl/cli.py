@@ -62,9 +62,17 @@ How
   --cfg job             print the configuration and stop
   --hydra-help          what Hydra adds
 
-  python -m ship_trl.evaluate --help  what policies reach: networks, random, the planner's, your own
-  python -m ship_trl.export --help    a network as an ONNX file
-  python -m ship_trl.cases --help     the cases, their similarity, a picture of them all
+Other commands: python -m ship_trl.COMMAND --help
+  evaluate              what policies reach: networks, random, the planner's, your own
+  watch, record         an episode in a window; the same as GIF, MP4 or PNG frames
+  play                  steer a ship yourself
+  cases                 the cases, their similarity, which source and arm for a target, a picture
+  results               a table of finished runs, their learning curves
+  explain               what a network has learned to see, on one page
+  export                a network as an ONNX file
+  study, report         every figure and control of the paper over seeds; the report of its runs
+  pretrain              the networks that come with the package, trained anew
+  bench                 how fast, beside other tools (in a checkout)
 """
 
 

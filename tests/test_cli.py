@@ -74,6 +74,12 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.returncode == 0, done.stderr
     assert "+pair=high method=finetune layers=3" in done.stdout
     assert "FE1, FE1-permuted, FE1-random, FE2," in done.stdout
+    # All commands of the top level, and no other.
+    _, _, others = done.stdout.partition("Other commands: ")
+    told = {name for line in others.splitlines()[1:] for name in line[:24].replace(",", " ").split()}
+    files = [p for p in (ROOT / "ship_trl").glob("*.py") if '__name__ == "__main__"' in p.read_text()]
+    packages = [p.parent for p in (ROOT / "ship_trl").glob("*/__main__.py")]
+    assert told == {path.stem for path in (*files, *packages)} - {"__main__"}
 
 
 @pytest.mark.precision

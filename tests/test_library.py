@@ -37,6 +37,14 @@ def test_the_loop_of_stock_parts_runs_and_learns() -> None:
     assert all(not bool((a == b).all()) for a, b in zip(untrained, trained, strict=True))
 
 
+def test_environment_and_loss_work_alone() -> None:
+    values: dict[str, Any] = {}
+    exec(block("The environment and the loss alone"), values)
+    assert values["steps"].shape == (4, 10)
+    slopes = [parameter.grad for parameter in values["loss_module"].parameters() if parameter.requires_grad]
+    assert slopes and all(slope is not None and bool(slope.any()) for slope in slopes)
+
+
 def ships(world: World, *, colour: bool = False) -> ShipEnv:
     return ShipEnv(load_case("2", world), world, num_envs=4, from_pixels=True, colour=colour)
 

@@ -202,7 +202,10 @@ def on_change(measured: Measured) -> Answer:
         long.append(words + ".")
     least = min(change, key=lambda layer: change[layer].value)
     same = [layer for layer in measured.layers if change[layer].value >= SAME]
-    short = f"Most of all {least}, to a CKA of {number(change[least])} with itself before training."
+    if len(same) == len(measured.layers):
+        short = f"None: the least alike is {least}, with a CKA of {number(change[least])} with itself before."
+    else:
+        short = f"Most of all {least}, to a CKA of {number(change[least])} with itself before training."
     if same:
         short += f" {listed(same)} stayed as {'it was' if len(same) == 1 else 'they were'}."
     if arms:

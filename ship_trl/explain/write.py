@@ -50,7 +50,8 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     # At once: what cannot be written need not be computed.
     output.mkdir(parents=True, exist_ok=True)
     network = subjects[0].network
-    say(f"{len(subjects)} networks, case {case.name}")
+    beside = f", beside {len(subjects) - 1} others" if len(subjects) > 1 else ""
+    say(f"case {case.name}: {subjects[0].name} is explained{beside}")
     # A stream for each purpose.
     streams = [Generator().manual_seed(seed + k) for k in range(2)]
     draw = Rasteriser(case, world, colour=colour)

@@ -44,7 +44,7 @@ def restored(copy: Path, folder: Path) -> None:
     from ship_trl.study.records.restore import restore
     from ship_trl.study.records.tables import read_tables
 
-    runs, others = restore(read_tables(copy), folder)
+    runs, others = restore(read_tables(copy, "copy"), folder)
     left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
     sys.stdout.write(f"{runs} runs{left}; {folder}\n")
 

@@ -95,6 +95,7 @@ def test_training_makes_a_difference_or_none(mine: float, said: str) -> None:
         (0.95, "training changed less than two seeds differ in conv1"),
         (0.5, "training changed more than two seeds differ in conv1"),
         (0.81, "training changed about as much as two seeds differ in conv1"),
+        (1.0, "None: the least alike is conv1, with a CKA of 1.00"),
         (1.0, "conv1 stayed as it was"),
     ],
 )

@@ -53,6 +53,8 @@ class Tables:
     plan: dict[str, Any]
     runs: list[tuple[str, Result]]
     curves: pd.DataFrame
+    # The argument of a command that the folder was given as.
+    key: str = "folder"
 
     def by_run(self) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
         """Yield each run as a record, with its result and its curve, as they would be read from its folder.
@@ -62,7 +64,7 @@ class Tables:
         """
         groups = dict(iter(self.curves.groupby("run", sort=False)))
         if list(groups) != list(range(len(self.runs))):
-            raise unreadable(self.folder / CURVES, "its runs are not those of " + RUNS)
+            raise unreadable(self.key, self.folder / CURVES, "its runs are not those of " + RUNS)
         for number, (part, bare) in enumerate(self.runs):
             rows = groups[number]
             drawn = rows["kind"] == DRAW
@@ -70,7 +72,7 @@ class Tables:
             try:
                 record = make_record(result, curve, self.folder / place_of(part, result), part)
             except BrokenRunError as error:
-                raise unreadable(self.folder / CURVES, error) from None
+                raise unreadable(self.key, self.folder / CURVES, error) from None
             yield record, result, curve
 
 
@@ -79,22 +81,22 @@ def has_tables(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (RUNS, CURVES))
 
 
-def read_tables(folder: Path) -> Tables:
-    """Read a study's tables.
+def read_tables(folder: Path, key: str = "folder") -> Tables:
+    """Read a study's tables; `key` names the argument that a complaint is of.
 
     Raises:
         ConfigError: they are none, are cut short, or name runs that a study has not.
     """
     import pandas as pd
 
-    plan = read_plan(folder / PLAN, "copy")
+    plan = read_plan(folder / PLAN, key)
     for name in (RUNS, CURVES):
         try:
             same = digest(folder / name) == plan[KEPT][name]
         except (OSError, KeyError, TypeError):
             same = False
         if not same:
-            raise ConfigError(f"copy: {folder / name} is not the file that {PLAN} was kept with")
+            raise ConfigError(f"{key}: {folder / name} is not the file that {PLAN} was kept with")
     runs, places = [], set()
     try:
         data = read_file(folder / RUNS)
@@ -106,9 +108,9 @@ def read_tables(folder: Path) -> Tables:
             places.add(place_of(part, result))
             runs.append((part, result))
     except (OSError, ValueError, KeyError, TypeError, ResultError) as error:
-        raise unreadable(folder / RUNS, error) from None
+        raise unreadable(key, folder / RUNS, error) from None
     if not runs or len(places) < len(runs):
-        raise ConfigError(f"copy: {folder / RUNS} has no run, or one twice")
+        raise ConfigError(f"{key}: {folder / RUNS} has no run, or one twice")
     try:
         types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
         with lzma.open(folder / CURVES) as file:
@@ -117,13 +119,13 @@ def read_tables(folder: Path) -> Tables:
         if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
             raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
     except (lzma.LZMAError, EOFError, OSError, ValueError, OverflowError) as error:
-        raise unreadable(folder / CURVES, error) from None
-    return Tables(folder, plan, runs, curves)
+        raise unreadable(key, folder / CURVES, error) from None
+    return Tables(folder, plan, runs, curves, key)
 
 
-def unreadable(path: Path, error: object) -> ConfigError:
+def unreadable(key: str, path: Path, error: object) -> ConfigError:
     """Say in one line why a table cannot be read."""
-    return ConfigError(f"copy: {path} cannot be read: {' '.join(str(error).split())}")
+    return ConfigError(f"{key}: {path} cannot be read: {' '.join(str(error).split())}")
 
 
 def write_tables(folder: Path, copy: Path) -> tuple[int, int]:

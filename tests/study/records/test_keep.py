@@ -250,15 +250,15 @@ def test_a_bad_copy_is_one_line_and_writes_nothing(
     change(copy)
     before = files(tmp_path)
     capsys.readouterr()
-    act, line = {
-        "restore": (keep, ["--restore", str(copy), str(tmp_path / "a/new/one")]),
-        "report": (report, [str(copy)]),
+    act, line, key = {
+        "restore": (keep, ["--restore", str(copy), str(tmp_path / "a/new/one")], "copy"),
+        "report": (report, [str(copy)], "folder"),
     }[command]
     with pytest.raises(SystemExit) as ended:
         act(line)
     told = capsys.readouterr()
     assert ended.value.code == 1 and told.out == ""
-    assert told.err.startswith("ship_trl: copy: ") and said in told.err and told.err.count("\n") == 1
+    assert told.err.startswith(f"ship_trl: {key}: ") and said in told.err and told.err.count("\n") == 1
     assert files(tmp_path) == before
 
 

@@ -221,6 +221,7 @@ def render(
         ],
         least=LEAST_SEEDS,
         shuffled=shuffled,
+        decided=[claim(a, earlier) for a in answers if a.decided],
         conclusions=[claim(a, earlier) for a in answers if a.hypothesis.figure == CONCLUSIONS],
         claims=[claim(a, earlier) for a in answers if a.hypothesis.figure != CONCLUSIONS],
         contrasts=[contrast_row(a, finding) for a in (*answers, *explored) for finding in a.findings],

@@ -86,7 +86,10 @@ def write(study: Study, folder: Path, output: Path, earlier: Earlier, shown: See
         with replacing(output / name) as draft:
             draft.write_text(text)
     for found in answers:
-        sys.stdout.write(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}\n")
+        if found.findings:
+            sys.stdout.write(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}\n")
+    if without := [found.hypothesis.name for found in answers if not found.findings]:
+        sys.stdout.write(f"no runs: {', '.join(without)}\n")
     if between := sorted(seeds & set(study.seeds) - looked):
         sys.stdout.write(
             f"Claims are those of the look after {len(looked)} seeds; figures and arms.csv have "

@@ -78,6 +78,18 @@ def test_verdicts_are_a_markdown_table(study: Path) -> None:
     assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in line
 
 
+def test_the_page_begins_with_what_is_decided(study: Path) -> None:
+    with (study / "report/claims.csv").open(newline="") as file:
+        rows = {row["claim"]: row for row in csv.DictReader(file) if row["decided after seeds"]}
+    page = (study / "report/index.html").read_text()
+    top = page[: page.index("The five conclusions")]
+    assert f"{len(rows)} of {len(ALL)} claims decided" in top and len(rows) > 0
+    told = re.findall(r'<p><span class="verdict (\w+)">\1</span> (\w+): ', top)
+    assert {name: verdict for verdict, name in told} == {
+        name: row["claim's verdict"] for name, row in rows.items()
+    }
+
+
 def test_a_claim_without_runs_is_called_so_everywhere(study: Path) -> None:
     # The study has pair high alone: figure 7 is of pair lowest.
     (line,) = (

@@ -104,6 +104,9 @@ def test_seeds_of_the_next_look_are_told_and_not_judged(
     said = capsys.readouterr().out
     assert "the look after 5 seeds; figures and arms.csv have 1 more" in said
     assert "10 planned runs are missing" in said
+    # The study has pair high alone.
+    assert "\nH5f " in said and "\nH7d " not in said
+    assert said.count("no runs") == 1 and "H7d" in said[said.index("no runs: ") :].splitlines()[0]
     with (tmp_path / "report/claims.csv").open(newline="") as file:
         assert {row["seeds"] for row in csv.DictReader(file) if row["contrast"]} == {"5"}
 

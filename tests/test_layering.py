@@ -38,6 +38,7 @@ ALLOWED = {
     | {"outside", "result", "stop", "transfer", "view"},
     "cases": SIM | {"cli", "transfer", "view"},
     "launchers": {"cli", "config", "stop"},
+    "sweep": {"config", "outside"},
     "grid": BELOW | {"checks", "cli", "launchers", "run"},
     "study": SIM
     | {

@@ -69,6 +69,10 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     found = yaml.safe_load((place / "optimization_results.yaml").read_text())
     assert rates[0] != rates[1] and found["best_value"] == max(values)
     assert found["best_params"]["learn.lr"] == pytest.approx(rates[values.index(max(values))])
+    assert said.splitlines()[-1].startswith(
+        f"best trial: learn.lr={found['best_params']['learn.lr']} learn.lr_end="
+    )
+    assert f", late {max(values):.1f}; " in said.splitlines()[-1]
     # The same command tries the same values, and finds its trials there.
     assert ship_trl(*line, folder=tmp_path).stdout.count("holds this run already") == 2
     # Other settings are refused in the place of the first, in one line, from other processes too.

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-import platform
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from ship_trl.bench.timing import Probe, measure
+from ship_trl.run.process import processor_name
 
 # Large enough to leave the caches' start-up behind, small enough for a tenth of a second.
 MATRIX = 1024
@@ -34,16 +33,6 @@ class Machine:
     def peak(self, precision: str) -> float:
         """FLOP/s of the processor's best matrix product in `fp32` or `bf16`."""
         return 1e9 * (self.bf16 if precision == "bf16" else self.fp32)
-
-
-def processor_name() -> str:
-    """Return the processor as the system calls it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def product(size: int, dtype: torch.dtype) -> Callable[[], int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import platform
 from pathlib import Path
 
 import torch
@@ -16,6 +15,7 @@ from ship_trl.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.run import console
 from ship_trl.run.parts import Parts
 from ship_trl.run.plan import ALGORITHM_VERSION, Run
+from ship_trl.run.process import processor_name
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.random_policy import random_return
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
@@ -75,7 +75,7 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         schema_version=SCHEMA_VERSION,
         ship_trl=__version__,
         torch=torch.__version__,
-        processor=platform.machine(),
+        processor=processor_name(),
         seconds=round(seconds, 1),
     )
 

@@ -1,4 +1,4 @@
-"""How this process uses the machine: one core, no denormal numbers, memory kept for the next update."""
+"""How this process uses the machine, and what machine it is: one core, no denormal numbers, memory kept."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import ctypes
 import gc
 import logging
 import os
+import platform
+from pathlib import Path
 
 import torch
 
@@ -47,3 +49,21 @@ def of_glibc(function: str, *arguments: int) -> None:
     """Call a function of glibc, where there is one."""
     with contextlib.suppress(AttributeError, OSError, TypeError):
         getattr(ctypes.CDLL(None), function)(*arguments)
+
+
+def processor_name() -> str:
+    """Return the processor as the system calls it, with family and model where it tells them.
+
+    A virtual machine often hides all but the maker; the numbers still tell one generation from another.
+    """
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    pairs = [line.partition(":") for line in lines]
+    # The first core's come first, and dict would keep the last's.
+    told = {key.strip(): value.strip() for key, _, value in reversed(pairs)}
+    name = told.get("model name") or platform.processor() or platform.machine()
+    if "cpu family" in told and "model" in told:
+        return f"{name} (family {told['cpu family']}, model {told['model']})"
+    return name

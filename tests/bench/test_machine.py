@@ -2,7 +2,8 @@
 
 import torch
 
-from ship_trl.bench.machine import copy, processor_name, product, survey
+from ship_trl.bench.machine import copy, product, survey
+from ship_trl.run.process import processor_name
 
 
 def test_units_are_counted() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from ship_trl.run.process import configure_process, release_memory
+from ship_trl.run.process import configure_process, processor_name, release_memory
 
 
 @pytest.fixture
@@ -87,3 +87,13 @@ def resident() -> float:
     """MB of this process that are in memory."""
     status = Path("/proc/self/status").read_text()
     return int(status.partition("VmRSS:")[2].split()[0]) / 1024
+
+
+def test_the_processor_is_told_by_name() -> None:
+    told = processor_name()
+    assert told
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists() and "model name" in (text := cpuinfo.read_text()):
+        name, _, numbers = told.partition(" (family ")
+        assert name == text.partition("model name")[2].partition(":")[2].splitlines()[0].strip()
+        assert not numbers or numbers.endswith(")")

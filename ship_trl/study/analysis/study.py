@@ -78,13 +78,13 @@ class Study:
             places[tuple(place)][seed] = record  # type: ignore[index]
         return places
 
-    def mixed(self) -> dict[str, dict[str, int]]:
-        """Count by what runs were computed where they differ: by version, device, precision, backend."""
+    def computed(self) -> dict[str, dict[str, int]]:
+        """Count by what the runs were computed: version, torch, device, precision, backend, processor."""
         found: dict[str, Counter[str]] = defaultdict(Counter)
         for record in self.records.values():
             for key, value in record.computed.items():
                 found[key][value] += 1
-        return {key: dict(sorted(found[key].items())) for key in COMPUTED if len(found[key]) > 1}
+        return {key: dict(sorted(found[key].items())) for key in COMPUTED if found[key]}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
         """Return source and target of a pair, by its runs; only those from scratch have no source."""

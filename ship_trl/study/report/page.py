@@ -192,6 +192,10 @@ def render(
     """
     records = list(study.records.values())
     seeds = len({key[3] for key in study.records})
+    computed = [
+        (len(counts) == 1, f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}")
+        for key, counts in study.computed().items()
+    ]
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -206,10 +210,8 @@ def render(
         seeds=seeds,
         missing=missing,
         rules=told(study.rules),
-        mixed={
-            key: ", ".join(f"{value} ({count})" for value, count in counts.items())
-            for key, counts in study.mixed().items()
-        },
+        mixed=[counts for alike, counts in computed if not alike],
+        computed=[counts for _, counts in computed],
         looks=[
             {
                 "seeds": count,

@@ -184,6 +184,7 @@ def test_runs_that_were_not_computed_alike_are_counted(tmp_path: Path) -> None:
     text = (tmp_path / "report/index.html").read_text()
     assert re.search(r"Not computed alike, precision: bfloat16 \(1\), float32 \(\d+\)\.", text)
     assert "alike, device" not in text
+    assert re.search(r"computed with .*device: cpu \(\d+\); precision: bfloat16 \(1\), float32", text)
 
 
 def test_a_strangers_study_puts_no_markup_into_the_page(tmp_path: Path) -> None:

@@ -1,0 +1,94 @@
+"""`python -m ship_trl.study.ask FOLDER "low: FE3 above FE4 (asymptote)"`: any contrast of a study's arms.
+
+    every pair: FTW above scratch (early area)      low: every arm sooner than scratch (time)
+    lowest: mean of FT1, FT2 above mean of FE1, FE2       low: FE4 above FE4 of 4 to 4
+
+Estimates are interquartile means over seeds of the difference within a seed, as in the report; of times, how
+much sooner. Each interval stands for itself, at 95 %: what is asked after the runs were seen explores, and
+decides no claim. Of a study under way the seeds of its last look are shown, or the first --seeds.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from ship_trl.cli import complain, make_parser, refusals
+from ship_trl.config import ConfigError
+from ship_trl.study.analysis.contrasts import Finding
+from ship_trl.study.analysis.statistics import LEVEL, Estimate
+from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.claims.questions import ask
+from ship_trl.study.claims.verdicts import reached
+
+# Columns of a table that goes into a file or a pipe.
+WIDEST = 1_000
+HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print a row for each contrast."""
+    parser = make_parser("ship_trl.study.ask", __doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study, or its kept tables")
+    parser.add_argument("questions", nargs="+", metavar="QUESTION", help="WHERE: ARM above ARM (METRIC)")
+    parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds alone")
+    options = parser.parse_args(arguments)
+    with refusals():
+        study = read_study(options.folder)
+        for path, reason in study.broken:
+            complain(f"{path}: {reason}; left out")
+        if not study.records:
+            raise ConfigError(f"folder: no finished run below {options.folder}")
+        table = Table(*HEADINGS)
+        for finding in answers(study, options.questions, options.seeds):
+            table.add_row(*row(finding))
+        # In a pipe no line is broken.
+        Console(highlight=False, width=None if sys.stdout.isatty() else WIDEST).print(table)
+
+
+def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
+    """Measure what is asked for, on the first `seeds` seeds, or on those of the last look.
+
+    Raises:
+        ConfigError: a question cannot be read, two seeds that all its arms have are not there, or the study
+            was not begun with so many seeds.
+    """
+    if seeds is not None and not 1 <= seeds <= len(study.seeds):
+        raise ConfigError(
+            f"--seeds: must be from 1 to {len(study.seeds)}, which it was begun with, got {seeds}"
+        )
+    shown = study.first(seeds or reached(study)[-1], LEVEL / 2)
+    found = []
+    for question in questions:
+        measured = [finding for test in ask(shown, question) for finding in test(shown, "")]
+        if not measured:
+            raise ConfigError(f"question: {question!r} needs two seeds that all of its arms have")
+        found += measured
+    return found
+
+
+def row(finding: Finding) -> list[str]:
+    """Write a contrast: signs everywhere, and how many of the seeds have it above zero."""
+    beside = ", ".join(f"{name} {interval(one)}" for name, one in finding.beside.items())
+    above = f"{sum(value > 0 for value in finding.differences)} of {finding.seeds}"
+    low, high = (f"{end:+.3f}" for end in (finding.estimate.low, finding.estimate.high))
+    return [
+        finding.what,
+        f"{finding.estimate.value:+.3f}",
+        f"{low} to {high}",
+        str(finding.seeds),
+        above,
+        beside,
+    ]
+
+
+def interval(one: Estimate) -> str:
+    """Write an estimate with its interval."""
+    return f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
+
+
+if __name__ == "__main__":
+    main()

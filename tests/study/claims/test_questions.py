@@ -1,0 +1,108 @@
+"""A question is measured as a claim's contrast of the same words is; what a study has not is refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.config import ConfigError
+from ship_trl.study.analysis.contrasts import Finding
+from ship_trl.study.analysis.metrics import METRICS, TIMES
+from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.claims.kinds import Test, control, itself, means, network_effect, sooner
+from ship_trl.study.claims.questions import ask, places_of
+from ship_trl.study.claims.verdicts import ALL, OURS
+from tests.study.synthetic import write_planned
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    folder: Path = tmp_path_factory.mktemp("asked")
+    write_planned(folder, 2, 60)
+    return read_study(folder)
+
+
+def measured(study: Study, question: str) -> list[Finding]:
+    return [finding for test in ask(study, question) for finding in test(study, "A")]
+
+
+@pytest.mark.parametrize(
+    ("question", "test"),
+    [
+        ("high: FE3 sooner than scratch (time)", sooner("high", "FE3", "scratch")),
+        ("low: FE3 above FE3-random", control("low", "FE3", "random")),
+        ("2 to 2: FE1 above FE2 (area)", itself("2", "high", "self", "FE1", "FE2")),
+        (
+            "lowest: mean of FT1, FT2 above mean of FE1, FE2 (asymptote)",
+            means("lowest", ["FT1", "FT2"], ["FE1", "FE2"], "asymptote"),
+        ),
+    ],
+)
+def test_it_is_the_contrast_of_a_claim(study: Study, question: str, test: Test) -> None:
+    assert measured(study, question) == test(study, "A") != []
+
+
+def test_every_plain_contrast_of_a_claim_can_be_asked_for(study: Study) -> None:
+    """Those of two sides, by the words that the report has for them."""
+    asked = 0
+    for hypothesis in (*ALL, *OURS):
+        for wanted in (finding for test in hypothesis.tests for finding in test(study, "A")):
+            plain = re.fullmatch(r"(high|low|lowest|\d to \d): .+ (above|sooner than) .+", wanted.what)
+            if plain and "epsilon" not in wanted.what:
+                (found,) = measured(study, wanted.what)
+                assert found.what == wanted.what
+                assert found.differences == pytest.approx(wanted.differences)
+                asked += 1
+    assert asked > 100
+
+
+def test_names_with_a_comma_are_one_name(study: Study) -> None:
+    (found,) = measured(
+        study, "new: mean of reused, low, reused, 1 above mean of scratch, low, scratch, 1 (area)"
+    )
+    (wanted,) = network_effect("area")(study, "A")
+    assert found.differences == pytest.approx(wanted.differences)
+
+
+def test_every_pair_and_every_arm_are_many(study: Study) -> None:
+    found = measured(study, "every pair: FTW above scratch (early area)")
+    assert [one.what.partition(":")[0] for one in found] == ["high", "low", "lowest"]
+    arms = [name for name in places_of(study)["low"] if name != "scratch"]
+    assert {"FE4", "FTW", "FE3-permuted"} < set(arms)
+    assert [one.what for one in measured(study, "low: every arm above scratch")] == [
+        f"low: {arm} above scratch (area)" for arm in arms
+    ]
+
+
+def test_an_arm_of_elsewhere_has_the_same_target(study: Study) -> None:
+    (found,) = measured(study, "high: FE4 above FE4 of 2 to 2")
+    runs = study.matched({"here": ("pairs", "high", "FE4"), "there": ("controls", "self", "FE4")})
+    here, there = (np.array([METRICS["area"](run) for run in runs[name]]) for name in ("here", "there"))
+    assert found.differences == pytest.approx(here - there)
+    with pytest.raises(ConfigError, match="'FE4 of low' has the target 4, and high 2"):
+        ask(study, "high: FE4 above FE4 of low")
+
+
+@pytest.mark.parametrize(
+    ("question", "told"),
+    [
+        ("FE3 above FE4", "got 'FE3 above FE4'"),
+        ("high: FE3 below FE4", "got 'high: FE3 below FE4'"),
+        ("middle: FE3 above FE4", "nothing of 'middle'; allowed: every pair, high, low, lowest"),
+        ("high: FE5 above FE4", "no arm 'FE5' in high; allowed: FE1 |"),
+        ("high: FE3 above FE4 of 9 to 9", "no arm 'FE4 of 9 to 9'"),
+        ("high: FE3 above FE4 (speed)", f"no metric 'speed'; allowed: {', '.join(METRICS)}"),
+        ("high: FE3 above FE4 (time)", "time is asked for by 'sooner than', got 'above'"),
+        ("high: FE3 sooner than FE4", "area is asked for by 'above', got 'sooner than'"),
+    ],
+)
+def test_what_a_study_has_not_is_refused(study: Study, question: str, told: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        ask(study, question)
+    assert str(refused.value).startswith(f"question: {told}") and "\n" not in str(refused.value)
+
+
+def test_times_are_known(study: Study) -> None:
+    for metric in TIMES:
+        assert measured(study, f"high: FE3 sooner than FE4 ({metric})")

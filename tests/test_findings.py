@@ -2,19 +2,22 @@
 
 import csv
 import re
-from collections import defaultdict
+from collections.abc import Iterable
 
 import pytest
 
-from ship_trl.study.analysis.contrasts import Claimed
+from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.ask import answers
+from tests.findings import NUMBER, NUMBERS, PAGES, anew, section
+from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 from tests.test_cli import ROOT
 
-REPORT = ROOT / "outputs/confirmatory/report"
-NUMBER = r"([+-]\d+\.\d+)"
-# A contrast of claims.csv: `high: FE3 above scratch (area)` +0.12 (+0.09 to +0.15; greedy +0.20).
-CONTRAST = rf"`([^`]+)` {NUMBER} \({NUMBER} to {NUMBER}(?:; greedy {NUMBER})?\)"
-# A row of transfers.csv: case 3 to case 4, FT3: +0.12 (+0.09 to +0.15).
-GAIN = rf"case (\w+) to case (\w+), (\w+): {NUMBER} \({NUMBER} to {NUMBER}\)"
+VERDICTS = ("supported", "contradicted", "equivalent")
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return read_study(FOLDER)
 
 
 def table(name: str) -> list[dict[str, str]]:
@@ -23,59 +26,82 @@ def table(name: str) -> list[dict[str, str]]:
 
 
 def found_in(page: str) -> str:
-    """What a page says was found, each paragraph on a line of its own."""
-    text = (ROOT / page).read_text()
-    if page == "README.md":
-        text = text.partition("## What was found\n")[2].partition("\n## ")[0]
-    return re.sub(r"(?<!\n)\n(?![\n|-]) *", " ", text)
+    return section((ROOT / page).read_text(), page)
 
 
-def as_written(words: tuple[str, ...], row: dict[str, str], ends: tuple[str, ...]) -> bool:
-    return all(
-        f"{float(row[end]):+.{len(word.partition('.')[2])}f}" == word
-        for word, end in zip(words, ends, strict=True)
-    )
-
-
-def leans(row: dict[str, str]) -> bool:
-    """Whether a contrast is estimated as it is claimed, however unsure."""
-    bound = float(row["margin"] or 0) if row["claimed"] == Claimed.no_more else 0.0
-    value = float(row["estimate"])
-    return value <= bound if row["claimed"] == Claimed.no_more else value > bound
-
-
-def test_the_table_of_verdicts_is_that_of_the_report() -> None:
-    contrasts = defaultdict(list)
-    for row in table("claims.csv"):
-        contrasts[row["claim"]].append(row)
-    lines = []
-    for name, rows in contrasts.items():
-        sentence, verdict, after = (
-            rows[0][key] for key in ("sentence", "claim's verdict", "decided after seeds")
-        )
-        told = f"{verdict}, after {after} seeds" if after else verdict
-        leaning = f"{sum(map(leans, rows))} of {len(rows)}"
-        if name[0] in "CH":
-            lines.append(f"| {name} | {sentence.replace('<', '&lt;')} | {leaning} | {told} |")
-    page = (ROOT / "docs/findings.md").read_text().splitlines()
-    assert [line for line in page if re.match(r"\| [CH]\d", line)] == lines
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])
-def test_every_number_with_a_sign_is_of_a_contrast_that_is_named(page: str) -> None:
+@pytest.mark.parametrize("page", PAGES)
+def test_every_number_with_a_sign_is_what_the_study_answers(page: str, study: Study) -> None:
     text = found_in(page)
-    assert len(text) > 500
-    # Of two claims, which may have been decided at different looks.
-    contrasts = defaultdict(list)
-    for row in table("claims.csv"):
-        contrasts[row["contrast"]].append(row)
-    ends = "estimate", "estimate low", "estimate high"
-    for what, *words, greedy in re.findall(CONTRAST, text):
-        rows = [row for row in contrasts[what] if as_written(tuple(words), row, ends)]
-        assert rows, what
-        assert not greedy or f"greedy area {greedy}" in rows[0]["beside"].split("; "), what
-    gains = {(row["source"], row["target"], row["arm"]): row for row in table("transfers.csv")}
-    for source, target, arm, *words in re.findall(GAIN, text):
-        assert as_written(tuple(words), gains[source, target, arm], ("gain", "low", "high")), (source, target)
-    left = re.sub(GAIN, "", re.sub(CONTRAST, "", text))
-    assert not re.findall(NUMBER, left)
+    assert len(text) > 500 and re.search(NUMBERS, text)
+    assert anew(text, study) == text
+    # None stands by itself, of which no contrast is named: written with other places, each becomes another.
+    rewritten = anew(re.sub(NUMBER, "+0.0", text), study)
+    assert not re.findall(NUMBER, re.sub(NUMBERS, "", rewritten))
+    assert len(re.findall(NUMBERS, text)) == len(re.findall(NUMBERS, rewritten))
+
+
+def test_a_number_that_is_not_the_studys_is_found(study: Study) -> None:
+    inline = "`high: FTW above scratch (area)` +9.000 (+9.000\nto +9.000; greedy +9.0)"
+    in_a_table = "| | high | low |\n| --- | --- | --- |\n| `FTW (start)` | +9.0 (+9.0 to +9.0) | as said |\n"
+    for text in (inline, in_a_table):
+        written = anew(text, study)
+        assert "9." not in re.sub(r"\.\d+", ".", written) and anew(written, study) == written
+        assert re.sub(NUMBER, "", written) == re.sub(NUMBER, "", text)
+    (finding,) = answers(study, ["high: FTW above scratch (area)"], SEEN)
+    assert f"{finding.estimate.value:+.3f} (" in anew(inline, study)
+    assert f"greedy {finding.beside['greedy area'].value:+.1f}" in anew(inline, study)
+
+
+def claims(verdict: str) -> list[str]:
+    rows = {row["claim"]: row["claim's verdict"] for row in table("claims.csv") if row["claim"][0] in "CH"}
+    return [name for name, found in rows.items() if found == verdict]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_each_claim_has_the_verdict_of_the_report(page: str) -> None:
+    text = " ".join(found_in(page).split())
+    for verdict in VERDICTS:
+        told = re.findall(rf"{verdict.capitalize()}: ([^.]+)\.", text)
+        assert told == [", ".join(claims(verdict)) or "none"], verdict
+    left = re.findall(r"Open: ([^.]+)\.", text)
+    assert left in ([", ".join(claims("inconclusive"))], [f"the other {len(claims('inconclusive'))}"])
+
+
+def runs_of(part: str) -> list[dict[str, str]]:
+    return [row for row in table("runs.csv") if row["part"] == part]
+
+
+def fallen(rows: Iterable[dict[str, str]]) -> str:
+    kept = list(rows)
+    return f"{sum(float(row['fell']) for row in kept):.0f} of {len(kept)}"
+
+
+def test_runs_that_fell_back_are_counted_right() -> None:
+    pairs = runs_of("pairs")
+    scratch = fallen(row for row in pairs if row["arm"] == "scratch")
+    transfers = fallen(row for row in pairs if row["arm"] != "scratch")
+    text = " ".join(found_in("docs/findings.md").split())
+    assert f"{scratch} runs from scratch, {transfers} transfers of the pairs" in text
+    assert f"and {fallen(runs_of('controls'))} controls" in text
+
+
+def test_arms_that_are_sooner_are_counted_right(study: Study) -> None:
+    arms = [f"{kind}{n}" for kind in ("FE", "FT") for n in (1, 2, 3, 4)] + ["FTW"]
+    questions = [
+        f"{pair}: {arm} sooner than scratch (time)" for pair in ("high", "low", "lowest") for arm in arms
+    ]
+    sooner = [one.what for one in answers(study, questions, SEEN) if one.estimate.low > 0]
+    words = ("none", "one", "two", "three", "four", "five", "six")
+    text = " ".join(found_in("docs/findings.md").split())
+    assert f"Of {len(questions)} arms of the pairs {words[len(sooner)]} " in text
+    assert all(f"`{what}`" in text for what in sooner)
+
+
+def test_seeds_that_would_decide_are_those_of_the_report() -> None:
+    verdicts = (REPORT / "verdicts.md").read_text().splitlines()
+    text = found_in("docs/findings.md").partition("- **Seeds**")[2].partition("\n- ")[0]
+    told = re.findall(r"([CH]\d\w?)\s(\d+)", text)
+    assert told
+    for claim, count in told:
+        (line,) = (line for line in verdicts if line.startswith(f"| {claim} |"))
+        assert f" {count} seeds would tell" in line, claim

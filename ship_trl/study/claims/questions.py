@@ -1,4 +1,4 @@
-"""Contrasts that somebody asks for, in the words of the report: `low: FE3 above FE4 (asymptote)`."""
+"""What somebody asks of a study, in the words of the report: `low: FE3 above FE4 (asymptote)`, `low: FE3`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ship_trl.study.claims.kinds import REUSED, Test, joined, weighted
 from ship_trl.study.plan.config import NEW_CASE
 from ship_trl.study.plan.jobs import COMPARED, CONTROLS, PAIRS, from_scratch
 
-FORM = "WHERE: ARM above ARM (METRIC), as low: FE3 above FE4 (asymptote); of a time, ARM sooner than ARM"
+FORM = "WHERE: ARM above ARM (METRIC), of times ARM sooner than ARM, or WHERE: ARM (METRIC)"
 EVERY_PAIR, EVERY_ARM, MEAN = "every pair", "every arm", "mean of "
 ABOVE, SOONER = "above", "sooner than"
-QUESTION = re.compile(rf"([^:]+): (.+) ({ABOVE}|{SOONER}) (.+?)(?: \(([^()]+)\))?")
+QUESTION = re.compile(rf"([^:]+): (.+?)(?: ({ABOVE}|{SOONER}) (.+?))?(?: \(([^()]+)\))?")
 
 
 def places_of(study: Study) -> dict[str, dict[str, Place]]:
@@ -46,8 +46,9 @@ def places_of(study: Study) -> dict[str, dict[str, Place]]:
 def ask(study: Study, question: str) -> list[Test]:
     """Make the tests of a question: one, or one for `every pair` and `every arm`.
 
-    Of a time the smaller is the better, so that arms are `sooner than` others, and not above them. An arm
-    of elsewhere is `ARM of WHERE`; it must have the same target, for else the scores are of two cases.
+    Without a second arm it is the first one's level. Of a time the smaller is the better, so that arms are
+    `sooner than` others, and not above them. An arm of elsewhere is `ARM of WHERE`; it must have the same
+    target, for else the scores are of two cases.
 
     Raises:
         ConfigError: the question has another form, or names what the study has not.
@@ -60,8 +61,8 @@ def ask(study: Study, question: str) -> list[Test]:
     known = places_of(study)
     if metric not in METRICS:
         raise ConfigError(f"question: no metric {metric!r}; allowed: {', '.join(METRICS)}")
-    if (word == SOONER) is not (metric in TIMES):
-        right = SOONER if metric in TIMES else ABOVE
+    right = SOONER if metric in TIMES else ABOVE
+    if word not in (None, right):
         raise ConfigError(f"question: {metric} is asked for by {right!r}, got {word!r}")
     pairs = [name for name in known if name in {key[1] for key in study.records if key[0] == PAIRS}]
     if where not in known and where != EVERY_PAIR:
@@ -77,19 +78,24 @@ def of_place(
     study: Study,
     known: Mapping[str, Mapping[str, Place]],
     where: str,
-    words: tuple[str, str, str],
+    words: tuple[str, str | None, str | None],
     metric: str,
 ) -> Iterator[Test]:
     """Make the tests of one pair, or of what stands in its place."""
     better, word, worse = words
-    others = side(study, known, where, worse)
+    others = {} if worse is None else side(study, known, where, worse)
     left = [name for name in known[where] if name not in others] if better == EVERY_ARM else [better]
     for name in left:
         arms = side(study, known, where, name)
         weights = {arm: 1 / len(arms) for arm in arms}
         for arm in others:
             weights[arm] = weights.get(arm, 0.0) - 1 / len(others)
-        told = f"{joined([*arms])} {word} {joined([*others])}"
+        told = joined([*arms])
+        if others:
+            told += f" {word} {joined([*others])}"
+        elif metric in TIMES:
+            # A level has the sign that it has; `weighted` turns that of times round.
+            weights = {arm: -weight for arm, weight in weights.items()}
         yield weighted(where, told, {**arms, **others}, weights, metric)
 
 

@@ -84,11 +84,20 @@ def test_an_arm_of_elsewhere_has_the_same_target(study: Study) -> None:
         ask(study, "high: FE4 above FE4 of low")
 
 
+@pytest.mark.parametrize("metric", ["start", "time"])
+def test_of_one_arm_it_is_the_level(study: Study, metric: str) -> None:
+    (found,) = measured(study, f"2 to 2: FE1 ({metric})")
+    runs = study.arm("controls", "self", "FE1").values()
+    assert found.what == f"2 to 2: FE1 ({metric})"
+    assert found.differences == pytest.approx([METRICS[metric](run) for run in runs])
+
+
 @pytest.mark.parametrize(
     ("question", "told"),
     [
         ("FE3 above FE4", "got 'FE3 above FE4'"),
-        ("high: FE3 below FE4", "got 'high: FE3 below FE4'"),
+        ("high FE3", "got 'high FE3'"),
+        ("high: FE3 below FE4", "no arm 'FE3 below FE4' in high"),
         ("middle: FE3 above FE4", "nothing of 'middle'; allowed: every pair, high, low, lowest"),
         ("high: FE5 above FE4", "no arm 'FE5' in high; allowed: FE1 |"),
         ("high: FE3 above FE4 of 9 to 9", "no arm 'FE4 of 9 to 9'"),

@@ -1,0 +1,104 @@
+"""`python -m tests.findings`: the numbers of docs/findings.md and of the README, from the kept tables.
+
+A page names what it measures in the words of `ship_trl.study.ask`, with the interval behind it, and the same
+of greedy evaluations where that is to be seen beside it:
+
+    `high: FTW above scratch (area)` +0.06 (+0.02 to +0.11; greedy +0.17)
+
+or, in a table, where without what and what without where:
+
+    | | high | low |
+    | `FTW above scratch (area)` | +0.06 (+0.02 to +0.11) | +0.03 (+0.00 to +0.06) |
+
+The command writes the numbers anew, with as many places as stand there, and names what it changed; a test
+holds that there is nothing to change.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.ask import answers
+from tests.study.test_confirmatory import FOLDER, SEEN
+from tests.test_cli import ROOT
+
+PAGES = ("docs/findings.md", "README.md")
+NUMBER = r"[+-]\d+\.\d+"
+# A line may end between any two words.
+NUMBERS = rf"{NUMBER}\s\({NUMBER}\sto\s{NUMBER}(?:;\sgreedy\s{NUMBER})?\)"
+TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`\s(?P<numbers>{NUMBERS})")
+
+
+def section(text: str, page: str) -> str:
+    """Return what a page says was found: of the README one section."""
+    if page != "README.md":
+        return text
+    return "## What was found\n" + text.partition("## What was found\n")[2].partition("\n## ")[0]
+
+
+def anew(text: str, study: Study) -> str:
+    """Write all numbers of a text anew, everything else as it was."""
+    inline = TOLD.sub(
+        lambda match: match[0].replace(match["numbers"], told(match["what"], match["numbers"], study)), text
+    )
+    head: list[str] = []
+    lines = []
+    for line in inline.splitlines(keepends=True):
+        cells = line.split("|")
+        head = [] if len(cells) < 3 else head or cells
+        what = re.fullmatch(r" `([^`]+)` ", cells[1]) if head and len(cells) == len(head) else None
+        lines.append("|".join(row(head, what[1], cells, study)) if what else line)
+    return "".join(lines)
+
+
+def row(head: list[str], what: str, cells: list[str], study: Study) -> list[str]:
+    """Write a table's row anew: what is told of, where its heading says."""
+    made = []
+    for where, cell in zip(head, cells, strict=True):
+        numbers = re.search(NUMBERS, cell)
+        made.append(
+            cell.replace(numbers[0], told(f"{where.strip()}: {what}", numbers[0], study)) if numbers else cell
+        )
+    return made
+
+
+def told(question: str, numbers: str, study: Study) -> str:
+    """Write the numbers of one contrast anew."""
+    (finding,) = answers(study, [" ".join(question.split())], SEEN)
+    greedy = [one for name, one in finding.beside.items() if name.startswith("greedy")]
+    found = iter([*ends(finding.estimate), *(one.value for one in greedy)])
+    return re.sub(NUMBER, lambda number: written(next(found), number[0]), numbers)
+
+
+def ends(one: Estimate) -> tuple[float, float, float]:
+    """Return an estimate and the ends of its interval."""
+    return one.value, one.low, one.high
+
+
+def written(value: float, as_before: str) -> str:
+    """Write a number with as many places as another one has."""
+    return f"{value:+.{len(as_before.partition('.')[2])}f}"
+
+
+def main() -> None:
+    """Rewrite the pages."""
+    study = read_study(FOLDER)
+    for page in PAGES:
+        path: Path = ROOT / page
+        text = path.read_text()
+        before = section(text, page)
+        after = anew(before, study)
+        path.write_text(text.replace(before, after))
+        pairs = list(zip(re.findall(NUMBERS, before), re.findall(NUMBERS, after), strict=True))
+        changed = [(one, two) for one, two in pairs if one != two]
+        sys.stdout.write(f"{page}: {len(changed)} of {len(pairs)} are other numbers now\n")
+        for one, two in changed:
+            sys.stdout.write(f"  {one} -> {two}\n")
+
+
+if __name__ == "__main__":
+    main()

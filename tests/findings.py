@@ -10,26 +10,34 @@ or, in a table, where without what and what without where:
     | | high | low |
     | `FTW above scratch (area)` | +0.06 (+0.02 to +0.11) | +0.03 (+0.00 to +0.06) |
 
+and how alike layers are, of the report's cka.csv:
+
+    | | conv1 | conv2 |
+    | `high: scratch beside source` | 0.98 | 0.95 |
+
 The command writes the numbers anew, with as many places as stand there, and names what it changed; a test
 holds that there is nothing to change.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.ask import answers
-from tests.study.test_confirmatory import FOLDER, SEEN
+from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 from tests.test_cli import ROOT
 
 PAGES = ("docs/findings.md", "README.md")
 NUMBER = r"[+-]\d+\.\d+"
 # A line may end between any two words.
 NUMBERS = rf"{NUMBER}\s\({NUMBER}\sto\s{NUMBER}(?:;\sgreedy\s{NUMBER})?\)"
+CKA = r"(?<=^ )\d\.\d\d(?= $)"
 TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`\s(?P<numbers>{NUMBERS})")
 
 
@@ -57,6 +65,12 @@ def anew(text: str, study: Study) -> str:
 
 def row(head: list[str], what: str, cells: list[str], study: Study) -> list[str]:
     """Write a table's row anew: what is told of, where its heading says."""
+    if alike := re.fullmatch(r"(\w+): (\w+) beside ([\w ]+)", what):
+        told_of = [(*alike.groups(), layer.strip()) for layer in head]
+        return [
+            re.sub(CKA, lambda _, key=key: ckas()[key], cell)
+            for key, cell in zip(told_of, cells, strict=True)
+        ]
     made = []
     for where, cell in zip(head, cells, strict=True):
         numbers = re.search(NUMBERS, cell)
@@ -64,6 +78,16 @@ def row(head: list[str], what: str, cells: list[str], study: Study) -> list[str]
             cell.replace(numbers[0], told(f"{where.strip()}: {what}", numbers[0], study)) if numbers else cell
         )
     return made
+
+
+@cache
+def ckas() -> dict[tuple[str, ...], str]:
+    """Read how alike layers are, by pair, arm, what it is beside, and layer."""
+    with (REPORT / "cka.csv").open(newline="") as file:
+        return {
+            (row["pair"], row["arm"], row["beside"], row["layer"]): f"{float(row['cka']):.2f}"
+            for row in csv.DictReader(file)
+        }
 
 
 def told(question: str, numbers: str, study: Study) -> str:

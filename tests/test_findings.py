@@ -47,6 +47,8 @@ def test_a_number_that_is_not_the_studys_is_found(study: Study) -> None:
         written = anew(text, study)
         assert "9." not in re.sub(r"\.\d+", ".", written) and anew(written, study) == written
         assert re.sub(NUMBER, "", written) == re.sub(NUMBER, "", text)
+    alike = "| | conv1 |\n| --- | --- |\n| `high: scratch beside source` | 9.00 |\n"
+    assert re.search(r"\| 0\.\d\d \|", anew(alike, study))
     (finding,) = answers(study, ["high: FTW above scratch (area)"], SEEN)
     assert f"{finding.estimate.value:+.3f} (" in anew(inline, study)
     assert f"greedy {finding.beside['greedy area'].value:+.1f}" in anew(inline, study)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.records.layers import OTHER_SEED, SCRATCH, SOURCE, UNTRAINED, Layer
-from ship_trl.study.report import figures
+from ship_trl.study.report import figures, tables
 from ship_trl.study.report.figures import FONT, GREY, LOOKS, Form, Look, draw_curves, legend_above, plain
 from ship_trl.study.report.panels import pairs, title
 
@@ -32,6 +32,21 @@ def by_seed(rows: list[Layer], layers: list[str]) -> np.ndarray:
     ]
     kept = np.array(whole, dtype=np.float64).reshape(-1, len(layers))
     return kept[np.isfinite(kept).all(axis=1)]
+
+
+def layer_rows(study: Study) -> list[tables.Row]:
+    """Make a row for each layer of each two networks: interquartile mean of CKA over seeds, and interval."""
+    found: dict[tuple[str, str, str, str], list[float]] = {}
+    for row in study.layers:
+        found.setdefault((row.pair, row.arm, row.beside, row.layer), []).append(row.cka)
+    return [
+        {
+            **dict(zip(("pair", "arm", "beside", "layer"), names, strict=True)),
+            "seeds": len(values),
+            **tables.columns("cka", tables.estimate(values)),
+        }
+        for names, values in sorted(found.items())
+    ]
 
 
 def draw_layers(study: Study, form: Form) -> Figure | None:

@@ -18,6 +18,7 @@ from ship_trl.study.plan.manifest import PLAN, cases_of
 from ship_trl.study.records.record import NO_PART
 from ship_trl.study.report import tables
 from ship_trl.study.report.drawings import draw_all
+from ship_trl.study.report.layers import layer_rows
 from ship_trl.study.report.page import Earlier, as_markdown, render
 from ship_trl.study.report.similarities import table_2
 
@@ -74,6 +75,7 @@ def write(study: Study, folder: Path, output: Path, earlier: Earlier, shown: See
         ("claims", tables.claim_rows([*answers, *explored])),
         ("table_2", similar),
         ("transfers", tables.transfer_rows(study, cases_of(folder))),
+        ("cka", layer_rows(study)),
     ):
         tables.write_csv(output / f"{name}.csv", rows)
     drawn = draw_all(study, [*answers, *explored], output)

@@ -1,0 +1,54 @@
+"""How alike layers are, as a table and as a figure."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ship_trl.study.analysis.statistics import interquartile_mean
+from ship_trl.study.records.layers import OTHER_SEED, SCRATCH, UNTRAINED, Layer
+from ship_trl.study.report.figures import PAGE
+from ship_trl.study.report.layers import draw_layers, layer_rows
+from tests.study.synthetic import make_study
+
+NAMES = ("conv1", "conv2")
+ALIKE = np.linspace(0.8, 0.99, 8)
+STUDY = replace(
+    make_study({("pairs", "high", "scratch"): 0.9}, seeds=8),
+    layers=[
+        Layer(seed, "high", SCRATCH, beside, name, cka - 0.1 * number)
+        for seed, cka in enumerate(ALIKE)
+        for number, name in enumerate(NAMES)
+        for beside in (UNTRAINED, OTHER_SEED)
+        if seed < 3 or beside == UNTRAINED
+    ],
+)
+
+
+def test_each_layer_of_each_two_networks_has_a_row() -> None:
+    rows = {(row["beside"], row["layer"]): row for row in layer_rows(STUDY)}
+    assert set(rows) == {(beside, name) for beside in (UNTRAINED, OTHER_SEED) for name in NAMES}
+    for number, name in enumerate(NAMES):
+        row = rows[UNTRAINED, name]
+        assert (row["pair"], row["arm"], row["seeds"]) == ("high", SCRATCH, 8)
+        assert row["cka"] == pytest.approx(interquartile_mean(ALIKE - 0.1 * number))
+        assert row["cka low"] < row["cka"] < row["cka high"]
+    # Too few seeds have no interval.
+    few = rows[OTHER_SEED, "conv1"]
+    assert few["seeds"] == 3 and few["cka"] == pytest.approx(ALIKE[:3].mean()) and math.isnan(few["cka low"])
+
+
+def test_what_was_not_measured_has_neither_rows_nor_a_figure() -> None:
+    bare = replace(STUDY, layers=[])
+    assert layer_rows(bare) == [] and draw_layers(bare, PAGE) is None
+
+
+def test_a_line_is_the_mean_over_seeds_of_each_layer() -> None:
+    figure = draw_layers(STUDY, PAGE)
+    assert figure is not None
+    (axis,) = figure.axes
+    assert [label.get_text() for label in axis.get_xticklabels()] == list(NAMES)
+    drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axis.lines if len(line.get_xdata()) == 2]  # type: ignore[arg-type]
+    wanted = interquartile_mean(ALIKE) - np.array([0.0, 0.1])
+    assert any(line == pytest.approx(wanted) for line in drawn)

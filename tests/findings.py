@@ -65,18 +65,16 @@ def anew(text: str, study: Study) -> str:
 
 def row(head: list[str], what: str, cells: list[str], study: Study) -> list[str]:
     """Write a table's row anew: what is told of, where its heading says."""
-    if alike := re.fullmatch(r"(\w+): (\w+) beside ([\w ]+)", what):
-        told_of = [(*alike.groups(), layer.strip()) for layer in head]
-        return [
-            re.sub(CKA, lambda _, key=key: ckas()[key], cell)
-            for key, cell in zip(told_of, cells, strict=True)
-        ]
+    alike = re.fullmatch(r"(\w+): (\w+) beside ([\w ]+)", what)
     made = []
-    for where, cell in zip(head, cells, strict=True):
-        numbers = re.search(NUMBERS, cell)
-        made.append(
-            cell.replace(numbers[0], told(f"{where.strip()}: {what}", numbers[0], study)) if numbers else cell
-        )
+    for where, cell in zip(map(str.strip, head), cells, strict=True):
+        numbers = re.search(CKA if alike else NUMBERS, cell)
+        if numbers is None:
+            made.append(cell)
+        elif alike:
+            made.append(cell.replace(numbers[0], ckas()[*alike.groups(), where]))
+        else:
+            made.append(cell.replace(numbers[0], told(f"{where}: {what}", numbers[0], study)))
     return made
 
 

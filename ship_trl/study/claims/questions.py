@@ -15,7 +15,7 @@ from ship_trl.study.plan.jobs import COMPARED, CONTROLS, PAIRS, from_scratch
 FORM = "WHERE: ARM above ARM (METRIC), of times ARM sooner than ARM, or WHERE: ARM (METRIC)"
 EVERY_PAIR, EVERY_ARM, MEAN = "every pair", "every arm", "mean of "
 ABOVE, SOONER = "above", "sooner than"
-QUESTION = re.compile(rf"([^:]+): (.+?)(?: ({ABOVE}|{SOONER}) (.+?))?(?: \(([^()]+)\))?")
+QUESTION = re.compile(rf"([^:]+?) ?: ?(.+?)(?: ({ABOVE}|{SOONER}) (.+?))?(?: \(([^()]+)\))?")
 
 
 def places_of(study: Study) -> dict[str, dict[str, Place]]:
@@ -53,7 +53,7 @@ def ask(study: Study, question: str) -> list[Test]:
     Raises:
         ConfigError: the question has another form, or names what the study has not.
     """
-    match = QUESTION.fullmatch(question.strip())
+    match = QUESTION.fullmatch(" ".join(question.split()))
     if match is None:
         raise ConfigError(f"question: got {question!r}; allowed: {FORM}")
     where, better, word, worse, metric = match.groups()
@@ -87,6 +87,8 @@ def of_place(
     left = [name for name in known[where] if name not in others] if better == EVERY_ARM else [better]
     for name in left:
         arms = side(study, known, where, name)
+        if [*arms.values()] == [*others.values()]:
+            raise ConfigError(f"question: {name!r} stands on both sides; allowed: two arms")
         weights = {arm: 1 / len(arms) for arm in arms}
         for arm in others:
             weights[arm] = weights.get(arm, 0.0) - 1 / len(others)
@@ -108,6 +110,8 @@ def side(study: Study, known: Mapping[str, Mapping[str, Place]], where: str, wor
     many = words.startswith(MEAN)
     # Some names have a comma in them.
     names = list_of(words.removeprefix(MEAN), [*known[where]]) if many else [words]
+    if not names:
+        raise ConfigError(f"question: {MEAN.strip()!r} names no arm; allowed: {MEAN}ARM, ARM")
     found: dict[str, Place] = {}
     for name in names:
         arm, _, elsewhere = name.partition(" of ")

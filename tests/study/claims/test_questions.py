@@ -57,6 +57,11 @@ def test_every_plain_contrast_of_a_claim_can_be_asked_for(study: Study) -> None:
     assert asked > 100
 
 
+def test_spaces_and_lines_do_not_matter(study: Study) -> None:
+    (found,) = measured(study, " high :FE3  above\nFE4 (early  area) ")
+    assert found.what == "high: FE3 above FE4 (early area)"
+
+
 def test_names_with_a_comma_are_one_name(study: Study) -> None:
     (found,) = measured(
         study, "new: mean of reused, low, reused, 1 above mean of scratch, low, scratch, 1 (area)"
@@ -103,6 +108,10 @@ def test_of_one_arm_it_is_the_level(study: Study, metric: str) -> None:
         ("high: FE3 above FE4 of 9 to 9", "no arm 'FE4 of 9 to 9'"),
         ("high: FE3 above FE4 (speed)", f"no metric 'speed'; allowed: {', '.join(METRICS)}"),
         ("high: FE3 above FE4 (time)", "time is asked for by 'sooner than', got 'above'"),
+        ("high: FE3 above FE3", "'FE3' stands on both sides"),
+        ("high: FE3 above FE3 of high", "'FE3' stands on both sides"),
+        ("high: mean of above FE3", "no arm 'mean of' in high"),
+        ("high: mean of , above FE3", "'mean of' names no arm"),
         ("high: FE3 sooner than FE4", "area is asked for by 'above', got 'sooner than'"),
     ],
 )

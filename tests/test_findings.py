@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable
 
 import pytest
+import yaml
 
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.ask import answers
@@ -97,6 +98,15 @@ def test_arms_that_are_sooner_are_counted_right(study: Study) -> None:
     text = " ".join(found_in("docs/findings.md").split())
     assert f"Of {len(questions)} arms of the pairs {words[len(sooner)]} " in text
     assert all(f"`{what}`" in text for what in sooner)
+
+
+def test_what_could_be_gained_is_that_of_the_margins() -> None:
+    gains = yaml.safe_load((ROOT / "conf/analysis.yaml").read_text())["gains"]
+    told = re.findall(r"\| could be gained: (\w+) \|(.+)\|", found_in("docs/findings.md"))
+    assert len(told) == 3
+    for metric, cells in told:
+        # Targets of the pairs high, low and lowest.
+        assert [float(cell) for cell in cells.split("|")] == [gains[case][metric] for case in "246"]
 
 
 def test_seeds_that_would_decide_are_those_of_the_report() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import torch
 
+CPUINFO = Path("/proc/cpuinfo")
 # Numbers of glibc's malloc.h.
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
 
@@ -57,7 +58,7 @@ def processor_name() -> str:
     A virtual machine often hides all but the maker; the numbers still tell one generation from another.
     """
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = CPUINFO.read_text().splitlines()
     except OSError:
         lines = []
     pairs = [line.partition(":") for line in lines]

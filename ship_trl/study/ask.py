@@ -47,11 +47,13 @@ def main(arguments: list[str] | None = None) -> None:
         for finding in answers(study, options.questions, options.seeds):
             table.add_row(*row(finding))
         # In a pipe no line is broken.
-        Console(highlight=False, width=None if sys.stdout.isatty() else WIDEST).print(table)
+        Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else WIDEST).print(table)
 
 
 def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
     """Measure what is asked for, on the first `seeds` seeds, or on those of the last look.
+
+    Of `every pair` and `every arm` what has too few seeds is left out, and counted on stderr.
 
     Raises:
         ConfigError: a question cannot be read, two seeds that all its arms have are not there, or the study
@@ -64,9 +66,12 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
     shown = study.first(seeds or reached(study)[-1], LEVEL / 2)
     found = []
     for question in questions:
-        measured = [finding for test in ask(shown, question) for finding in test(shown, "")]
+        tests = ask(shown, question)
+        measured = [finding for test in tests for finding in test(shown, "")]
         if not measured:
             raise ConfigError(f"question: {question!r} needs two seeds that all of its arms have")
+        if few := len(tests) - len(measured):
+            complain(f"{question}: {few} of {len(tests)} have less than two seeds in common; left out")
         found += measured
     return found
 

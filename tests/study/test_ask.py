@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.analysis.statistics import level_of
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.ask import answers, main
 from tests.study.synthetic import write_study
 from tests.study.test_sensitivity import study_of
@@ -27,6 +28,25 @@ def test_seeds_beyond_the_last_look_are_left_out() -> None:
     planned = type(nine)(nine.records, planned=tuple(range(10)))
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"])] == [5]
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"], seeds=7)] == [7]
+
+
+def test_pairs_with_too_few_seeds_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    both = {**study_of(scratch=SCRATCH, FE1=SCRATCH).records}
+    one = next(iter(both.values()))
+    both[("pairs", "low", "scratch", 0)] = both[("pairs", "low", "FE1", 1)] = one
+    (found,) = answers(Study(both), ["every pair: FE1 above scratch"])
+    assert found.what == "high: FE1 above scratch (area)"
+    said = capsys.readouterr().err
+    assert (
+        said
+        == "ship_trl: every pair: FE1 above scratch: 1 of 2 have less than two seeds in common; left out\n"
+    )
+
+
+def test_a_name_is_written_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_study(tmp_path, seeds=2, pairs=("[red]low",))
+    main([str(tmp_path), "[red]low: FE1 above scratch"])
+    assert "│ [red]low: FE1 above scratch (area) " in capsys.readouterr().out
 
 
 def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:

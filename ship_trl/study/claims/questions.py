@@ -64,9 +64,13 @@ def ask(study: Study, question: str) -> list[Test]:
     right = SOONER if metric in TIMES else ABOVE
     if word not in (None, right):
         raise ConfigError(f"question: {metric} is asked for by {right!r}, got {word!r}")
+    if EVERY_ARM in f"{worse}":
+        raise ConfigError(f"question: {EVERY_ARM!r} stands on the right; allowed: on the left")
     pairs = [name for name in known if name in {key[1] for key in study.records if key[0] == PAIRS}]
     if where not in known and where != EVERY_PAIR:
         raise ConfigError(f"question: nothing of {where!r}; allowed: {EVERY_PAIR}, {', '.join(known)}")
+    if where == EVERY_PAIR and not pairs:
+        raise ConfigError(f"question: the study has no pair; allowed: {', '.join(known)}")
     return [
         test
         for place in (pairs if where == EVERY_PAIR else [where])
@@ -84,10 +88,11 @@ def of_place(
     """Make the tests of one pair, or of what stands in its place."""
     better, word, worse = words
     others = {} if worse is None else side(study, known, where, worse)
-    left = [name for name in known[where] if name not in others] if better == EVERY_ARM else [better]
-    for name in left:
+    compared = set(others.values())
+    every = [name for name, place in known[where].items() if place not in compared]
+    for name in every if better == EVERY_ARM else [better]:
         arms = side(study, known, where, name)
-        if [*arms.values()] == [*others.values()]:
+        if set(arms.values()) == compared:
             raise ConfigError(f"question: {name!r} stands on both sides; allowed: two arms")
         weights = {arm: 1 / len(arms) for arm in arms}
         for arm in others:
@@ -98,7 +103,11 @@ def of_place(
         elif metric in TIMES:
             # A level has the sign that it has; `weighted` turns that of times round.
             weights = {arm: -weight for arm, weight in weights.items()}
-        yield weighted(where, told, {**arms, **others}, weights, metric)
+        try:
+            yield weighted(where, told, {**arms, **others}, weights, metric)
+        except ValueError as error:
+            # An arm of the study's own, which no claim could name either.
+            raise ConfigError(f"question: {error}") from None
 
 
 def side(study: Study, known: Mapping[str, Mapping[str, Place]], where: str, words: str) -> dict[str, Place]:
@@ -130,8 +139,9 @@ def side(study: Study, known: Mapping[str, Mapping[str, Place]], where: str, wor
 
 def list_of(words: str, names: Sequence[str]) -> list[str]:
     """Split a list at its commas, but not within the names that have one."""
-    longest_first = sorted(map(re.escape, names), key=len, reverse=True)
-    return re.findall(rf"(?:^|, *)({'|'.join([*longest_first, '[^,]+'])})", words)
+    longest_first = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
+    # A name, or one of elsewhere, up to the next comma; and what is neither, for it is to be named.
+    return re.findall(rf"(?:^|, *)((?:{longest_first})(?: of [^,]+)?(?=,|$)|[^,]+)", words)
 
 
 def target_of(study: Study, place: Place) -> str:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from ship_trl.config import ConfigError
 from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES
 from ship_trl.outside import Bounded
-from ship_trl.paths import is_name, read_file, replacing
+from ship_trl.paths import is_name, read_file, replacing, writing
 from ship_trl.result import Result, ResultError, from_json
 from ship_trl.study.plan.jobs import PARTS
 from ship_trl.study.plan.manifest import JOB, PLAN, read_plan
@@ -153,19 +153,24 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     try:
         copy.mkdir(parents=True, exist_ok=True)
         runs = pd.DataFrame([{"part": record.part} | cells(result) for record, result, _ in whole])
-        with replacing(copy / RUNS) as draft:
-            runs.to_csv(draft, index=False, lineterminator="\n")
-        with replacing(copy / CURVES) as draft, draft.open("wb") as file:
-            for _, runs_of_seed in groupby(enumerate(whole), lambda run: run[1][0].seed):
-                curves = pd.concat([with_draws(number, *run[1:]) for number, run in runs_of_seed])
-                text = curves.to_csv(
-                    None, columns=COLUMNS, index=False, header=not file.tell(), lineterminator="\n"
-                )
-                file.write(lzma.compress(text.encode(), preset=PRESET))
-        # The last: without it, or with that of another time, the others are no copy.
-        plan[KEPT] = {name: digest(copy / name) for name in (RUNS, CURVES)}
-        with replacing(copy / PLAN) as draft:
-            draft.write_text(json.dumps(plan) + "\n")
+        # All are written before one is renamed, the plan last: without it, or with that of another time, the
+        # others are no copy, and packing takes a minute.
+        with (
+            replacing(copy / PLAN) as planned,
+            replacing(copy / CURVES) as packed,
+            replacing(copy / RUNS) as listed,
+        ):
+            runs.to_csv(listed, index=False, lineterminator="\n")
+            with writing(copy / CURVES, packed), packed.open("wb") as file:
+                for _, runs_of_seed in groupby(enumerate(whole), lambda run: run[1][0].seed):
+                    curves = pd.concat([with_draws(number, *run[1:]) for number, run in runs_of_seed])
+                    text = curves.to_csv(
+                        None, columns=COLUMNS, index=False, header=not file.tell(), lineterminator="\n"
+                    )
+                    file.write(lzma.compress(text.encode(), preset=PRESET))
+            plan[KEPT] = {RUNS: digest(listed), CURVES: digest(packed)}
+            with writing(copy / PLAN, planned):
+                planned.write_text(json.dumps(plan) + "\n")
     except OSError as error:
         raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
     return len(whole), len(broken)

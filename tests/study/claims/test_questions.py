@@ -13,7 +13,7 @@ from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.kinds import Test, control, itself, means, network_effect, sooner
 from ship_trl.study.claims.questions import ask, places_of
 from ship_trl.study.claims.verdicts import ALL, OURS
-from tests.study.synthetic import write_planned
+from tests.study.synthetic import make_study, write_planned
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +55,26 @@ def test_every_plain_contrast_of_a_claim_can_be_asked_for(study: Study) -> None:
                 assert found.differences == pytest.approx(wanted.differences)
                 asked += 1
     assert asked > 100
+
+
+def test_an_arm_of_elsewhere_may_be_one_of_many(study: Study) -> None:
+    (found,) = measured(study, "high: mean of FE3 of ship to 2, FE4 above scratch of high")
+    parts = [measured(study, f"high: {arm} above scratch")[0] for arm in ("FE3 of ship to 2", "FE4")]
+    assert found.differences == pytest.approx(np.mean([part.differences for part in parts], axis=0))
+    every = measured(study, "2 to 2: every arm above scratch of high")
+    assert [one.what for one in every][:1] == ["2 to 2: FE1 above scratch of high (area)"]
+
+
+def test_an_arm_that_no_claim_knows_is_refused() -> None:
+    own = make_study({("pairs", "high", arm): 0.9 for arm in ("scratch", "FE5")}, seeds=2)
+    with pytest.raises(ConfigError, match=r"^question: .*no arm FE5; allowed: "):
+        ask(own, "high: FE5 above scratch")
+
+
+def test_a_study_without_pairs_says_so() -> None:
+    alone = make_study({("reuse/epsilon_1", "new", "scratch"): 0.9}, seeds=2)
+    with pytest.raises(ConfigError, match="the study has no pair; allowed: new"):
+        ask(alone, "every pair: FTW above scratch")
 
 
 def test_spaces_and_lines_do_not_matter(study: Study) -> None:
@@ -110,6 +130,12 @@ def test_of_one_arm_it_is_the_level(study: Study, metric: str) -> None:
         ("high: FE3 above FE4 (time)", "time is asked for by 'sooner than', got 'above'"),
         ("high: FE3 above FE3", "'FE3' stands on both sides"),
         ("high: FE3 above FE3 of high", "'FE3' stands on both sides"),
+        ("high: mean of FE1, FE2 above mean of FE2, FE1", "'mean of FE1, FE2' stands on both sides"),
+        ("high: mean of FE10, FE4 above scratch", "no arm 'FE10' in high"),
+        ("high: mean of FE1 and FE2 above scratch", "no arm 'FE1 and FE2' in high"),
+        ("high: mean of FE3 of nowhere, FE1 above scratch", "no arm 'FE3 of nowhere' in high"),
+        ("high: mean of FE3 of low above scratch", "'FE3 of low' has the target 4, and high 2"),
+        ("high: FE3 above every arm", "'every arm' stands on the right"),
         ("high: mean of above FE3", "no arm 'mean of' in high"),
         ("high: mean of , above FE3", "'mean of' names no arm"),
         ("high: FE3 sooner than FE4", "area is asked for by 'above', got 'sooner than'"),

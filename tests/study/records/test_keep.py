@@ -1,6 +1,7 @@
 """A study's copy: what it holds, how a study goes on from it, and what is refused."""
 
 import csv
+import errno
 import json
 import lzma
 import shutil
@@ -294,6 +295,25 @@ def test_what_is_there_is_kept(
     told = capsys.readouterr().err
     assert ended.value.code == 1
     assert told.startswith("ship_trl: ") and said in told and told.count("\n") == 1
+    assert files(tmp_path) == before
+
+
+def test_a_disk_that_fills_up_while_curves_are_packed_leaves_the_copy(
+    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    longer = a_study(tmp_path / "longer", seeds=4)
+    before = files(tmp_path)
+
+    def full(*_: object, **__: object) -> bytes:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(lzma, "compress", full)
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        keep([str(longer), str(copy)])
+    said = capsys.readouterr().err
+    assert said == f"ship_trl: copy: {copy / 'curves.csv.xz'} cannot be written: No space left on device\n"
+    # Neither runs.csv nor the plan is ahead of the curves.
     assert files(tmp_path) == before
 
 

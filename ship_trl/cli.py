@@ -104,7 +104,10 @@ def make_parser(module: str, description: str | None) -> argparse.ArgumentParser
             complain(f"{message}; see {self.prog} --help")
             sys.exit(1)
 
-    return Parser(prog=f"python -m {module}", description=description)
+    # Examples stand on lines of their own, which argparse would join.
+    raw = "\n    " in (description or "")
+    formatter = argparse.RawDescriptionHelpFormatter if raw else argparse.HelpFormatter
+    return Parser(prog=f"python -m {module}", description=description, formatter_class=formatter)
 
 
 @contextmanager

@@ -1,7 +1,10 @@
 """`python -m ship_trl.study.ask FOLDER "low: FE3 above FE4 (asymptote)"`: any contrast of a study's arms.
 
-    every pair: FTW above scratch (early area)      low: every arm sooner than scratch (time)
-    lowest: mean of FT1, FT2 above mean of FE1, FE2       low: FE4 above FE4 of 4 to 4      low: FE4 (start)
+    every pair: FTW above scratch (early area)
+    low: every arm sooner than scratch (time)
+    lowest: mean of FT1, FT2 above mean of FE1, FE2
+    low: FE4 above FE4 of 4 to 4
+    low: FE4 (start)
 
 Estimates are interquartile means over seeds of the difference within a seed, as in the report; of times, how
 much sooner. Without a second arm it is the first one's level. Each interval stands for itself, at 95 %: what

@@ -49,6 +49,13 @@ def test_a_name_is_written_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "│ [red]low: FE1 above scratch (area) " in capsys.readouterr().out
 
 
+def test_help_has_its_examples_on_lines_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert ended.value.code == 0 and "    every pair: FTW above scratch (early area)" in lines
+
+
 def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
     write_study(tmp_path, seeds=2, pairs=("high", "low", "lowest"))
     told = ship_trl(

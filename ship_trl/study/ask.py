@@ -24,7 +24,7 @@ from ship_trl.cli import complain, make_parser, refusals
 from ship_trl.config import ConfigError
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.statistics import LEVEL, Estimate
-from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.questions import ask
 from ship_trl.study.claims.verdicts import reached
 
@@ -41,11 +41,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds alone")
     options = parser.parse_args(arguments)
     with refusals():
-        study = read_study(options.folder)
-        for path, reason in study.broken:
-            complain(f"{path}: {reason}; left out")
-        if not study.records:
-            raise ConfigError(f"folder: no finished run below {options.folder}")
+        study = finished_study(options.folder, options.seeds)
         table = Table(*HEADINGS)
         for finding in answers(study, options.questions, options.seeds):
             table.add_row(*row(finding))
@@ -59,14 +55,9 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
     Of `every pair` and `every arm` what has too few seeds is left out, and counted on stderr.
 
     Raises:
-        ConfigError: a question cannot be read, two seeds that all its arms have are not there, or the study
-            was not begun with so many seeds.
+        ConfigError: a question cannot be read, or two seeds that all its arms have are not there.
     """
-    if seeds is not None and not 1 <= seeds <= len(study.seeds):
-        raise ConfigError(
-            f"--seeds: must be from 1 to {len(study.seeds)}, which it was begun with, got {seeds}"
-        )
-    shown = study.first(seeds or reached(study)[-1], LEVEL / 2)
+    shown = study.first(reached(study)[-1] if seeds is None else seeds, LEVEL / 2)
     found = []
     for question in questions:
         tests = ask(shown, question)

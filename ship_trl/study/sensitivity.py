@@ -20,12 +20,11 @@ from rich.console import Console
 from rich.table import Table
 from scipy import stats
 
-from ship_trl.cli import complain, make_parser, refusals
-from ship_trl.config import ConfigError
+from ship_trl.cli import make_parser, refusals
 from ship_trl.study.analysis.contrasts import Claimed, Finding
 from ship_trl.study.analysis.measured import SPREAD
 from ship_trl.study.analysis.statistics import SAME
-from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.kinds import Hypothesis
 from ship_trl.study.claims.verdicts import ALL, Answer, answer
 
@@ -43,11 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study, or its kept tables")
     options = parser.parse_args(arguments)
     with refusals():
-        study = read_study(options.folder)
-        for path, reason in study.broken:
-            complain(f"{path}: {reason}; left out")
-        if not study.records:
-            raise ConfigError(f"folder: no finished run below {options.folder}")
+        study = finished_study(options.folder)
         found = answers(study)
         table = Table(*HEADINGS)
         for row in rows(found):

@@ -90,4 +90,7 @@ def test_a_folder_without_runs_is_a_line(tmp_path: Path, capsys: pytest.CaptureF
     with pytest.raises(SystemExit) as ended:
         main([str(tmp_path), "high: FE1 above scratch"])
     assert ended.value.code == 1
-    assert capsys.readouterr().err == f"ship_trl: folder: no finished run below {tmp_path}\n"
+    assert (
+        capsys.readouterr().err
+        == f"ship_trl: folder: no finished run below {tmp_path}; python -m ship_trl.study makes some\n"
+    )

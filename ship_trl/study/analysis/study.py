@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ship_trl.cli import complain
 from ship_trl.config import ConfigError
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
 from ship_trl.study.plan.jobs import PAIRS
 from ship_trl.study.plan.manifest import begun_with, warmup_of
 from ship_trl.study.records.layers import LAYERS, Layer, read_layers
-from ship_trl.study.records.record import COMPUTED, Record, read_runs
+from ship_trl.study.records.record import COMPUTED, NO_PART, Record, read_runs
 from ship_trl.study.records.tables import has_tables, read_tables
 
 # So many seeds are run before the study is looked at again (docs/analysis-plan.md).
@@ -113,6 +114,28 @@ def read_study(folder: Path) -> Study:
     planned, rules = begun_with(folder)
     layers, warmup = layers_of(folder, records, broken), warmup_of(folder)
     return Study(same_zero(records), broken, planned, rules, layers=layers, warmup=warmup)
+
+
+def finished_study(folder: Path, seeds: int | None = None) -> Study:
+    """Read a study to show it, or its first `seeds`; what cannot be read is named on stderr, and left out.
+
+    Raises:
+        ConfigError: there is no finished run, the tables are not whole, or there are not so many seeds.
+    """
+    study = read_study(folder)
+    if seeds is not None:
+        if not 1 <= seeds <= len(study.seeds):
+            raise ConfigError(
+                f"--seeds: must be from 1 to {len(study.seeds)}, which it was begun with, got {seeds}"
+            )
+        study = study.first(seeds, study.level)
+    if not study.records and study.broken and all(reason.endswith(NO_PART) for _, reason in study.broken):
+        raise ConfigError(f"folder: the runs below {folder} are of no study; ship_trl.results tables them")
+    for path, reason in study.broken:
+        complain(f"{path}: {reason}; left out")
+    if not study.records:
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+    return study
 
 
 def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) -> list[Layer]:

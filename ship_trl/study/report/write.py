@@ -6,16 +6,14 @@ import gc
 import sys
 from pathlib import Path
 
-from ship_trl.cli import complain
 from ship_trl.config import ConfigError
 from ship_trl.paths import links, read_json, replacing
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS
-from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.placebo import placebo
 from ship_trl.study.claims.verdicts import answer, explore, reached
 from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, cases_of
-from ship_trl.study.records.record import NO_PART
 from ship_trl.study.report import tables
 from ship_trl.study.report.drawings import draw_all
 from ship_trl.study.report.layers import layer_rows
@@ -41,19 +39,7 @@ def report(folder: Path, output: Path, earlier: Path | None = None, seeds: int |
         raise ConfigError(
             f"output: {linked[0]} is a link; allowed: --output with the folder that it leads to"
         )
-    study = read_study(folder)
-    if seeds is not None:
-        if not 1 <= seeds <= len(study.seeds):
-            raise ConfigError(
-                f"--seeds: must be from 1 to {len(study.seeds)}, which it was begun with, got {seeds}"
-            )
-        study = study.first(seeds, study.level)
-    if not study.records and study.broken and all(reason.endswith(NO_PART) for _, reason in study.broken):
-        raise ConfigError(f"folder: the runs below {folder} are of no study; ship_trl.results tables them")
-    for path, reason in study.broken:
-        complain(f"{path}: {reason}; left out")
-    if not study.records:
-        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+    study = finished_study(folder, seeds)
     try:
         output.mkdir(parents=True, exist_ok=True)
         write(study, folder, output, before, None if seeds is None else study.seeds[:seeds])

@@ -33,12 +33,12 @@ from ship_trl.study.ask import answers
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 from tests.test_cli import ROOT
 
-PAGES = ("docs/findings.md", "README.md")
+PAGES = ("docs/findings.md", "docs/controls.md", "README.md")
 NUMBER = r"[+-]\d+\.\d+"
 # A line may end between any two words.
-NUMBERS = rf"{NUMBER}\s\({NUMBER}\sto\s{NUMBER}(?:;\sgreedy\s{NUMBER})?\)"
+NUMBERS = rf"{NUMBER}\s+\({NUMBER}\s+to\s+{NUMBER}(?:;\s+greedy\s+{NUMBER})?\)"
 CKA = r"(?<=^ )\d\.\d\d(?= $)"
-TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`\s(?P<numbers>{NUMBERS})")
+TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`\s+(?P<numbers>{NUMBERS})")
 
 
 def section(text: str, page: str) -> str:

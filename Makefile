@@ -1,4 +1,5 @@
 # make run    the main job, and a film of a ship that gives way; make run ARGS="target=4 method=scratch" another one
+# make install  nothing but the virtual environment, for the commands of the README
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests; those that precision touches once more without bfloat16
 # make test-long   the tests that `make test` leaves out, for they take half a minute or more each
@@ -23,12 +24,14 @@ export OMP_NUM_THREADS = 1
 python_fits = $(shell $(PYTHON) -c "import sys; print((3, 11) <= sys.version_info[:2] <= (3, 12))" 2>/dev/null)
 check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python 3.11 or 3.12, and $(PYTHON) is not: try make PYTHON=python3.11))
 
-.PHONY: run watch test test-long format lock audit clean
+.PHONY: run install watch test test-long format lock audit clean
 .NOTPARALLEL:
 
 run: $(VENV)/.run
 	$(BIN)/python -m ship_trl $(ARGS)
 	$(BIN)/python -m ship_trl.record pretrained target=4 --size 960x540 --output outputs/give_way.gif
+
+install: $(VENV)/.run
 
 watch: $(VENV)/.run
 	$(BIN)/python -m ship_trl.watch

@@ -143,7 +143,10 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
     if not found:
         console.print(f"By measurement: no transfer to case {target.name} from these cases was measured.")
         return
-    title = f"Measured on case {target.name}: area above scratch (score); all intervals hold together at 95 %"
+    title = (
+        f"Measured on case {target.name}: mean score of all training episodes, above scratch with the same "
+        f"epsilon. The {len(found)} intervals hold all at once at 95 %: each alone would be narrower."
+    )
     table = Table(title=title, title_justify="left")
     for name in ("source", "arm", "epsilon from", "gain", "interval", "seeds"):
         table.add_column(name, justify="right" if name in ("gain", "interval", "seeds") else "left")

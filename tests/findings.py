@@ -38,7 +38,9 @@ NUMBER = r"[+-]\d+\.\d+"
 # A line may end between any two words.
 NUMBERS = rf"{NUMBER}\s+\({NUMBER}\s+to\s+{NUMBER}(?:;\s+greedy\s+{NUMBER})?\)"
 CKA = r"(?<=^ )\d\.\d\d(?= $)"
-TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`\s+(?P<numbers>{NUMBERS})")
+# A claim is told by the seeds of the look that decided it.
+FIRST = r"\s+on\s+the\s+first\s+(?P<seeds>\d+)\s+seeds"
+TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`(?P<first>{FIRST})?\s+(?P<numbers>{NUMBERS})")
 
 
 def section(text: str, page: str) -> str:
@@ -51,7 +53,10 @@ def section(text: str, page: str) -> str:
 def anew(text: str, study: Study) -> str:
     """Write all numbers of a text anew, everything else as it was."""
     inline = TOLD.sub(
-        lambda match: match[0].replace(match["numbers"], told(match["what"], match["numbers"], study)), text
+        lambda match: match[0].replace(
+            match["numbers"], told(match["what"], match["numbers"], study, int(match["seeds"] or SEEN))
+        ),
+        text,
     )
     head: list[str] = []
     lines = []
@@ -88,9 +93,9 @@ def ckas() -> dict[tuple[str, ...], str]:
         }
 
 
-def told(question: str, numbers: str, study: Study) -> str:
+def told(question: str, numbers: str, study: Study, seeds: int = SEEN) -> str:
     """Write the numbers of one contrast anew."""
-    (finding,) = answers(study, [" ".join(question.split())], SEEN)
+    (finding,) = answers(study, [" ".join(question.split())], seeds)
     greedy = [one for name, one in finding.beside.items() if name.startswith("greedy")]
     found = iter([*ends(finding.estimate), *(one.value for one in greedy)])
     return re.sub(NUMBER, lambda number: written(next(found), number[0]), numbers)

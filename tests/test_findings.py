@@ -96,16 +96,31 @@ def test_contrasts_that_hold_are_counted_right() -> None:
         assert (verdicts.count("supported"), len(verdicts)) == (int(held), int(every)), claim
 
 
+def test_sources_that_cannot_sail_the_target_are_counted_right() -> None:
+    begun = [row for row in runs_of("pairs") if row["arm"] == "FTW" and float(row["start"]) <= 0.05]
+    high, low, lowest = (sum(row["pair"] == pair for row in begun) for pair in ("high", "low", "lowest"))
+    text = " ".join(found_in("docs/controls.md").split())
+    assert f"{high} of {SEEN} in pair high begin at 0.05 or below, {low} in low, {lowest} in lowest" in text
+
+
 def test_arms_that_are_sooner_are_counted_right(study: Study) -> None:
     arms = [f"{kind}{n}" for kind in ("FE", "FT") for n in (1, 2, 3, 4)] + ["FTW"]
     questions = [
         f"{pair}: {arm} sooner than scratch (time)" for pair in ("high", "low", "lowest") for arm in arms
     ]
-    sooner = [one.what for one in answers(study, questions, SEEN) if one.estimate.low > 0]
+    found = answers(study, questions, SEEN)
+    sooner = [one.what for one in found if one.estimate.low > 0]
     words = ("none", "one", "two", "three", "four", "five", "six")
     text = " ".join(found_in("docs/findings.md").split())
     assert f"Of {len(questions)} arms of the pairs {words[len(sooner)]} " in text
     assert all(f"`{what}`" in text for what in sooner)
+    lower, higher = ([one for one in found if one.beside[f"time to {at}"].low > 0] for at in (0.5, 0.8))
+    assert f"At 0.5 there are {len(lower)}, at 0.8 there are {len(higher)};" in text
+    everywhere = [
+        one.what.split()[:2] for one in found if one in lower and one in higher and one.what in sooner
+    ]
+    assert everywhere == [["high:", "FE4"], ["lowest:", "FE3"]]
+    assert "only FE4 of pair high and FE3 of pair lowest are among all three" in text
 
 
 def test_what_could_be_gained_is_that_of_the_margins() -> None:

@@ -64,6 +64,8 @@ def ask(study: Study, question: str) -> list[Test]:
     right = SOONER if metric in TIMES else ABOVE
     if word not in (None, right):
         raise ConfigError(f"question: {metric} is asked for by {right!r}, got {word!r}")
+    if word is None and (said := re.search(r" (below|under|over|later than|before|after) ", better)):
+        raise ConfigError(f"question: got {said[1]!r}; allowed: {ABOVE}, of times {SOONER}")
     if EVERY_ARM in f"{worse}":
         raise ConfigError(f"question: {EVERY_ARM!r} stands on the right; allowed: on the left")
     pairs = [name for name in known if name in {key[1] for key in study.records if key[0] == PAIRS}]

@@ -51,7 +51,8 @@ TIMES = (
 )
 GAINS = (
     "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
-    "scratch on the target, and its 95 % interval; bold where that does not hold zero."
+    "scratch on the target, and its 95 % interval; bold where that does not hold zero. In brackets how many "
+    "seeds a cell has, where others have more; intervals of five seeds chance makes much too narrow or wide."
 )
 GREEDY_GAINS = (
     "The same of greedy evaluations, which do not explore: the picture above is of what was earned on the "
@@ -59,13 +60,15 @@ GREEDY_GAINS = (
 )
 LAYERS = (
     "CKA of a layer of two networks on the same states of the target case: 1 is alike but for turning and "
-    "scaling, 0 unrelated. Another seed is the one before it, of which the first has none. Interquartile "
-    "mean over seeds with a band as above; it explains, and decides nothing. In brackets the number of seeds."
+    "scaling, 0 unrelated. Another seed is the one before it, if its networks were still there. "
+    "Interquartile mean over seeds with a band as above; it explains, and decides nothing. In brackets the "
+    "number of seeds."
 )
 FOREST = (
     "Estimate and interval at the level of the look; positive is as claimed. Grey is the margin within which "
-    "a difference counts as none. A row's verdict is that on the contrast by itself, the bold words are that "
-    "on the claim. An arrow is an interval that goes on."
+    "a difference counts as none. A row is called supported or equivalent by itself, and contradicted only "
+    "as adjusted over all contrasts of the figure, so that some rows below zero are inconclusive. The bold "
+    "words are the verdict on the claim. An arrow is an interval that goes on."
 )
 
 

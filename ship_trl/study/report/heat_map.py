@@ -24,11 +24,21 @@ from ship_trl.study.report.panels import pairs, reuse_panels
 
 ARMS = (*FE, *CONTROL_ARMS, *FT, "FTW")
 PAIRS_TITLE, NEW_TITLE = "Source to target, by arm", "The new case, by source"
+RETURNS = {"area": "training returns", "greedy area": "greedy returns"}
 # In inches: edges, a cell's height, a map's heading, a line of the names above its columns, the scale below.
 EDGE, CELL, HEADING, TITLE, BAR = 0.12, 0.36, 0.22, 0.15, 0.66
 # So many sources stand beside each other on a telephone, at most.
 ACROSS = 3
-Row = dict[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Gain(Estimate):
+    """What an arm gains, and of how many seeds that is known."""
+
+    seeds: int
+
+
+Row = dict[str, Gain]
 
 
 @dataclass(frozen=True)
@@ -38,7 +48,7 @@ class Map:
     title: str
     rows: Sequence[str]
     columns: Sequence[str]
-    cells: Mapping[tuple[str, str], Estimate]
+    cells: Mapping[tuple[str, str], Gain]
 
     @property
     def above(self) -> float:
@@ -78,11 +88,22 @@ def reused(study: Study) -> dict[str, tuple[Place, Place]]:
     }
 
 
-def gains(study: Study, metric: str = "area") -> dict[str, dict[str, Estimate]]:
+def counted(study: Study, place: Place, scratch: Place, metric: str) -> Gain | None:
+    """Return what an arm gains over scratch; None without seeds that both have."""
+    found = gain(study, place, scratch, metric)
+    if found is None:
+        return None
+    seeds = len(study.matched({"arm": place, "scratch": scratch})["arm"])
+    return Gain(found.value, found.low, found.high, seeds)
+
+
+def gains(study: Study, metric: str = "area") -> dict[str, Row]:
     """Return what each arm gains in a metric, by source and target; rows without any are left out."""
     measured = {
         name: {
-            arm: found for arm in ARMS if arm in arms and (found := gain(study, arms[arm], scratch, metric))
+            arm: found
+            for arm in ARMS
+            if arm in arms and (found := counted(study, arms[arm], scratch, metric))
         }
         for name, (scratch, arms) in rows(study).items()
     }
@@ -95,27 +116,31 @@ def draw_gains(study: Study, form: Form, metric: str = "area") -> Figure | None:
     alone = {
         name: found
         for name, (scratch, place) in reused(study).items()
-        if (found := gain(study, place, scratch, metric))
+        if (found := counted(study, place, scratch, metric))
     }
     maps = maps_of(table, alone, form)
     if not maps:
         return None
-    largest = max(abs(one.value) for row in (*table.values(), alone) for one in row.values())
+    cells = [one for row in (*table.values(), alone) for one in row.values()]
+    largest = max(abs(one.value) for one in cells)
+    seeds = max(one.seeds for one in cells)
     # The ends of the scale are so dark that nothing near them can be told apart.
     most = max(0.05, 1.3 * largest)
     total = EDGE + BAR + sum(one.above + CELL * len(one.rows) + EDGE for one in maps)
     figure = Figure(figsize=(form.width, total), dpi=form.dpi)
     left, depth = (0.86 if form.narrow else 0.9), EDGE
     for one in maps:
-        figure.text(
-            0.08 / form.width, 1 - depth / total, one.title, fontsize=FONT + 1, weight="bold", va="top"
-        )
+        if one.title:
+            title = f"{one.title} ({RETURNS[metric]})"
+            figure.text(
+                0.08 / form.width, 1 - depth / total, title, fontsize=FONT + 1, weight="bold", va="top"
+            )
         depth += one.above
         height = CELL * len(one.rows)
         # A map of few columns has no wider cells than one of many.
         width = min(form.width - left - EDGE, len(one.columns) * 1.3)
         box = (left / form.width, 1 - (depth + height) / total, width / form.width, height / total)
-        picture = draw_map(figure.add_axes(box), one, most)
+        picture = draw_map(figure.add_axes(box), one, most, seeds)
         depth += height + EDGE
     bar = figure.add_axes((left / form.width, (BAR - 0.3) / total, 2.3 / form.width, 0.1 / total))
     figure.colorbar(picture, cax=bar, orientation="horizontal")
@@ -159,8 +184,11 @@ def luminance(colour: Any) -> float:
     return float(np.dot((0.2126, 0.7152, 0.0722), np.power((red, green, blue), 2.2)))
 
 
-def draw_map(axis: Axes, shown: Map, most: float) -> AxesImage:
-    """Draw cells with their numbers; bold is one whose interval does not hold zero."""
+def draw_map(axis: Axes, shown: Map, most: float, seeds: int) -> AxesImage:
+    """Draw cells with their numbers, and the count of seeds where it is smaller than `seeds`.
+
+    Bold is one whose interval does not hold zero.
+    """
     scale = mpl.cm.ScalarMappable(Normalize(-most, most), "PuOr").to_rgba
     values = np.full((len(shown.rows), len(shown.columns)), np.nan)
     for (row, column), found in shown.cells.items():
@@ -170,8 +198,9 @@ def draw_map(axis: Axes, shown: Map, most: float) -> AxesImage:
         sure = np.isfinite([found.low, found.high]).all()
         weight = "bold" if sure and (found.low > 0 or found.high < 0) else "normal"
         text: dict[str, Any] = {"ha": "center", "color": colour}
+        number = f"{found.value:+.2f}" + (f" ({found.seeds})" if found.seeds < seeds else "")
         axis.text(
-            place[1], place[0], f"{found.value:+.2f}", va="bottom" if sure else "center", fontsize=FONT,
+            place[1], place[0], number, va="bottom" if sure else "center", fontsize=FONT,
             weight=weight, **text,
         )  # fmt: skip
         if sure:

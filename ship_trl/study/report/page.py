@@ -12,6 +12,7 @@ from typing import Any
 import jinja2
 
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
+from ship_trl.study.analysis.metrics import THRESHOLDS
 from ship_trl.study.analysis.power import seen_effect
 from ship_trl.study.analysis.statistics import Estimate, look_level
 from ship_trl.study.analysis.study import Study
@@ -209,6 +210,7 @@ def render(
         episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
         seeds=seeds,
         missing=missing,
+        threshold=f"{THRESHOLDS[0]:g}",
         rules=told(study.rules),
         mixed=[counts for alike, counts in computed if not alike],
         computed=[counts for _, counts in computed],

@@ -84,6 +84,28 @@ def test_a_cell_says_how_sure_its_number_is(form: Form) -> None:
     assert len(cells) == 6 and len(figure.axes) == 3
 
 
+def test_a_cell_of_fewer_seeds_than_others_says_so() -> None:
+    places = {("pairs", "high", arm): end for arm, end in (("scratch", 0.5), ("FE1", 0.7), ("FE2", 0.7))}
+    study = make_study(places, seeds=6)
+    for key in list(study.records):
+        if key[2] == "FE2" and key[3] > 2:
+            del study.records[key]
+    figure = draw_gains(study, PAGE)
+    assert figure is not None
+    shown = [text.get_text() for text in figure.axes[0].texts]
+    assert [text.endswith(" (3)") for text in shown if " to " not in text] == [False, True]
+
+
+def test_a_map_says_of_which_returns_it_is() -> None:
+    study = make_study({("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}, seeds=2)
+    titles = [
+        " ".join(text.get_text() for text in figure.texts)
+        for figure in (draw_gains(study, PAGE), draw_greedy_gains(study, PAGE))
+        if figure is not None
+    ]
+    assert "training returns" in titles[0] and "greedy returns" in titles[1]
+
+
 def test_greedy_gains_are_of_evaluations_alone() -> None:
     study = make_study({("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}, seeds=6)
     for key, record in study.records.items():

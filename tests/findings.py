@@ -33,7 +33,7 @@ from ship_trl.study.ask import answers
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 from tests.test_cli import ROOT
 
-PAGES = ("docs/findings.md", "docs/controls.md", "README.md")
+PAGES = ("docs/findings.md", "docs/open-claims.md", "docs/controls.md", "README.md")
 NUMBER = r"[+-]\d+\.\d+"
 # A line may end between any two words.
 NUMBERS = rf"{NUMBER}\s+\({NUMBER}\s+to\s+{NUMBER}(?:;\s+greedy\s+{NUMBER})?\)"

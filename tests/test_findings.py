@@ -88,7 +88,7 @@ def test_runs_that_fell_back_are_counted_right() -> None:
 
 
 def test_contrasts_that_hold_are_counted_right() -> None:
-    text = " ".join(found_in("docs/findings.md").split())
+    text = " ".join(found_in("docs/open-claims.md").split())
     told = re.findall(r"\((\d+) of (\d+) (?:contrasts )?of (H\w+)\)", text)
     assert told
     for held, every, claim in told:
@@ -111,7 +111,7 @@ def test_arms_that_are_sooner_are_counted_right(study: Study) -> None:
     found = answers(study, questions, SEEN)
     sooner = [one.what for one in found if one.estimate.low > 0]
     words = ("none", "one", "two", "three", "four", "five", "six")
-    text = " ".join(found_in("docs/findings.md").split())
+    text = " ".join(found_in("docs/open-claims.md").split())
     assert f"Of {len(questions)} arms of the pairs {words[len(sooner)]} " in text
     assert all(f"`{what}`" in text for what in sooner)
     lower, higher = ([one for one in found if one.beside[f"time to {at}"].low > 0] for at in (0.5, 0.8))

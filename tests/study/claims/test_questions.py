@@ -122,7 +122,7 @@ def test_of_one_arm_it_is_the_level(study: Study, metric: str) -> None:
     [
         ("FE3 above FE4", "got 'FE3 above FE4'"),
         ("high FE3", "got 'high FE3'"),
-        ("high: FE3 below FE4", "no arm 'FE3 below FE4' in high"),
+        ("high: FE3 below FE4", "got 'below'; allowed: above"),
         ("middle: FE3 above FE4", "nothing of 'middle'; allowed: every pair, high, low, lowest"),
         ("high: FE5 above FE4", "no arm 'FE5' in high; allowed: FE1 |"),
         ("high: FE3 above FE4 of 9 to 9", "no arm 'FE4 of 9 to 9'"),

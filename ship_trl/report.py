@@ -11,7 +11,7 @@ from ship_trl.config import ConfigError
 def main(arguments: list[str] | None = None) -> None:
     """Read the runs, measure the claims, write tables, figures and page."""
     parser = make_parser("ship_trl.report", __doc__)
-    parser.add_argument("folder", type=Path, help="of a study, as outputs/quick_study, or of its tables")
+    parser.add_argument("folder", type=Path, help="of a study, as outputs/confirmatory, or of its tables")
     parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
     parser.add_argument(
         "--earlier", type=Path, metavar="FILE", help="claims.csv of an earlier report, to name its verdicts"

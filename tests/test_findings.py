@@ -9,7 +9,7 @@ import yaml
 
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.ask import answers
-from tests.findings import NUMBER, NUMBERS, PAGES, anew, section
+from tests.findings import LONG, NUMBER, NUMBERS, PAGES, anew, long_table, section
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 from tests.test_cli import ROOT
 
@@ -140,3 +140,14 @@ def test_seeds_that_would_decide_are_those_of_the_report() -> None:
     for claim, count in told:
         (line,) = (line for line in verdicts if line.startswith(f"| {claim} |"))
         assert f" {count} seeds would tell" in line, claim
+
+
+def test_the_study_at_the_papers_length_is_told_as_far_as_it_was_run() -> None:
+    text = (ROOT / "docs/paper-length.md").read_text()
+    assert long_table() in text
+    study = read_study(LONG)
+    (whole, begun) = re.findall(r"Done are (\d) of (\d) seeds", text)[0]
+    seeds = {key[3] for key in study.records}
+    assert (len(seeds), len(study.seeds)) == (int(whole), int(begun))
+    # A source, scratch and six arms.
+    assert len(study.records) == 8 * len(seeds) and not study.broken

@@ -118,7 +118,7 @@ LONG_METRICS = ("early area", "area", "asymptote", "time")
 
 
 def long_table() -> str:
-    """Write what each arm is above scratch at the paper's length: the mean, and how many seeds are above 0."""
+    """Write what each arm is above scratch at the paper's length: means, and how many seeds are above 0."""
     study = read_study(LONG)
     lines = [f"| | {' | '.join(LONG_METRICS)} |", "| --- |" + " --- |" * len(LONG_METRICS)]
     for arm in LONG_ARMS:

@@ -40,7 +40,7 @@ NUMBERS = rf"{NUMBER}\s+\({NUMBER}\s+to\s+{NUMBER}(?:;\s+greedy\s+{NUMBER})?\)"
 CKA = r"(?<=^ )\d\.\d\d(?= $)"
 # A claim is told by the seeds of the look that decided it.
 FIRST = r"\s+on\s+the\s+first\s+(?P<seeds>\d+)\s+seeds"
-TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`(?P<first>{FIRST})?\s+(?P<numbers>{NUMBERS})")
+TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`(?:{FIRST})?\s+(?P<numbers>{NUMBERS})")
 
 
 def section(text: str, page: str) -> str:

@@ -121,6 +121,48 @@ def test_arms_that_are_sooner_are_counted_right(study: Study) -> None:
     ]
     assert everywhere == [["high:", "FE4"], ["lowest:", "FE3"]]
     assert "only FE4 of pair high and FE3 of pair lowest are among all three" in text
+    short = " ".join(found_in("docs/findings.md").split())
+    assert f"is seen in {words[len(sooner)]} of {len(questions)} arms" in short
+
+
+def test_how_sure_the_closest_claims_are_is_told_right() -> None:
+    p = {row["claim"]: float(row["claim's p"]) for row in table("claims.csv") if row["claim's p"]}
+    text = " ".join(found_in("docs/findings.md").split())
+    assert f"The p of C1 and of H9b are {p['C1']:.3f}," in text and f"{p['H9b']:.3f}" == f"{p['C1']:.3f}"
+
+
+def test_arms_that_gain_and_lose_are_counted_right(study: Study) -> None:
+    """By intervals that hold together, by those of each arm, and by transfer ratios."""
+    places = {"high": ("1", "2"), "low": ("3", "4"), "lowest": ("5", "6")}
+    arms = [f"{kind}{n}" for kind in ("FE", "FT") for n in (1, 2, 3, 4)] + ["FTW"]
+    together = [row for row in table("transfers.csv") if (row["source"], row["target"]) in places.values()]
+    alone = answers(study, [f"{pair}: {arm} above scratch (area)" for pair in places for arm in arms], SEEN)
+    ratios = {
+        (row["pair"], row["arm"]): float(row["transfer ratio"])
+        for row in table("arms.csv")
+        if row["part"] == "pairs" and row["arm"] in arms
+    }
+    above = sum(float(row["low"]) > 0 for row in together)
+    below = sum(float(row["high"]) < 0 for row in together)
+    own = sum(one.estimate.low > 0 for one in alone), sum(one.estimate.high < 0 for one in alone)
+    worse = [arm for (_, arm), ratio in ratios.items() if ratio < 0]
+    assert len(together) == len(alone) == len(ratios) == 27
+    text = " ".join(found_in("docs/controls.md").split())
+    assert f"above {above}, below {below}, neither {27 - above - below} " in text
+    assert f"each by its own interval, {own[0]}, {own[1]} and {27 - sum(own)}." in text
+    assert f"{len(worse)} of 27, two of them finetuned." in text
+    assert sum(arm.startswith("FT") for arm in worse) == 2
+
+
+def test_shares_of_what_could_be_gained_are_told_right(study: Study) -> None:
+    gains = yaml.safe_load((ROOT / "conf/analysis.yaml").read_text())["gains"]
+    found = answers(study, ["every pair: FE3 above scratch (area)"], SEEN)
+    pairs = {"2": "high", "4": "low", "6": "lowest"}
+    shares = ", ".join(
+        f"{one.estimate.value / gains[case]['area']:.2f} in {pair}"
+        for one, (case, pair) in zip(found, pairs.items(), strict=True)
+    )
+    assert shares in " ".join(found_in("docs/controls.md").split())
 
 
 def test_what_could_be_gained_is_that_of_the_margins() -> None:

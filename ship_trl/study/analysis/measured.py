@@ -68,12 +68,17 @@ def steadier(study: Study, claim: str, where: str, places: Places, steady: str, 
     return [Finding(claim, what, SPREAD, estimate, p, against, seeds=len(curves[steady]))]
 
 
+def above_scratch(study: Study, place: Place, scratch: Place, metric: str = "area") -> np.ndarray:
+    """Return the differences from scratch in a metric [S], of the seeds that both have."""
+    runs = study.matched({"arm": place, "scratch": scratch})
+    arm, other = (np.array([measure(run, metric) for run in runs[name]]) for name in ("arm", "scratch"))
+    return arm - other
+
+
 def gain(study: Study, place: Place, scratch: Place, metric: str = "area") -> Estimate | None:
     """Return the difference from scratch in a metric: interquartile mean, and interval of the study's level.
 
     None without seeds that both have; of one seed the interval has no ends.
     """
-    runs = study.matched({"arm": place, "scratch": scratch})
-    arm, other = (np.array([measure(run, metric) for run in runs[name]]) for name in ("arm", "scratch"))
-    differences = arm - other
+    differences = above_scratch(study, place, scratch, metric)
     return level_of(differences, study.level) if len(differences) else None

@@ -64,8 +64,6 @@ def ask(study: Study, question: str) -> list[Test]:
     right = SOONER if metric in TIMES else ABOVE
     if word not in (None, right):
         raise ConfigError(f"question: {metric} is asked for by {right!r}, got {word!r}")
-    if word is None and (said := re.search(r" (below|under|over|later than|before|after) ", better)):
-        raise ConfigError(f"question: got {said[1]!r}; allowed: {ABOVE}, of times {SOONER}")
     if EVERY_ARM in f"{worse}":
         raise ConfigError(f"question: {EVERY_ARM!r} stands on the right; allowed: on the left")
     pairs = [name for name in known if name in {key[1] for key in study.records if key[0] == PAIRS}]
@@ -129,7 +127,7 @@ def side(study: Study, known: Mapping[str, Mapping[str, Place]], where: str, wor
         place = known.get(elsewhere or where, {}).get(arm)
         if place is None:
             allowed = f"{' | '.join(known[where])}, and ARM of {' | '.join(known)}"
-            raise ConfigError(f"question: no arm {name!r} in {where}; allowed: {allowed}")
+            raise ConfigError(f"question: no arm {name!r} in {where}; allowed: {allowed}; the form is {FORM}")
         here, there = (target_of(study, one) for one in (next(iter(known[where].values())), place))
         if here != there:
             raise ConfigError(

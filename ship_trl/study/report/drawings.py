@@ -52,7 +52,7 @@ TIMES = (
 GAINS = (
     "Interquartile mean of the difference of the area under the training-return curve, in scores, from "
     "scratch on the target, and its 95 % interval; bold where that does not hold zero. In brackets how many "
-    "seeds a cell has, where others have more; intervals of five seeds chance makes much too narrow or wide."
+    "seeds a cell has, where others have more; an interval of so few may be much too narrow or too wide."
 )
 GREEDY_GAINS = (
     "The same of greedy evaluations, which do not explore: the picture above is of what was earned on the "

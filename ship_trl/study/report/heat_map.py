@@ -13,8 +13,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from ship_trl.study.analysis.measured import gain
-from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.analysis.measured import above_scratch
+from ship_trl.study.analysis.statistics import Estimate, level_of
 from ship_trl.study.analysis.study import Place, Study
 from ship_trl.study.claims.kinds import FE, FT
 from ship_trl.study.plan.config import CONTROL_ARMS, REUSED_ARM, read
@@ -90,11 +90,11 @@ def reused(study: Study) -> dict[str, tuple[Place, Place]]:
 
 def counted(study: Study, place: Place, scratch: Place, metric: str) -> Gain | None:
     """Return what an arm gains over scratch; None without seeds that both have."""
-    found = gain(study, place, scratch, metric)
-    if found is None:
+    differences = above_scratch(study, place, scratch, metric)
+    if not len(differences):
         return None
-    seeds = len(study.matched({"arm": place, "scratch": scratch})["arm"])
-    return Gain(found.value, found.low, found.high, seeds)
+    found = level_of(differences, study.level)
+    return Gain(found.value, found.low, found.high, len(differences))
 
 
 def gains(study: Study, metric: str = "area") -> dict[str, Row]:

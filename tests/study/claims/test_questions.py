@@ -122,7 +122,7 @@ def test_of_one_arm_it_is_the_level(study: Study, metric: str) -> None:
     [
         ("FE3 above FE4", "got 'FE3 above FE4'"),
         ("high FE3", "got 'high FE3'"),
-        ("high: FE3 below FE4", "got 'below'; allowed: above"),
+        ("high: FE3 below FE4", "no arm 'FE3 below FE4' in high"),
         ("middle: FE3 above FE4", "nothing of 'middle'; allowed: every pair, high, low, lowest"),
         ("high: FE5 above FE4", "no arm 'FE5' in high; allowed: FE1 |"),
         ("high: FE3 above FE4 of 9 to 9", "no arm 'FE4 of 9 to 9'"),
@@ -145,6 +145,13 @@ def test_what_a_study_has_not_is_refused(study: Study, question: str, told: str)
     with pytest.raises(ConfigError) as refused:
         ask(study, question)
     assert str(refused.value).startswith(f"question: {told}") and "\n" not in str(refused.value)
+
+
+def test_a_word_that_is_no_question_is_answered_with_the_form(study: Study) -> None:
+    with pytest.raises(
+        ConfigError, match=r"the form is WHERE: ARM above ARM \(METRIC\), of times ARM sooner than"
+    ):
+        ask(study, "high: FE3 below FE4")
 
 
 def test_times_are_known(study: Study) -> None:

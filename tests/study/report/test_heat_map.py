@@ -6,12 +6,12 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
+from ship_trl.study.analysis.measured import gain
 from ship_trl.study.report.figures import PAGE, TELEPHONE, Form
 from ship_trl.study.report.heat_map import (
     ARMS,
     draw_gains,
     draw_greedy_gains,
-    gain,
     gains,
     luminance,
     reused,

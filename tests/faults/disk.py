@@ -15,9 +15,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 
 from tests.faults.changes import counted, full_at
-from tests.faults.command import run
 from tests.faults.library import ALONE, RUN, STUDY, TRANSFER, copy_library, marks
 from tests.faults.trial import DRAFT, Trial, contents, difference
+from tests.forked import run
 
 COMMANDS = {
     "run": (*ALONE, "output=new"),

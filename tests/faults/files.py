@@ -15,10 +15,10 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from tests.faults.command import Ended, run
 from tests.faults.damage import DAMAGES, EXECUTED
 from tests.faults.library import ALONE, BASE, RUN, SOURCE, STOPPED, TRANSFER, copy_library, marks
 from tests.faults.trial import DRAFT, Trial
+from tests.forked import Ended, run
 
 MEMORY = 3 << 30
 

@@ -25,12 +25,13 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.checks import to_config
-from ship_trl.cli import hydra_errors, refusals
-from ship_trl.config import ConfigError, plain
-from ship_trl.curve import CurveError
-from ship_trl.paths import conf_dir
-from ship_trl.result import ResultError
+from ship_trl.cli.errors import hydra_errors, refusals
+from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import plain
+from ship_trl.files.curve import CurveError
+from ship_trl.files.result import ResultError
 from ship_trl.run.checkpoint import CheckpointError
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world

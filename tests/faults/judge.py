@@ -12,7 +12,8 @@ from types import FrameType
 import torch
 from omegaconf import OmegaConf
 
-from ship_trl.config import Config, World, one_line
+from ship_trl.config.errors import one_line
+from ship_trl.config.types import Config, World
 from ship_trl.sim.cases import Case, CaseFile, TargetShip
 from ship_trl.sim.env import ShipEnv
 from ship_trl.study.plan.config import StudyConfig

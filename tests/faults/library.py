@@ -17,8 +17,8 @@ from ship_trl.study.plan.manifest import write_plan
 from ship_trl.study.records.layers import Layer, write_layers
 from ship_trl.transfer.measured import COLUMNS, Transfer
 from tests.faults.changes import die_before
-from tests.faults.command import Ended, run
 from tests.faults.trial import contents
+from tests.forked import Ended, run
 from tests.study.synthetic import learning, write_run
 
 CASES = {

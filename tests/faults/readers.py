@@ -8,15 +8,16 @@ from pathlib import Path
 
 from torch import Generator
 
-from ship_trl.config import ConfigError
-from ship_trl.curve import read_curve, split
-from ship_trl.demonstrations import read_demonstrations
-from ship_trl.entries import settings_of
+from ship_trl.cli.results import summarise
+from ship_trl.config.errors import ConfigError
 from ship_trl.explain.networks import read_config
+from ship_trl.files.curve import read_curve, split
+from ship_trl.files.disk import read_file
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.paths import read_file
-from ship_trl.results import collect, summarise
+from ship_trl.policies.demonstrations import read_demonstrations
 from ship_trl.run.checkpoint import Checkpoints
+from ship_trl.run.entries import settings_of
+from ship_trl.run.results import collect
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.reference import best_known
 from ship_trl.study.analysis.metrics import METRICS

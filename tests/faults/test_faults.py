@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults import command, disk, files, inputs, judge, kills, library, readers, together
+from tests import forked
+from tests.faults import disk, files, inputs, judge, kills, library, readers, together
 from tests.faults.__main__ import KINDS, find
 from tests.faults.changes import die_at
 from tests.faults.trial import DRAFT, Trial, contents, difference
@@ -19,7 +20,7 @@ def passed(*trials: Trial) -> None:
 def test_a_run_killed_between_any_two_steps_goes_on(tmp_path: Path) -> None:
     folder = library.new_folder(tmp_path)
     for step in (2, 9, 16):
-        assert command.run(*library.ALONE, folder=folder, before=die_at(step)).code == -9
+        assert forked.run(*library.ALONE, folder=folder, before=die_at(step)).code == -9
     assert kills.finish(library.ALONE, folder) == ""
 
 
@@ -81,5 +82,5 @@ def test_a_file_that_is_left_is_found(tmp_path: Path) -> None:
 
 
 def test_a_command_that_is_refused_is_told_from_one_that_fails(tmp_path: Path) -> None:
-    assert command.run("nonsense", folder=library.new_folder(tmp_path)).is_refusal
-    assert not command.Ended(1, "", "Traceback (most recent call last):\n", 0.0).is_refusal
+    assert forked.run("nonsense", folder=library.new_folder(tmp_path)).is_refusal
+    assert not forked.Ended(1, "", "Traceback (most recent call last):\n", 0.0).is_refusal

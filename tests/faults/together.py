@@ -12,9 +12,9 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.faults.command import Child, run
 from tests.faults.library import ALONE, SHORT, TRANSFER, expected, new_folder, undisturbed
 from tests.faults.trial import Trial, contents, difference, drop_drafts
+from tests.forked import Child, run
 
 OTHER = (*SHORT, "source=near", "target=met", "method=feature_extraction", "layers=2")
 PAIRS = {

@@ -4,10 +4,12 @@ A child has its own session, folder and standard streams. A command that starts 
 as a study does, forks instead.
 """
 
+import atexit
 import contextlib
 import importlib
 import io
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -27,10 +29,6 @@ HEAVY = (
     *("pandas", "scipy.stats", "statsmodels.api"),
 )
 TIMEOUT = 300.0
-OLD = {v: f"ship_trl.{v}" for v in ("evaluate", "results", "record", "cases", "report")} | {
-    "keep": "ship_trl.study.keep",
-    "study": "ship_trl.study.__main__",
-}
 
 
 @dataclass(frozen=True)
@@ -71,12 +69,9 @@ def warm_up() -> None:
 
 def call(words: Sequence[str]) -> None:
     """Call the command line in this process."""
-    module = "ship_trl.__main__"
-    if words and words[0] in OLD:
-        module, words = OLD[words[0]], words[1:]
     before, sys.argv = sys.argv, ["ship_trl", *words]
     try:
-        importlib.import_module(module).main()
+        importlib.import_module("ship_trl.__main__").main()
     finally:
         sys.argv = before
 
@@ -149,6 +144,17 @@ def read_all(file: Any) -> str:
         return str(file.read().decode(errors="replace"))
 
 
+def run_script(path: Path, *words: str, folder: Path) -> Ended:
+    """Run a file of Python in a folder, as a forked child."""
+
+    def script() -> NoReturn:
+        sys.argv, sys.path[0] = [str(path), *words], str(path.parent)
+        runpy.run_path(str(path), run_name="__main__")
+        sys.exit(0)
+
+    return run(folder=folder, before=script)
+
+
 def run_and_exit(
     words: Sequence[str], folder: Path, streams: tuple[int, int], before: Callable[[], None]
 ) -> NoReturn:
@@ -163,6 +169,8 @@ def run_and_exit(
         os.environ.pop("HYDRA_FULL_ERROR", None)
         warnings.resetwarnings()
         warnings.simplefilter("ignore")
+        # What the parent would do at its end is not for the child.
+        atexit._clear()
         vars(subprocess)["Popen"] = Forked.instead_of(subprocess.Popen)
         before()
         call(words)
@@ -173,6 +181,7 @@ def run_and_exit(
         traceback.print_exc()
     finally:
         with contextlib.suppress(BaseException):
+            atexit._run_exitfuncs()
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(code)

@@ -93,7 +93,7 @@ def hostile_files() -> dict[str, bytes]:
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("archive/data.pkl", made)
-        file.writestr("zeros", bytes(200_000_000))
+        file.writestr("zeros", bytes(100_000_000))
     levels = [f"l{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 9)]
     headers = {
         "a huge shape": '{"conv1.weight":{"dtype":"F32","shape":[99999999,9999999],"data_offsets":[0,9]}}',
@@ -106,26 +106,20 @@ def hostile_files() -> dict[str, bytes]:
         "a GIF": b"GIF89aT\x00T\x00\x87\x00\x00" + bytes(500),
         "a pickle": made,
         "a zip bomb": archive.getvalue(),
-        "an xz bomb": lzma.compress(bytes(300_000_000), preset=0),
+        "an xz bomb": lzma.compress(bytes(100_000_000), preset=0),
         "YAML tags": f"start: !!python/object/apply:os.system ['touch {EXECUTED}']\n".encode(),
         "YAML aliases": "\n".join(["l0: &a0 [x, x]", *levels]).encode(),
         "a YAML list of itself": b"&a [*a]\n",
         "a deep list": b"[" * 200_000,
-        "a deep object": b'{"a":' * 200_000,
         "deep YAML": b"".join(b" " * k + b"a:\n" for k in range(3000)),
-        "a JSON list": b"[1, 2]",
-        "a JSON null": b"null",
         "an empty object": b"{}",
         "a long number": b'{"a": ' + b"9" * 100_000 + b"}",
-        "a CSV of one column": b"a\n" * 1000,
         "a long CSV line": b"episode," * 500_000,
-        "an open quote": b'episode,steps\n"' + b"x" * 100_000,
         "UTF-16": "start: [0, 0]\n".encode("utf-16"),
         "Latin-1": "start: \xe4\xff\n".encode("latin-1"),
         **{f"a header of {n} bytes": struct.pack("<Q", n) + b"{}" * 50 for n in (0, 99_000_000, 1 << 63)},
         **{
-            f"tensors with {n}": struct.pack("<Q", len(t)) + t.encode() + bytes(64)
-            for n, t in headers.items()
+            f"{n} in a header": struct.pack("<Q", len(t)) + t.encode() + bytes(64) for n, t in headers.items()
         },
     }
 

@@ -48,7 +48,7 @@ COMMANDS = {
     ),
     "record": Command(("record", RUN, "--trajectories", "chart.png"), (*RUN_FILES, CASE)),
     "cases": Command(("cases", *SHOWN, "--case-base", BASE), (CASE, ENTRY_FILES[0])),
-    "measured": Command(("cases", *SHOWN, "--measured", "transfers.csv"), ("transfers.csv",)),
+    "measured": Command(("cases", *SHOWN, "--measured", "tables/transfers.csv"), ("tables/transfers.csv",)),
     "report": Command(("report", "study"), STUDY_FILES),
     "report of tables": Command(("report", "tables", "--output", "page"), TABLES),
     "keep": Command(("keep", "study", "copy"), STUDY_FILES),

@@ -3,6 +3,7 @@
 import csv
 import os
 import shutil
+from collections.abc import Collection
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -93,16 +94,19 @@ def library() -> Path:
     write_layers(folder / "tables/layers.csv", rows)
     near, met = (load_case(str(folder / f"conf/case/{name}.yaml"), load_world()) for name in CASES)
     row = Transfer("near", "met", near.fingerprint, met.fingerprint, "smoke", "FT3", None, 5, 0.2, 0.1, 0.3)
-    with (folder / "transfers.csv").open("w", newline="") as file:
+    with (folder / "tables/transfers.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerow(asdict(row))
     return folder
 
 
-def copy_library(folder: Path) -> Path:
-    """Link all files of the library into a new folder; who changes one must replace it."""
-    return Path(shutil.copytree(library(), folder, symlinks=True, copy_function=os.link))
+def copy_library(folder: Path, tops: Collection[str] = ()) -> Path:
+    """Link files of the library into a new folder, all or those below `tops`; who changes one replaces it."""
+    for source in library().iterdir():
+        if source.is_dir() and (not tops or source.name in tops):
+            shutil.copytree(source, folder / source.name, symlinks=True, copy_function=os.link)
+    return folder
 
 
 def marks(folder: Path) -> dict[str, tuple[int, int, int]]:

@@ -114,6 +114,9 @@ READERS: dict[str, tuple[str, Callable[[], object]]] = {
     "curves table": ("tables/curves.csv.xz", tables),
     "tables' plan": ("tables/study.json", tables),
     "layers": ("tables/layers.csv", lambda: read_layers(Path("tables/layers.csv"))),
-    "transfers": ("transfers.csv", lambda: [t.commands() for t in read_transfers(Path("transfers.csv"))]),
+    "transfers": (
+        "tables/transfers.csv",
+        lambda: [t.commands() for t in read_transfers(Path("tables/transfers.csv"))],
+    ),
     "demonstration": ("demos/met-001.json", demonstrations),
 }

@@ -13,7 +13,7 @@ KEYS = {"WANDB_API_KEY": "a1b2c3d4e5" * 4, "RAY_AUTH_TOKEN": "f6e7d8c9" * 8}
 
 
 def environment() -> dict[str, str]:
-    """Of a command: this checkout, one thread, a terminal of fixed width."""
+    """Return the environment of a command: this checkout, one thread, a terminal of fixed width."""
     found = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
     found.pop("HYDRA_FULL_ERROR", None)
     return found

@@ -65,6 +65,10 @@ def counted(counter: Path) -> Callable[[], None]:
 
     def install() -> None:
         handle = os.open(counter, os.O_WRONLY | os.O_CREAT)
-        before_changes(lambda number, event, path: bool(os.write(handle, b".")) or None)
+
+        def act(number: int, event: str, path: str) -> None:
+            os.write(handle, b".")
+
+        before_changes(act)
 
     return install

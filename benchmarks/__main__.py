@@ -1,0 +1,98 @@
+"""Measure ship_trl beside other libraries that do the same work, on this processor, one torch thread.
+
+    python -m benchmarks                         all parts
+    python -m benchmarks loop frozen --rounds 9  two of them, measured for longer
+
+Parts:
+    loop         training loop beside Stable-Baselines3, TorchRL's usual way and tuned PyTorch
+    update       one gradient step of each
+    frozen       training loop with frozen layers
+    simulator    simulation and drawing beside pygame
+    memory       replay beside Stable-Baselines3's, and a whole run
+    checkpoints  time to write and read a checkpoint, and its size
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+from ship_trl.cli import make_parser, refusals
+from ship_trl.config import ConfigError, bfloat16_allowed
+
+PARTS = ("loop", "update", "frozen", "simulator", "memory", "checkpoints")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the parts, print their tables, and write the JSON file if one is asked for."""
+    parser = make_parser("benchmarks", __doc__)
+    parser.add_argument("parts", nargs="*", choices=PARTS, metavar="PART", help="default: all")
+    parser.add_argument("--rounds", type=int, default=5, help="passes over the probes of a part (default 5)")
+    parser.add_argument("--seconds", type=float, default=2.0, help="for a probe in a round (default 2)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every value there")
+    parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
+    options = parser.parse_args(arguments)
+    with refusals():
+        check(options)
+        run(options)
+
+
+def check(options: argparse.Namespace) -> None:
+    """Check the options and what must be installed.
+
+    Raises:
+        ConfigError: an option is out of range, its folder or a library is missing.
+    """
+    if options.rounds < 1:
+        raise ConfigError(f"--rounds: must be at least 1, got {options.rounds}")
+    if not options.seconds > 0:
+        raise ConfigError(f"--seconds: must be above 0, got {options.seconds}")
+    if options.json is not None and not options.json.absolute().parent.is_dir():
+        raise ConfigError(f"--json: no folder {options.json.absolute().parent}")
+    if find_spec("stable_baselines3") is None:
+        raise ConfigError(
+            "benchmarks: stable_baselines3 is missing; allowed: pip install -e '.[bench]' first"
+        )
+    bfloat16_allowed()
+
+
+def run(options: argparse.Namespace) -> None:
+    """Measure one part after the other."""
+    # After the checks: torch takes seconds to import.
+    import torch
+    from rich.console import Console
+
+    from benchmarks import checkpoints, learning, memory, simulator
+    from benchmarks.table import compare, print_table, write_json
+    from benchmarks.timing import Measurement, measure
+    from ship_trl.run.process import configure_process, processor_name
+
+    time = lambda probes: measure(probes(), options.rounds, options.seconds)  # noqa: E731
+    parts: dict[str, tuple[str, Callable[[], list[Measurement]]]] = {
+        "loop": ("Whole training loop", partial(time, learning.loop_probes)),
+        "update": ("One update", partial(time, learning.update_probes)),
+        "frozen": ("Whole training loop with frozen layers", partial(time, learning.frozen_probes)),
+        "simulator": ("Simulation and drawing of 84x84 pixels", partial(time, simulator.probes)),
+        "memory": ("Memory", memory.measure_memory),
+        "checkpoints": (
+            "Checkpoints, profile paper, replay full",
+            partial(checkpoints.measure_checkpoints, options.rounds, options.seconds),
+        ),
+    }
+    configure_process()
+    machine = f"{processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread"
+    Console(highlight=False).print(machine)
+    rows = []
+    for part in options.parts or PARTS:
+        title, measure_part = parts[part]
+        rows += compare(part, measure_part())
+        print_table(title, [row for row in rows if row.part == part], options.markdown)
+    if options.json is not None:
+        write_json(options.json, machine, rows)
+
+
+if __name__ == "__main__":
+    main()

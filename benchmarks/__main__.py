@@ -20,8 +20,10 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from ship_trl.cli import make_parser, refusals
-from ship_trl.config import ConfigError, bfloat16_allowed
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import bfloat16_allowed
 
 PARTS = ("loop", "update", "frozen", "simulator", "memory", "checkpoints")
 
@@ -29,6 +31,7 @@ PARTS = ("loop", "update", "frozen", "simulator", "memory", "checkpoints")
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts, print their tables, and write the JSON file if one is asked for."""
     parser = make_parser("benchmarks", __doc__)
+    parser.prog = "python -m benchmarks"
     parser.add_argument("parts", nargs="*", choices=PARTS, metavar="PART", help="default: all")
     parser.add_argument("--rounds", type=int, default=5, help="passes over the probes of a part (default 5)")
     parser.add_argument("--seconds", type=float, default=2.0, help="for a probe in a round (default 2)")

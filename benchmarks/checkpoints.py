@@ -11,8 +11,8 @@ from omegaconf import DictConfig
 
 from benchmarks.ours import fill_replay, train_steps, training_env
 from benchmarks.timing import Measurement
-from ship_trl.checks import to_config
-from ship_trl.paths import conf_dir
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import make_parts
 from ship_trl.run.plan import Run, make_run

@@ -9,7 +9,7 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from benchmarks.work import CASE, STEPS_PER_CALL, learn_config
-from ship_trl.config import Learn, World
+from ship_trl.config.types import Learn, World
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import StateReplay

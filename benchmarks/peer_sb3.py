@@ -11,7 +11,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from benchmarks.peer_network import conv_layers
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 
 class PaperFeatures(BaseFeaturesExtractor):

@@ -15,7 +15,7 @@ from torchrl.modules import EGreedyModule, QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from benchmarks.peer_network import PlainNetwork
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 
 class TorchRLLoop:

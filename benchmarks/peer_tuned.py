@@ -14,7 +14,7 @@ from torch import Tensor
 
 from benchmarks.peer_network import TunedNetwork, to_blocks
 from benchmarks.work import FRAME
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 
 class Batch(NamedTuple):

@@ -12,10 +12,10 @@ import torch
 
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
-from ship_trl.gym_env import ShipCollisionEnv
+from ship_trl.gym.env import ShipCollisionEnv
+from ship_trl.gym.vector import ShipCollisionVectorEnv
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.vector_env import ShipCollisionVectorEnv
 
 CASES = ("1", "2", "4")
 BATCH_SIZES = (1, 16, 64, 1024)

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.timing import Measurement
-from ship_trl.paths import replacing
+from ship_trl.files.disk import replacing
 
 # Group, name and unit are text; the columns after them are numbers.
 COLUMNS = ("group", "name", "unit", "median", "range", "of first", "ours is")

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-
 from ship_trl.bench import __main__ as command
 from ship_trl.bench import parts
 from ship_trl.bench.footprint import held_bytes, peak_bytes
+
 from ship_trl.config.types import BFLOAT16
 
 ROOT = Path(__file__).parents[2]

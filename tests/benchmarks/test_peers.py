@@ -8,12 +8,6 @@ from typing import Any
 import gymnasium
 import pytest
 import torch
-from tensordict import TensorDict
-from torch import nn
-from torchrl.data import Categorical
-from torchrl.modules import QValueActor
-from torchrl.objectives import DQNLoss, SoftUpdate
-
 from ship_trl.bench.learning import PEERS as UNFROZEN
 from ship_trl.bench.learning import SB3, Peer
 from ship_trl.bench.ours import ARMS, Ours, frozen_layers
@@ -23,6 +17,12 @@ from ship_trl.bench.peer_sb3 import DoubleDQN, Sb3Loop
 from ship_trl.bench.peer_torchrl import TorchRLLoop
 from ship_trl.bench.pygame_env import PygameShipEnv
 from ship_trl.bench.work import learn_config
+from tensordict import TensorDict
+from torch import nn
+from torchrl.data import Categorical
+from torchrl.modules import QValueActor
+from torchrl.objectives import DQNLoss, SoftUpdate
+
 from ship_trl.config.types import Learn
 from ship_trl.gym.env import ShipCollisionEnv
 from ship_trl.sim.cases import load_case, load_world

@@ -9,9 +9,9 @@ import torch
 import torch.nn.functional as F
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
-
 from ship_trl.bench.pygame_env import PygameShipEnv, TunedPygameShipEnv, still_picture
 from ship_trl.bench.simulator import batched, faster_env, fleet, one_by_one, vector
+
 from ship_trl.config.types import World
 from ship_trl.sim.cases import case_names, check_case, load_case, load_world
 from ship_trl.sim.env import ShipEnv

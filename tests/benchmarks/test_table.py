@@ -4,7 +4,6 @@ import dataclasses
 import json
 
 import pytest
-
 from ship_trl.bench import report
 from ship_trl.bench.machine import Machine
 from ship_trl.bench.timing import Probe, Timing

@@ -1,7 +1,6 @@
 """Interleaving by a clock that the probes themselves move."""
 
 import pytest
-
 from ship_trl.bench.timing import Probe, Timing, measure
 
 

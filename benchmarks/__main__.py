@@ -1,16 +1,4 @@
-"""Measure ship_trl beside other libraries that do the same work, on this processor, one torch thread.
-
-    python -m benchmarks                         all parts
-    python -m benchmarks loop frozen --rounds 9  two of them, measured for longer
-
-Parts:
-    loop         training loop beside Stable-Baselines3, TorchRL's usual way and tuned PyTorch
-    update       one gradient step of each
-    frozen       training loop with frozen layers
-    simulator    simulation and drawing beside pygame
-    memory       replay beside Stable-Baselines3's, and a whole run
-    checkpoints  time to write and read a checkpoint, and its size
-"""
+"""Measure ship_trl beside other libraries that do the same work, on this processor, one torch thread."""
 
 from __future__ import annotations
 
@@ -25,14 +13,22 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import bfloat16_allowed
 
-PARTS = ("loop", "update", "frozen", "simulator", "memory", "checkpoints")
+PARTS = {
+    "loop": "Training loop beside Stable-Baselines3, TorchRL's usual way and tuned PyTorch",
+    "update": "One gradient step of each",
+    "frozen": "Training loop with frozen layers",
+    "simulator": "Simulation and drawing of 84x84 pixels beside pygame",
+    "memory": "Memory of a replay beside Stable-Baselines3's, and of a whole run",
+    "checkpoints": "Checkpoints of a run of the paper's length, replay full",
+}
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts, print their tables, and write the JSON file if one is asked for."""
-    parser = make_parser("benchmarks", __doc__)
+    parts = "\n".join(f"    {part:12} {title}" for part, title in PARTS.items())
+    parser = make_parser("benchmarks", f"{__doc__}\n\nParts:\n{parts}")
     parser.prog = "python -m benchmarks"
-    parser.add_argument("parts", nargs="*", choices=PARTS, metavar="PART", help="default: all")
+    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
     parser.add_argument("--rounds", type=int, default=5, help="passes over the probes of a part (default 5)")
     parser.add_argument("--seconds", type=float, default=2.0, help="for a probe in a round (default 2)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every value there")
@@ -49,6 +45,9 @@ def check(options: argparse.Namespace) -> None:
     Raises:
         ConfigError: an option is out of range, its folder or a library is missing.
     """
+    for part in options.parts:
+        if part not in PARTS:
+            raise ConfigError(f"benchmarks: no part {part}; allowed: {', '.join(PARTS)}")
     if options.rounds < 1:
         raise ConfigError(f"--rounds: must be at least 1, got {options.rounds}")
     if not options.seconds > 0:
@@ -73,26 +72,26 @@ def run(options: argparse.Namespace) -> None:
     from benchmarks.timing import Measurement, measure
     from ship_trl.run.process import configure_process, processor_name
 
-    time = lambda probes: measure(probes(), options.rounds, options.seconds)  # noqa: E731
-    parts: dict[str, tuple[str, Callable[[], list[Measurement]]]] = {
-        "loop": ("Whole training loop", partial(time, learning.loop_probes)),
-        "update": ("One update", partial(time, learning.update_probes)),
-        "frozen": ("Whole training loop with frozen layers", partial(time, learning.frozen_probes)),
-        "simulator": ("Simulation and drawing of 84x84 pixels", partial(time, simulator.probes)),
-        "memory": ("Memory", memory.measure_memory),
-        "checkpoints": (
-            "Checkpoints, profile paper, replay full",
-            partial(checkpoints.measure_checkpoints, options.rounds, options.seconds),
-        ),
+    probes = {
+        "loop": learning.loop_probes,
+        "update": learning.update_probes,
+        "frozen": learning.frozen_probes,
+        "simulator": simulator.probes,
+    }
+    sizes: dict[str, Callable[[], list[Measurement]]] = {
+        "memory": memory.measure_memory,
+        "checkpoints": partial(checkpoints.measure_checkpoints, options.rounds, options.seconds),
     }
     configure_process()
     machine = f"{processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread"
     Console(highlight=False).print(machine)
     rows = []
     for part in options.parts or PARTS:
-        title, measure_part = parts[part]
-        rows += compare(part, measure_part())
-        print_table(title, [row for row in rows if row.part == part], options.markdown)
+        timed = part in probes
+        found = measure(probes[part](), options.rounds, options.seconds) if timed else sizes[part]()
+        compared = compare(part, found)
+        print_table(PARTS[part], compared, options.markdown)
+        rows += compared
     if options.json is not None:
         write_json(options.json, machine, rows)
 

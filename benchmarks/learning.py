@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from benchmarks.ours import ARMS, Ours, frozen_layers
+from benchmarks.ours import ARMS, frozen_layers, make_ours, start_loop
 from benchmarks.peer_sb3 import Sb3Loop
 from benchmarks.peer_torchrl import TorchRLLoop
 from benchmarks.peer_tuned import TunedLoop
@@ -38,7 +38,7 @@ def make_peer(name: str, learn: Learn, frozen: int = 0) -> Peer:
 
 def our_loop(group: str, name: str, arm: str = "scratch", num_envs: int = 1) -> Probe:
     """Return the probe of ship_trl's whole loop, behind its warm-up."""
-    run = Ours(arm, learn_config(num_envs=num_envs)).start_loop()
+    run = start_loop(make_ours(arm, f"learn.num_envs={num_envs}"))
     return Probe(group, name, run, STEPS_PER_CALL, is_ours=True)
 
 
@@ -74,10 +74,12 @@ def update_probes() -> list[Probe]:
     probes = []
     for name in PEERS:
         peer = make_peer(name, learn_config())
-        update = peer.update if isinstance(peer, Sb3Loop) else partial(peer.update, peer.sample())
+        update: Callable[..., object] = (
+            peer.update if isinstance(peer, Sb3Loop) else partial(peer.update, peer.sample())
+        )
         probes.append(Probe("", name, update, unit="update"))
     for arm in ARMS:
-        ours = Ours(arm)
+        ours = make_ours(arm)
         ours.fill(WARMUP_STEPS)
         update = partial(ours.agent.update, ours.sample())
         probes.append(Probe("", f"ours, {arm}", update, unit="update", is_ours=True))

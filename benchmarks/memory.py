@@ -14,9 +14,9 @@ import numpy as np
 import torch
 from stable_baselines3.common.buffers import ReplayBuffer
 
-from benchmarks.ours import Ours
+from benchmarks.ours import make_ours
 from benchmarks.timing import Measurement
-from benchmarks.work import FRAME, learn_config
+from benchmarks.work import FRAME
 
 ROOT = Path(__file__).resolve().parents[1]
 TRANSITIONS = 50_000
@@ -42,13 +42,14 @@ def held_bytes(*roots: object) -> int:
     seen, waiting, total = set(), list(roots), 0
     while waiting:
         value = waiting.pop()
-        is_tensor = isinstance(value, torch.Tensor)
-        identity = value.untyped_storage().data_ptr() if is_tensor else id(value)
+        if isinstance(value, torch.Tensor):
+            value = value.untyped_storage()
+        identity = value.data_ptr() if isinstance(value, torch.UntypedStorage) else id(value)
         if identity in seen or isinstance(value, CODE_TYPES):
             continue
         seen.add(identity)
-        if is_tensor:
-            total += value.untyped_storage().nbytes()
+        if isinstance(value, torch.UntypedStorage):
+            total += value.nbytes()
         elif isinstance(value, np.ndarray):
             total += value.nbytes
         else:
@@ -60,14 +61,14 @@ def measure_replays(transitions: int) -> list[Measurement]:
     """Measure full replays, ours with what it needs to draw the pixels."""
     group, found = f"replay of {transitions:,}", []
     for arm, kept in (("scratch", "states"), ("FE4", "200 features"), ("FE3", "3,136 features")):
-        ours = Ours(arm, learn_config(replay_size=transitions))
+        ours = make_ours(arm, f"learn.replay_size={transitions}")
         # Transitions are stored when somebody counts them; the first one allocates the whole storage.
         ours.fill(ours.learn.num_envs)
         assert len(ours.replay) > 0
-        size = held_bytes(ours.replay, ours.agent.draw)
+        size = held_bytes(ours.replay, ours.parts.draw)
         found.append(Measurement(group, f"ours, {kept} ({arm})", "byte", [size]))
     pixels = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
-    actions = gymnasium.spaces.Discrete(ours.num_actions)
+    actions = gymnasium.spaces.Discrete(len(ours.run.config.world.actions))
     for name, once in (("SB3, pixels", False), ("SB3, pixels, each picture once", True)):
         # Quick, because NumPy's zeros take no memory before something is written.
         buffer = ReplayBuffer(

@@ -61,11 +61,11 @@ class TunedNetwork(nn.Module):
 
     def __init__(self, num_actions: int) -> None:
         super().__init__()
-        _, second, third, _ = conv_layers()
-        convs = nn.ModuleList([nn.Conv2d(16, 32, 2), second, third])
-        convs.to(memory_format=torch.channels_last)
-        self.convs = convs.append(nn.Linear(49 * 64, 200))
+        convs = [nn.Conv2d(16, 32, 2), *conv_layers()[1:3]]
+        self.convs = nn.ModuleList([*convs, nn.Linear(49 * 64, 200)])
         self.head = DuelingHead(num_actions)
+        for conv in convs:
+            conv.weight.data = conv.weight.data.contiguous(memory_format=torch.channels_last)
 
     def forward(self, blocks: Tensor) -> Tensor:
         """Map uint8 [B, 21, 21, 16] to float [B, A]."""

@@ -32,9 +32,15 @@ OVERSAMPLING = 4
 Pixel = tuple[float, float]
 
 
-def grey(colour: tuple[int, int, int]) -> int:
-    """Return how bright a colour looks, 0 to 255."""
-    return round(sum(share * value for share, value in zip(scene.LUMINANCE, colour, strict=True)))
+def to_grey(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return how bright colours look: [..., 3] to [...]."""
+    bright: NDArray[np.uint8] = (rgb @ np.array(scene.LUMINANCE, np.float32) + 0.5).astype(np.uint8)
+    return bright
+
+
+def read_grey(surface: pygame.Surface) -> NDArray[np.uint8]:
+    """Return a surface in grey, with rows first."""
+    return np.ascontiguousarray(to_grey(pygame.surfarray.array3d(surface)).T)
 
 
 def to_pixel(offset: complex, size: int = scene.SIZE) -> Pixel:
@@ -42,21 +48,19 @@ def to_pixel(offset: complex, size: int = scene.SIZE) -> Pixel:
     return size / 2 - 0.5 + offset.real, size / 2 - 0.5 - offset.imag
 
 
-def draw_still(surface: pygame.Surface, world: World, is_grey: bool = False) -> None:
+def draw_still(surface: pygame.Surface, world: World) -> None:
     """Draw what never moves when the own ship stays in the middle and heads up."""
     size = surface.get_width()
     scale = scene.PIXELS_PER_METRE * size / scene.SIZE
-    circles = [
+    surface.fill(scene.OUTSIDE)
+    for radius, colour in (
         (scene.WINDOW, scene.DISC),
         (world.goal_distance, scene.GOAL_CIRCLE),
         (world.safe_distance, scene.SAFE_CIRCLE),
-    ]
-    shade = (lambda colour: (grey(colour),) * 3) if is_grey else (lambda colour: colour)
-    surface.fill(shade(scene.OUTSIDE))
-    for radius, colour in circles:
-        pygame.draw.circle(surface, shade(colour), (size / 2, size / 2), radius * scale)
+    ):
+        pygame.draw.circle(surface, colour, (size / 2, size / 2), radius * scale)
     corners = [to_pixel(1j * scale * complex(u, v), size) for u, v in scene.ship_outline(scene.OWN_LENGTH)]
-    pygame.draw.polygon(surface, shade(scene.OWN), corners)
+    pygame.draw.polygon(surface, scene.OWN, corners)
 
 
 class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
@@ -89,7 +93,7 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         """Start an episode."""
         super().reset(seed=seed)
         self._start()
-        return self._draw(), self._info(False, False)
+        return self._draw(), {}
 
     def step(self, action: np.int64) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
         """Turn, then move for one second."""
@@ -120,10 +124,8 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
             reward += weights.w2 * weights.collision
         terminated = goal or collision
         truncated = self._steps >= world.max_steps and not terminated
-        return self._draw(), reward, terminated, truncated, self._info(goal, collision)
-
-    def _info(self, goal: bool, collision: bool) -> dict[str, Any]:
-        return {"goal": goal, "collision": collision, "dcpa": self._dcpa}
+        info = {"goal": goal, "collision": collision, "dcpa": self._dcpa}
+        return self._draw(), reward, terminated, truncated, info
 
     def _moving(self) -> tuple[Pixel, list[list[Pixel]]]:
         """Return the end of the line to the goal, and the corners of every target ship."""
@@ -138,7 +140,6 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
 
     def _prepare(self) -> None:
         self._surface = pygame.Surface((scene.SIZE, scene.SIZE), depth=32)
-        self._luminance = np.array(scene.LUMINANCE, np.float32)
 
     def _draw(self) -> NDArray[np.uint8]:
         end, ships = self._moving()
@@ -147,8 +148,7 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         for corners in ships:
             pygame.draw.polygon(self._surface, scene.TARGET, corners)
             pygame.draw.aalines(self._surface, scene.TARGET, True, corners)
-        bright = pygame.surfarray.array3d(self._surface) @ self._luminance
-        return np.ascontiguousarray(bright.T.astype(np.uint8))[None]
+        return read_grey(self._surface)[None]
 
 
 class TunedPygameShipEnv(PygameShipEnv):
@@ -156,14 +156,13 @@ class TunedPygameShipEnv(PygameShipEnv):
 
     def _prepare(self) -> None:
         large = pygame.Surface((scene.SIZE * OVERSAMPLING,) * 2, depth=32)
-        draw_still(large, self._world, is_grey=True)
-        small = pygame.surfarray.array3d(pygame.transform.smoothscale(large, (scene.SIZE, scene.SIZE)))
-        self._background = np.ascontiguousarray(small[:, :, 0].T)
+        draw_still(large, self._world)
+        self._background = read_grey(pygame.transform.smoothscale(large, (scene.SIZE, scene.SIZE)))
         # pygame draws into the array's own memory, so that no surface is copied.
         memory = bytearray(self._background.tobytes())
         self._pixels = np.frombuffer(memory, np.uint8).reshape(self._background.shape)
         self._surface = pygame.image.frombuffer(memory, (scene.SIZE, scene.SIZE), "P")
-        self._line, self._target = grey(scene.LINE), grey(scene.TARGET)
+        self._line, self._target = to_grey(np.array([scene.LINE, scene.TARGET], np.uint8)).tolist()
 
     def _draw(self) -> NDArray[np.uint8]:
         np.copyto(self._pixels, self._background)

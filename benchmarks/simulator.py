@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
@@ -21,70 +22,63 @@ CASES = ("1", "2", "4")
 BATCH_SIZES = (1, 16, 64, 1024)
 # Of one environment in one call of a probe.
 STEPS = 16
+# Takes an action for every environment: int64 [N].
+Step = Callable[[NDArray[np.int64]], object]
 
 
-def draw_actions(num_envs: int) -> Any:
-    """Return random actions, drawn beforehand so that drawing is not timed: int64 [STEPS, num_envs]."""
-    return np.random.default_rng(0).integers(len(load_world().actions), size=(STEPS, num_envs))
+def probe(group: str, name: str, step: Step, num_envs: int = 1, is_ours: bool = True) -> Probe:
+    """Return the probe of a step with random actions, drawn beforehand so that drawing is not timed."""
+    num_actions = len(load_world().actions)
+    actions = list(np.random.default_rng(0).integers(num_actions, size=(STEPS, num_envs)))
+
+    def run() -> None:
+        for action in actions:
+            step(action)
+
+    return Probe(group, name, run, STEPS * num_envs, is_ours=is_ours)
 
 
-def step_one(env: gymnasium.Env[Any, Any]) -> Callable[[], None]:
-    """Return a function that takes random actions in a Gymnasium environment."""
-    actions = list(draw_actions(1)[:, 0])
+def gymnasium_step(env: gymnasium.Env[Any, Any]) -> Step:
+    """Return the step of a Gymnasium environment, which begins anew after an episode."""
     env.reset(seed=0)
 
-    def run() -> None:
-        for action in actions:
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                env.reset()
+    def step(action: NDArray[np.int64]) -> None:
+        _, _, terminated, truncated, _ = env.step(action[0])
+        if terminated or truncated:
+            env.reset()
 
-    return run
+    return step
 
 
-def step_vector(envs: ShipCollisionVectorEnv) -> Callable[[], None]:
-    """Return a function that takes random actions in the vector environment for Gymnasium."""
-    actions = draw_actions(envs.num_envs)
+def vector_step(envs: ShipCollisionVectorEnv) -> Step:
+    """Return the step of the vector environment for Gymnasium."""
     envs.reset()
-
-    def run() -> None:
-        for action in actions:
-            envs.step(action)
-
-    return run
+    return envs.step
 
 
-def step_torchrl(env: ShipEnv) -> Callable[[], None]:
-    """Return a function that takes random actions in the TorchRL environment."""
-    actions = torch.from_numpy(draw_actions(env.batch_size[0]))
+def torchrl_step(env: ShipEnv) -> Step:
+    """Return the step of the TorchRL environment."""
     current = env.reset()
 
-    def run() -> None:
+    def step(action: NDArray[np.int64]) -> None:
         nonlocal current
-        for action in actions:
-            _, current = env.step_and_maybe_reset(current.set("action", action))
+        _, current = env.step_and_maybe_reset(current.set("action", torch.from_numpy(action)))
 
-    return run
+    return step
 
 
 def probes() -> list[Probe]:
     """Return pygame and ship_trl's three environments in every case."""
     world, found = load_world(), []
     for name in CASES:
-        case = load_case(name, world)
-        peer, ours = partial(Probe, f"case {name}"), partial(Probe, f"case {name}", is_ours=True)
+        case, add = load_case(name, world), partial(probe, f"case {name}")
         found += [
-            peer("Gymnasium and pygame", step_one(PygameShipEnv(case, world)), STEPS),
-            peer("the same, tuned", step_one(TunedPygameShipEnv(case, world)), STEPS),
-            ours("ours, Gymnasium", step_one(ShipCollisionEnv(name)), STEPS),
+            add("Gymnasium and pygame", gymnasium_step(PygameShipEnv(case, world)), is_ours=False),
+            add("the same, tuned", gymnasium_step(TunedPygameShipEnv(case, world)), is_ours=False),
+            add("ours, Gymnasium", gymnasium_step(ShipCollisionEnv(name))),
         ]
         for n in BATCH_SIZES:
-            found += [
-                ours(f"ours, vector of {n}", step_vector(ShipCollisionVectorEnv(n, name)), n * STEPS),
-                ours(
-                    f"ours, TorchRL of {n}",
-                    step_torchrl(ShipEnv(case, world, n, from_pixels=True)),
-                    n * STEPS,
-                ),
-            ]
+            batched = ShipEnv(case, world, n, from_pixels=True)
+            found.append(add(f"ours, vector of {n}", vector_step(ShipCollisionVectorEnv(n, name)), n))
+            found.append(add(f"ours, TorchRL of {n}", torchrl_step(batched), n))
     return found

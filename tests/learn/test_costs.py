@@ -14,10 +14,9 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
 
-from benchmarks.ours import Ours
+from benchmarks.ours import Ours, make_ours
 from benchmarks.peer_tuned import TunedLoop
 from benchmarks.work import learn_config
-from ship_trl.config.types import Precision
 from ship_trl.gym.env import ShipCollisionEnv
 
 COPIES = {"copy_", "_to_copy", "clone", "cat", "index_select", "index", "contiguous", "stack"}
@@ -55,7 +54,7 @@ def counted(action: Callable[[], object]) -> tuple[int, float, float]:
 
 
 def ours(arm: str, precision: str = "bf16") -> Ours:
-    made = Ours(arm, learn=learn_config(precision=Precision[precision]))
+    made = make_ours(arm, f"learn.precision={precision}")
     made.fill(300)
     return made
 
@@ -118,9 +117,9 @@ def test_a_step_of_the_environment(arm: str, limits: tuple[float, ...]) -> None:
 def test_frozen_layers_are_computed_once_a_state() -> None:
     learner = ours("FE3")
     batch = learner.sample()
-    # conv4 and the heads have one place: three passes forward and two backward, but no gradient of the input.
-    size = {
-        name: p.numel() for name, p in learner.network.named_parameters() if p.ndim > 1 and p.requires_grad
-    }
-    needed = 2 * 32 * (5 * sum(size.values()) - size["conv4.weight"])
+    # Each weight of conv4 and the heads is used once: three passes forward, two backward, but no gradient
+    # of conv4's input.
+    learning = {name: p for name, p in learner.agent.network.named_parameters() if p.requires_grad}
+    sizes = {name: p.numel() for name, p in learning.items() if p.ndim > 1}
+    needed = 2 * 32 * (5 * sum(sizes.values()) - sizes["conv4.weight"])
     assert counted(lambda: learner.agent.update(batch))[2] <= 1.01 * needed / 1e6

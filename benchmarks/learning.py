@@ -74,13 +74,11 @@ def update_probes() -> list[Probe]:
     probes = []
     for name in PEERS:
         peer = make_peer(name, learn_config())
-        update: Callable[..., object] = (
-            peer.update if isinstance(peer, Sb3Loop) else partial(peer.update, peer.sample())
-        )
+        update = peer.update if isinstance(peer, Sb3Loop) else partial(peer.update, peer.sample())
         probes.append(Probe("", name, update, unit="update"))
     for arm in ARMS:
         ours = make_ours(arm)
         ours.fill(WARMUP_STEPS)
-        update = partial(ours.agent.update, ours.sample())
-        probes.append(Probe("", f"ours, {arm}", update, unit="update", is_ours=True))
+        run = partial(ours.agent.update, ours.sample())
+        probes.append(Probe("", f"ours, {arm}", run, unit="update", is_ours=True))
     return probes

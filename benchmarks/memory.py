@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import gc
+import re
 import subprocess
 import sys
 import tempfile
 import types
+from functools import partial
 from pathlib import Path
 
 import gymnasium
@@ -24,17 +26,8 @@ TRANSITIONS = 50_000
 EPISODES = 20
 # Their attributes are code, not what an object holds.
 CODE_TYPES = (type, types.ModuleType, types.FunctionType, types.MethodType)
-# Not `ru_maxrss`: that starts at what the parent process had.
-RUN = """
-import atexit, pathlib, re, sys
-def print_peak():
-    status = pathlib.Path("/proc/self/status")
-    found = re.search(r"VmHWM:\\s*(\\d+)", status.read_text()) if status.exists() else None
-    print("peak", 1024 * int(found[1]) if found else 0)
-atexit.register(print_peak)
-from ship_trl.__main__ import main
-main()
-"""
+# Linux says how much was resident at most. `ru_maxrss` would begin with what the parent process had.
+RUN = "from ship_trl.__main__ import main; main(); print(open('/proc/self/status').read())"
 
 
 def held_bytes(*roots: object) -> int:
@@ -69,32 +62,24 @@ def measure_replays(transitions: int) -> list[Measurement]:
         found.append(Measurement(group, f"ours, {kept} ({arm})", "byte", [size]))
     pixels = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
     actions = gymnasium.spaces.Discrete(len(ours.run.config.world.actions))
-    for name, once in (("SB3, pixels", False), ("SB3, pixels, each picture once", True)):
-        # Quick, because NumPy's zeros take no memory before something is written.
-        buffer = ReplayBuffer(
-            transitions,
-            pixels,
-            actions,
-            "cpu",
-            optimize_memory_usage=once,
-            handle_timeout_termination=not once,
-        )
-        found.append(Measurement(group, name, "byte", [held_bytes(buffer)]))
-    return found
+    # Quick, because NumPy's zeros take no memory before something is written.
+    buffer = partial(ReplayBuffer, transitions, pixels, actions, "cpu")
+    once = buffer(optimize_memory_usage=True, handle_timeout_termination=False)
+    return [
+        *found,
+        Measurement(group, "SB3, pixels", "byte", [held_bytes(buffer())]),
+        Measurement(group, "SB3, pixels, each picture once", "byte", [held_bytes(once)]),
+    ]
 
 
 def measure_run(episodes: int) -> int:
-    """Return the peak of resident bytes of a run of the profile quick, cut short; 0 outside Linux."""
+    """Return the peak of resident bytes of a run of the profile quick, cut short."""
     with tempfile.TemporaryDirectory() as folder:
         overrides = ["target=4", "method=scratch", f"learn.episodes={episodes}", "learn.warmup_steps=200"]
-        done = subprocess.run(
-            [sys.executable, "-c", RUN, *overrides, f"output={folder}"],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-    return int(done.stdout.split()[-1])
+        command = [sys.executable, "-c", RUN, *overrides, f"output={folder}"]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    (kilobytes,) = re.findall(r"VmHWM:\s*(\d+)", done.stdout)
+    return 1024 * int(kilobytes)
 
 
 def measure_memory() -> list[Measurement]:

@@ -27,6 +27,11 @@ class Batch(NamedTuple):
     terminated: Tensor
 
 
+def read_blocks(pixels: NDArray[np.uint8]) -> Tensor:
+    """Return a picture of 84x84 in any shape as the network takes it."""
+    return to_blocks(torch.from_numpy(pixels).reshape(FRAME[1:]))
+
+
 class TunedLoop:
     """Act, step, store, and learn every few steps, with the first `frozen` conv layers frozen.
 
@@ -55,23 +60,17 @@ class TunedLoop:
             terminated=torch.zeros(size),
         )
         self.random = np.random.default_rng(0)
-        self.observation, _ = env.reset(seed=0)
+        self.observation = read_blocks(env.reset(seed=0)[0])
         self.steps = 0
 
-    def greedy(self, observation: NDArray[np.uint8]) -> int:
-        """Return the action with the largest Q-value."""
+    def act(self) -> int:
+        """Choose an action: a random one in the warm-up, then by epsilon-greedy."""
+        is_warm = self.steps < self.learn.warmup_steps
+        if is_warm or self.random.random() < self.learn.epsilon_end:
+            return int(self.random.integers(self.num_actions))
         # In float32 even with bf16: for one picture, converting all weights costs more than it saves.
         with torch.inference_mode():
-            return int(
-                self.network(to_blocks(torch.from_numpy(observation).reshape(1, *FRAME[1:]))).argmax(1)
-            )
-
-    def store(self, action: int, reward: float, following: NDArray[np.uint8], terminated: bool) -> None:
-        """Keep the transition from the current observation."""
-        row, kept = self.steps % self.learn.replay_size, self.replay
-        for pixels, observation in ((kept.pixels, self.observation), (kept.next_pixels, following)):
-            pixels[row] = to_blocks(torch.from_numpy(observation).reshape(FRAME[1:]))
-        kept.action[row], kept.reward[row], kept.terminated[row] = action, reward, float(terminated)
+            return int(self.network(self.observation[None]).argmax(1))
 
     def sample(self) -> Batch:
         """Draw a batch of kept transitions, uniformly."""
@@ -95,14 +94,15 @@ class TunedLoop:
     def run(self, steps: int) -> None:
         """Train for `steps` environment steps; learning begins after the warm-up."""
         for _ in range(steps):
-            warm = self.steps < self.learn.warmup_steps
-            if warm or self.random.random() < self.learn.epsilon_end:
-                action = int(self.random.integers(self.num_actions))
-            else:
-                action = self.greedy(self.observation)
-            following, reward, terminated, truncated, _ = self.env.step(np.int64(action))
-            self.store(action, float(reward), following, terminated)
-            self.observation = self.env.reset()[0] if terminated or truncated else following
+            action = self.act()
+            pixels, reward, terminated, truncated, _ = self.env.step(np.int64(action))
+            following = read_blocks(pixels)
+            row = self.steps % self.learn.replay_size
+            transition = (self.observation, action, float(reward), following, float(terminated))
+            for values, value in zip(self.replay, transition, strict=True):
+                values[row] = value
+            self.observation = read_blocks(self.env.reset()[0]) if terminated or truncated else following
+            is_warm = self.steps < self.learn.warmup_steps
             self.steps += 1
-            if not warm and self.steps % self.learn.update_every == 0:
+            if not is_warm and self.steps % self.learn.update_every == 0:
                 self.update(self.sample())

@@ -7,7 +7,6 @@ import json
 import statistics
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -36,16 +35,6 @@ class Row:
     measured: Measurement
     of_first: float | None
     ours_is: float | None
-
-    def values(self) -> dict[str, Any]:
-        """Return all its values by name."""
-        ratios = {"of_first": self.of_first, "ours_is": self.ours_is}
-        return {
-            "part": self.part,
-            **dataclasses.asdict(self.measured),
-            "median": self.measured.median,
-            **ratios,
-        }
 
     def cells(self) -> list[str]:
         """Return the text of its cells, one for each of `COLUMNS`."""
@@ -94,6 +83,6 @@ def print_table(title: str, rows: Sequence[Row], markdown: bool) -> None:
 
 def write_json(path: Path, machine: str, rows: Sequence[Row]) -> None:
     """Write the machine and all rows, with the value of every round."""
-    content = {"machine": machine, "rows": [row.values() for row in rows]}
+    content = {"machine": machine, "rows": [dataclasses.asdict(row) for row in rows]}
     with replacing(path) as draft:
         draft.write_text(json.dumps(content, indent=1) + "\n")

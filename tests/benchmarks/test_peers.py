@@ -1,16 +1,19 @@
 """Every learner that is timed learns, and keeps its frozen layers."""
 
 import copy
-from functools import partial
 
 import pytest
 import torch
+from tensordict import TensorDict
 from torch import nn
+from torchrl.data import Categorical
+from torchrl.modules import QValueActor
+from torchrl.objectives import DQNLoss, SoftUpdate
 
 from benchmarks.learning import PEERS, make_peer, peer_loop
 from benchmarks.ours import ARMS, frozen_layers, make_ours
 from benchmarks.peer_network import PlainNetwork, TunedNetwork, to_blocks
-from benchmarks.peer_sb3 import Sb3Loop
+from benchmarks.peer_tuned import TunedLoop
 from benchmarks.timing import measure
 from benchmarks.work import learn_config
 
@@ -34,13 +37,27 @@ def test_a_peer_learns_all_but_its_frozen_layers(name: str, frozen: int) -> None
         assert moved != any(f".{start}" in f".{key}" for start in fixed), key
 
 
-def test_an_update_learns() -> None:
-    for name in PEERS:
-        peer = make_peer(name, learn_config(*SHORT))
-        before = copy.deepcopy(peer.network)
-        update = peer.update if isinstance(peer, Sb3Loop) else partial(peer.update, peer.sample())
-        update()
-        assert any(changed(peer.network, before).values()), name
+def test_the_tuned_loss_is_torchrls() -> None:
+    peer = make_peer("tuned PyTorch, fp32", learn_config(*SHORT))
+    assert isinstance(peer, TunedLoop)
+    batch, target = peer.sample(), peer.target.state_dict()
+    for value in target.values():
+        value += 0.02 * torch.randn_like(value)
+    # DQNLoss copies its target network from the network it is given, which becomes the online one afterwards.
+    network = copy.deepcopy(peer.target).requires_grad_(True)
+    actor = QValueActor(network, in_keys=["pixels"], spec=Categorical(7))
+    loss = DQNLoss(actor, delay_value=True, double_dqn=True, loss_function="l2")
+    loss.make_value_estimator(gamma=peer.learn.gamma)
+    SoftUpdate(loss, tau=peer.learn.tau)
+    network.load_state_dict(peer.network.state_dict())
+    done = batch.terminated[:, None].bool()
+    after = {"pixels": batch.next_pixels, "reward": batch.reward[:, None], "done": done, "terminated": done}
+    data = TensorDict({"pixels": batch.pixels, "action": batch.action, "next": after}, [len(done)])
+    wanted = loss(data)["loss"]
+    assert torch.allclose(peer.loss(batch), wanted, rtol=1e-3, atol=1e-6)
+    # Not by chance: another target network gives another loss.
+    peer.target.load_state_dict(peer.network.state_dict())
+    assert not torch.allclose(peer.loss(batch), wanted, rtol=1e-3, atol=1e-6)
 
 
 def test_tuned_network_is_the_plain_one() -> None:

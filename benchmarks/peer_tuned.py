@@ -102,7 +102,13 @@ class TunedLoop:
             pixels, reward, terminated, truncated, _ = self.env.step(np.int64(action))
             following = read_blocks(pixels)
             row = self.steps % self.learn.replay_size
-            transition = (self.observation, action, float(reward), following, float(terminated))
+            transition: tuple[Any, ...] = (
+                self.observation,
+                action,
+                float(reward),
+                following,
+                float(terminated),
+            )
             for values, value in zip(self.replay, transition, strict=True):
                 values[row] = value
             self.observation = read_blocks(self.env.reset()[0]) if terminated or truncated else following

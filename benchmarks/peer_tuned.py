@@ -102,14 +102,8 @@ class TunedLoop:
             pixels, reward, terminated, truncated, _ = self.env.step(np.int64(action))
             following = read_blocks(pixels)
             row = self.steps % self.learn.replay_size
-            transition: tuple[Any, ...] = (
-                self.observation,
-                action,
-                float(reward),
-                following,
-                float(terminated),
-            )
-            for values, value in zip(self.replay, transition, strict=True):
+            kept: tuple[Any, ...] = (self.observation, action, reward, following, terminated)
+            for values, value in zip(self.replay, kept, strict=True):
                 values[row] = value
             self.observation = read_blocks(self.env.reset()[0]) if terminated or truncated else following
             is_warm = self.steps < self.learn.warmup_steps

@@ -25,7 +25,7 @@ ALLOWED = {
     "result": {"paths"},
     "table": BELOW,
     "curve": {"paths"},
-    "view": SIM | {"curve", "learn"},
+    "view": SIM | {"curve", "demonstrations", "entries", "learn", "policies"},
     "stop": set(),
     "cli": BELOW | {"stop"},
     "pretrained": SIM,
@@ -62,10 +62,9 @@ ALLOWED = {
     "entries": SIM
     | {"checks", "cli", "learn", "outside", "policies", "pretrained", "result", "results", "transfer"},
     "evaluate": SIM | {"cli", "demonstrations", "entries", "learn", "pretrained", "results", "run", "view"},
-    "viewer": SIM | {"demonstrations", "entries", "learn", "policies", "view"},
-    "play": SIM | {"cli", "demonstrations", "run", "viewer", "watch"},
-    "watch": SIM | {"cli", "entries", "run", "viewer"},
-    "record": SIM | {"cli", "entries", "learn", "run", "transfer", "view", "viewer", "watch"},
+    "play": SIM | {"cli", "demonstrations", "run", "view", "watch"},
+    "watch": SIM | {"cli", "entries", "run", "view"},
+    "record": SIM | {"cli", "entries", "learn", "run", "transfer", "view", "watch"},
     "explain": SIM
     | {"architecture", "cli", "entries", "learn", "outside", "policies", "pretrained", "result", "run"}
     | {"study", "transfer"},

@@ -1,4 +1,4 @@
-"""Where a player stands in an episode: it runs, stops, steps, goes back. It knows no window and no clock."""
+"""The position in an episode that is played: run, pause, step, seek. It knows no window and no clock."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 # Seconds of the world in one of ours.
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-USUAL = 5.0
+DEFAULT_SPEED = 5.0
 
 
 @dataclass
@@ -17,7 +17,7 @@ class Player:
     dt: float = 1.0
     position: float = 0.0
     running: bool = True
-    speed: float = USUAL
+    speed: float = DEFAULT_SPEED
 
     @property
     def at_end(self) -> bool:
@@ -25,22 +25,21 @@ class Player:
         return self.position >= self.steps
 
     def advance(self, seconds: float) -> None:
-        """Let so many of our seconds pass."""
+        """Let seconds of ours pass."""
         if self.running:
             self.position = min(self.position + seconds * self.speed / self.dt, float(self.steps))
             self.running = not self.at_end
 
     def pause(self) -> None:
-        """Stop at the step that is being sailed, or go on; at the end, begin again."""
+        """Stop at the step that has begun, or go on; at the end, begin again."""
         if self.running:
             self.seek(int(self.position))
-            return
-        if self.at_end:
-            self.position = 0.0
-        self.running = True
+        else:
+            self.position = 0.0 if self.at_end else self.position
+            self.running = True
 
     def step(self, count: int = 1) -> None:
-        """Stop, and go so many whole steps on, or back if it is negative."""
+        """Stop, and go `count` whole steps on, or back if it is negative."""
         back_from_between = count < 0 and self.position > int(self.position)
         self.seek(int(self.position) + count + back_from_between)
 
@@ -53,8 +52,8 @@ class Player:
         """Play from the start."""
         self.position, self.running = 0.0, True
 
-    def faster(self, levels: int = 1) -> None:
-        """Go so many levels up in speed, or down if it is negative, as far as there are any."""
+    def change_speed(self, levels: int) -> None:
+        """Go `levels` up in speed, or down if it is negative, as far as there are any."""
         level = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed)) + levels
         self.speed = SPEEDS[min(max(level, 0), len(SPEEDS) - 1)]
 

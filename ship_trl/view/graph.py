@@ -1,0 +1,148 @@
+"""Graphs over the steps of an episode: the past bright, what is to come faint, a mark at the present step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pygame
+
+from ship_trl.view import pen
+from ship_trl.view.episode_view import EpisodeView
+from ship_trl.view.palette import BACKGROUND, FAINT, PAIR, RULE, SERIES, TEXT, VERMILION, Colour, blend
+from ship_trl.view.pen import Point
+from ship_trl.view.telemetry import Numbers
+from ship_trl.view.words import number
+
+# How bright the lines to come are.
+TO_COME = 0.38
+# Lengths of dashes, which tell lines apart without colour.
+DASHES = (9.0, 4.0, 14.0, 2.0, 6.0, 20.0)
+PAIR_DASHES = (0.0, 9.0)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a graph: a value for each step from 0 on."""
+
+    name: str
+    values: Numbers
+    colour: Colour
+    dash: float = 0.0
+    width: int = 2
+
+
+class Graph:
+    """A graph drawn in advance, once bright and once faint; `draw` joins the two at any step.
+
+    Args:
+        title: what it shows, with its unit.
+        lines: its lines.
+        steps: the end of its axis.
+        size: width and height in pixels.
+        letters: their size.
+    """
+
+    def __init__(
+        self, title: str, lines: Sequence[Line], steps: int, size: tuple[int, int], letters: int
+    ) -> None:
+        self.size, self.steps, self.letters = size, max(1, steps), letters
+        values = [float(value) for line in lines for value in line.values if math.isfinite(value)]
+        low, high = min([0.0, *values]), max([1.0, *values])
+        left, top = round(4.2 * letters), round(1.9 * letters)
+        self.room = pygame.Rect(left, top, size[0] - round(4.9 * letters), size[1] - round(3.9 * letters))
+        self.ticks = round_values(low, high, max(2, self.room.height // round(2.2 * letters)))
+        self.low, self.high = min(low, self.ticks[0]), max(high, self.ticks[-1])
+        self.past, self.to_come = (self._draw(title, lines, share) for share in (1.0, TO_COME))
+
+    def place(self, step: float, value: float) -> Point:
+        """Find the pixels of a value at a step."""
+        room = self.room
+        share = (value - self.low) / (self.high - self.low)
+        return room.left + room.width * step / self.steps, room.bottom - room.height * share
+
+    def step_at(self, across: float) -> int:
+        """Find the step that is `across` pixels from the left."""
+        share = (across - self.room.left) / self.room.width
+        return round(min(max(share, 0.0), 1.0) * self.steps)
+
+    def draw(self, surface: pygame.Surface, at: tuple[int, int], step: float) -> None:
+        """Draw it on a surface, with its mark at a step."""
+        now = self.place(min(step, self.steps), 0.0)[0]
+        surface.blit(self.to_come, at)
+        surface.blit(self.past, at, (0, 0, round(now), self.size[1]))
+        # Title and legend are bright on both sides.
+        surface.blit(self.past, at, (0, 0, self.size[0], self.room.top))
+        x = at[0] + now
+        pen.line(surface, TEXT, (x, at[1] + self.room.top), (x, at[1] + self.room.bottom))
+
+    def _draw(self, title: str, lines: Sequence[Line], share: float) -> pygame.Surface:
+        """Draw axes, lines and legend; the lines with `share` of their colour."""
+        drawn, room, size = pen.new_surface(*self.size), self.room, self.letters
+        drawn.fill(BACKGROUND)
+        for value in self.ticks:
+            left, down = self.place(0, value)
+            pen.line(drawn, RULE, (left, down), (room.right, down))
+            pen.write(drawn, number(value, "g"), (left - 6, down), FAINT, size, across=1)
+        below = room.bottom + 0.5 * size + 5
+        for step in range(0, self.steps + 1, 10 if self.steps <= 100 else 100):
+            right, down = self.place(step, self.low)
+            pen.line(drawn, RULE, (right, down), (right, down + 4))
+            # The axis ends with a word.
+            if right < room.right - 3.5 * size:
+                pen.write(drawn, f"{step}", (right, below), FAINT, size, across=0.5)
+        pen.write(drawn, "step", (room.right, below), FAINT, size, across=1)
+        x = pen.write(drawn, title, (0, 0.7 * size), TEXT, size, True) + size
+        # In a narrow graph the legend has smaller letters.
+        names = [pen.cut(line.name, 0.4 * self.size[0], size) for line in lines]
+        needed = sum(pen.width_of(name, size) + 4 * size for name in names)
+        small = max(8, min(size, int(size * (self.size[0] - x) / needed)))
+        for line, name in zip(lines, names, strict=True):
+            colour = blend(line.colour, BACKGROUND, share)
+            places = [self.place(step, float(value)) for step, value in enumerate(line.values)]
+            pen.polyline(drawn, colour, places, line.width, line.dash)
+            sample = [(x, 0.7 * size), (x + 2.6 * small, 0.7 * size)]
+            pen.polyline(drawn, line.colour, sample, line.width, line.dash)
+            x = pen.write(drawn, name, (x + 3 * small, 0.7 * size), line.colour, small) + small
+        return drawn
+
+
+def round_values(low: float, high: float, count: int) -> list[float]:
+    """Return about `count` round values, at most, that cover from low to high."""
+    rough = (high - low) / count
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough)
+    return [k * step for k in range(math.floor(low / step), math.ceil(high / step) + 1)]
+
+
+def make_graphs(views: Sequence[EpisodeView], size: tuple[int, int], letters: int) -> list[Graph]:
+    """Make the graphs of return and distances, for one episode or two."""
+    first = views[0].telemetry
+    is_whole = all(view.telemetry.outcome for view in views)
+    steps = max(view.telemetry.steps for view in views) if is_whole else first.world.max_steps
+    returns, distances = [], []
+    if len(views) == 1:
+        returns.append(Line("total", first.total, TEXT, width=3))
+        paid = [(name, values) for name, values in first.terms.items() if values.any()]
+        distances.append(Line("goal", first.goal_distance, TEXT, width=3))
+        few = first.apart.shape[1] < 5
+        ships = [(f"ship {k}" if few else f"{k}", values) for k, values in enumerate(first.apart.T, 1)]
+        for lines, named in ((returns, paid), (distances, ships)):
+            for k, (name, values) in enumerate(named):
+                lines.append(Line(name, values, SERIES[k % len(SERIES)], DASHES[k % len(DASHES)]))
+    else:
+        for view, name, colour, dash in zip(views, "AB", PAIR, PAIR_DASHES, strict=True):
+            numbers = view.telemetry
+            returns.append(Line(f"{name} {view.title}", numbers.total, colour, dash, 3))
+            distances.append(Line(f"{name} to goal", numbers.goal_distance, colour, dash, 3))
+            if numbers.apart.shape[1]:
+                distances.append(Line(f"{name} nearest ship", numbers.apart.min(1), colour, dash or 2.0, 1))
+    if first.apart.shape[1]:
+        level = np.full(steps + 1, first.world.safe_distance)
+        distances.append(Line("safe distance", level, VERMILION, 3.0, 1))
+    return [
+        Graph("return so far", returns, steps, size, letters),
+        Graph("distance, m", distances, steps, size, letters),
+    ]

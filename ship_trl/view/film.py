@@ -22,6 +22,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.view import palette, pen
 from ship_trl.view.dashboard import SMALL_SIZE, Dashboard, Look
 from ship_trl.view.episode_view import EpisodeView
+from ship_trl.view.painter import GRID
 from ship_trl.view.telemetry import measure_episode
 
 # Seconds for which the last picture of an episode stays, and steps a second in the GIF of an episode.
@@ -36,7 +37,7 @@ SCENE = (
 GREYS = tuple((round(float(np.dot(colour, scene.LUMINANCE))),) * 3 for colour in SCENE)
 RAMP = tuple((level,) * 3 for level in range(8, 256, 8))
 LETTERS = (palette.BACKGROUND, palette.TEXT, palette.FAINT, palette.RULE, palette.BAR, palette.CHOSEN)
-EXACT = (*SCENE, *GREYS, *RAMP, *LETTERS, *palette.OUTCOMES.values())
+EXACT = (*SCENE, GRID, *GREYS, *RAMP, *LETTERS, *palette.OUTCOMES.values())
 
 
 def draw_film(

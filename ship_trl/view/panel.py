@@ -235,7 +235,7 @@ class Panel:
         # Eight ships in a small window are closer together.
         pitch = min((26 if self.is_wide else 22) * unit, (room.bottom - self.down) / len(rows))
         size = min(self.size(14 if self.is_wide else 13), max(9, round(pitch * 0.72)))
-        first = 40 * unit
+        first = (40 if self.is_wide else 30) * unit
         gap = (room.width - first) / (len(columns) - 1)
         for row, cells in enumerate(rows):
             is_danger = row > 0 and numbers.is_danger(step, row - 1)

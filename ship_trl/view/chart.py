@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ship_trl.paths import replacing
+from ship_trl.files.disk import replacing
 from ship_trl.view.palette import GRID
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pygame
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.view import pen
 from ship_trl.view.palette import CHOSEN, RULE, TEXT, Colour

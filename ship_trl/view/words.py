@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 
 # The paper gives no length: a coaster of 25 m, whose bow stays inside the safe distance.

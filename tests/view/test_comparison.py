@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-
 from ship_trl.view.comparison import Curve, draw_comparison
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
-
 from ship_trl.view.curve import draw_curve
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from ship_trl.view.draw import draw_scene, to_array
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.render import Rasteriser
-from ship_trl.view.draw import draw_scene, to_array
 
 Picture = NDArray[np.float64]
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image, ImageSequence
+from ship_trl.view.lettering import CHOSEN, fit
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.film import LAST_TIME, STEP_TIME, draw_frames, write_gif
 from ship_trl.view.legend import HEIGHT as LEGEND
-from ship_trl.view.lettering import CHOSEN, fit
 from ship_trl.view.panel import HEIGHT, LEFT, LOWER, RIGHT, VIEW, WIDTH, Log
 from tests.view.sailing import sail
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-
 from ship_trl.view.curve import MEAN
 from ship_trl.view.transfer import SCRATCH, draw_transfer
 

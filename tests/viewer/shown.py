@@ -5,17 +5,17 @@ from collections.abc import Sequence
 import numpy as np
 import pygame
 from numpy.typing import NDArray
-from torch import Generator
-
-from ship_trl.config import World
-from ship_trl.entries import Entry
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.render import Rasteriser
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.dashboard import Dashboard, Look
 from ship_trl.viewer.show import Show, make_show
 from ship_trl.viewer.telemetry import of_episode
+from torch import Generator
+
+from ship_trl.config.types import World
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.policies.entry import Entry
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.render import Rasteriser
 from tests.view.sailing import sail
 
 

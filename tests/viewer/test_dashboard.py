@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pygame
 import pytest
-
-from ship_trl.config import World
-from ship_trl.sim.cases import Case, load_case
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.dashboard import Dashboard, Look, layout
+
+from ship_trl.config.types import World
+from ship_trl.sim.cases import Case, load_case
 from tests.viewer.shown import drawn, show
 
 

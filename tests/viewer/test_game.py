@@ -7,13 +7,13 @@ import numpy as np
 import pygame
 import pytest
 from numpy.typing import NDArray
-
-from ship_trl.demonstrations import read_demonstrations
-from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.reference import best_known, sail
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.game import Game
 from ship_trl.viewer.window import Window, open_window
+
+from ship_trl.policies.demonstrations import read_demonstrations
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.reference import best_known, sail
 
 WORLD = load_world()
 CASES = [load_case(name, WORLD) for name in ("2", "4")]

@@ -8,14 +8,14 @@ import pytest
 import torch
 from numpy.typing import NDArray
 from PIL import Image
-
-from ship_trl.config import World
-from ship_trl.sim import scene
-from ship_trl.sim.cases import load_case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.sea import absolute_frame, draw_sea, relative_frame
 from ship_trl.viewer.telemetry import Telemetry, of_episode
+
+from ship_trl.config.types import World
+from ship_trl.sim import scene
+from ship_trl.sim.cases import load_case
+from ship_trl.sim.render import Rasteriser
 from tests.view.sailing import sail
 
 SIDE = 840

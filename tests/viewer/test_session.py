@@ -8,12 +8,12 @@ import pygame
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-
-from ship_trl.config import ConfigError
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.playlist import Playlist
 from ship_trl.viewer.session import KEYS, Session
 from ship_trl.viewer.window import Window, open_window
+
+from ship_trl.config.errors import ConfigError
 from tests.viewer.shown import entry
 
 SIZE = (1120, 630)

@@ -7,11 +7,11 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ship_trl.viewer.telemetry import measure, nearest_danger, of_episode, split
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.viewer.telemetry import measure, nearest_danger, of_episode, split
 from tests.view.sailing import sail
 
 PLANS = st.lists(st.integers(0, 6), min_size=1, max_size=12)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pygame
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import replacing
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.disk import replacing
 from ship_trl.view import pen
 from ship_trl.view.film import draw_film, write_film
 from ship_trl.view.window.interactive import DOWN, LEFT, RIGHT, UP, Interactive

@@ -13,7 +13,7 @@ from ship_trl.cli.record import best_of_folders, main
 from ship_trl.config.errors import ConfigError
 from tests.cli.test_watch import refused
 from tests.command import ship_trl
-from tests.viewer.shown import entry
+from tests.view.episodes import entry
 
 
 def picture(path: str | Path) -> NDArray[np.uint8]:

@@ -28,8 +28,8 @@ HEAVY = {
     "ship_trl.report": ("ship_trl.study.report.write", "scipy.stats", "statsmodels.api"),
     "ship_trl.explain": ("ship_trl.explain.write",),
     "ship_trl.export": ("onnx", "onnxruntime", "onnxscript"),
-    "ship_trl.record": ("ship_trl.viewer.film",),
-    "ship_trl.results": ("ship_trl.view.comparison", "ship_trl.study.analysis.stability"),
+    "ship_trl.record": ("ship_trl.view.film",),
+    "ship_trl.results": ("ship_trl.view.curves", "ship_trl.study.analysis.stability"),
 }
 
 

@@ -16,13 +16,13 @@ from ship_trl.view.contact_sheet import (
     GAP,
     HEAD,
     LABEL,
+    LEGEND,
     MARGIN,
     PICTURE,
     WIDTH,
     keep_course,
     write_contact_sheet,
 )
-from ship_trl.view.legend import HEIGHT as LEGEND
 
 
 def test_every_case_has_a_row(world: World, tmp_path: Path) -> None:
@@ -31,7 +31,7 @@ def test_every_case_has_a_row(world: World, tmp_path: Path) -> None:
     write_contact_sheet(path, cases, world)
     assert [p.name for p in tmp_path.iterdir()] == ["cases.png"]
     with Image.open(path) as image:
-        assert image.size == (WIDTH, HEAD + len(cases) * (PICTURE + GAP) - GAP + MARGIN + LEGEND)
+        assert image.size == (WIDTH, HEAD + len(cases) * (PICTURE + GAP) + LEGEND)
         sheet = np.asarray(image.convert("RGB"))
     green = (sheet == scene.TARGET).all(-1)
     for row, case in enumerate(cases):

@@ -31,8 +31,6 @@ class Interactive(ABC):
     def __init__(self) -> None:
         self.look, self.has_help, self.is_closed = Look(), False, False
         self.dashboard = Dashboard()
-        # Width and height of what was drawn last.
-        self.size = (0, 0)
         self.bindings: list[Binding] = [
             ("A", "absolute frame (north up), or own ship in the middle", {"a": self.look_key("absolute")}),
             ("T", "true size of hulls, or as the network sees them", {"t": self.look_key("to_scale")}),
@@ -61,7 +59,6 @@ class Interactive(ABC):
 
     def draw(self, surface: pygame.Surface) -> None:
         """Draw what is to be seen now."""
-        self.size = surface.get_size()
         keys = [binding[:2] for binding in self.bindings] if self.has_help else []
         self.dashboard.draw(surface, self.views, self.player.position, self.look, self.status, keys)
 

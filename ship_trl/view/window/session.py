@@ -95,14 +95,15 @@ class Session(Interactive):
 
     def save_picture(self) -> None:
         """Save what is shown as a PNG, without the help."""
-        picture = pen.new_surface(*self.size)
+        picture = pen.new_surface(*pygame.display.get_window_size())
         self.dashboard.draw(picture, self.views, self.player.position, self.look)
         step = f"step{int(self.player.position):02d}"
         self._save(step, ".png", lambda path: pygame.image.save(picture, str(path)))
 
     def save_film(self) -> None:
         """Save the whole episode as a GIF, as it is shown now."""
-        frames = draw_film([self.views], self.look, self.size, FILM_FRAMES_PER_SECOND, self.player.speed)
+        size = pygame.display.get_window_size()
+        frames = draw_film([self.views], self.look, size, FILM_FRAMES_PER_SECOND, self.player.speed)
         self._save("film", ".gif", lambda path: write_film(path, frames, FILM_FRAMES_PER_SECOND))
 
     def _ask_film(self) -> None:

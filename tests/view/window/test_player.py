@@ -2,7 +2,8 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
-from ship_trl.viewer.player import SPEEDS, Player
+
+from ship_trl.view.window.player import SPEEDS, Player
 
 
 def state(player: Player) -> tuple[float, bool]:
@@ -46,10 +47,10 @@ def test_pause_step_and_back() -> None:
 def test_speed_has_levels_and_stays_for_the_next_episode() -> None:
     player = Player(steps=3)
     for _ in SPEEDS:
-        player.faster()
+        player.change_speed(1)
     assert player.speed == SPEEDS[-1]
     for _ in range(2 * len(SPEEDS)):
-        player.faster(-1)
+        player.change_speed(-1)
     player.seek(3)
     player.load(7, 0.5)
     assert (player.position, player.running, player.speed, player.steps) == (0.0, True, SPEEDS[0], 7)
@@ -63,8 +64,8 @@ def test_it_never_leaves_the_episode_and_stands_on_whole_steps(keys: list[str]) 
         "step": player.step,
         "back": lambda: player.step(-1),
         "restart": player.restart,
-        "faster": player.faster,
-        "slower": lambda: player.faster(-1),
+        "faster": lambda: player.change_speed(1),
+        "slower": lambda: player.change_speed(-1),
         "wait": lambda: player.advance(0.13),
         "seek": lambda: player.seek(99),
     }

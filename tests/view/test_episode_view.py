@@ -1,7 +1,6 @@
 """On which pixels Q depends."""
 
 import torch
-from ship_trl.viewer.saliency import saliency
 from torch import Generator
 
 from ship_trl.config.types import World
@@ -9,7 +8,8 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.policies.entry import sail
 from ship_trl.policies.named import network_of
-from tests.viewer.shown import entry
+from ship_trl.view.episode_view import saliency
+from tests.view.episodes import entry
 
 
 def network(channels: int = 1) -> DuelingNetwork:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import pygame
 import torch
 from PIL import Image
-from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import replacing
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import advance
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
-from ship_trl.view.legend import draw_legend
-from ship_trl.view.painter import draw_scene
+from ship_trl.view.painter import draw_legend, draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
+from ship_trl.view.telemetry import straight_action
 from ship_trl.view.words import counted
 
 # Steps of keeping course until the later moment: by then the ships of the paper's cases are near.
@@ -36,11 +34,6 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     Left to right: name and ideal path; the start and `LATER` steps of keeping course further, as
     people see them; that later moment as the network sees it, in grey and in colour.
 
-    Args:
-        path: where it goes; written beside and renamed.
-        cases: one or more.
-        world: physics and the course-keeping action.
-
     Raises:
         OSError: the file cannot be written.
     """
@@ -55,11 +48,14 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     for row, case in enumerate(cases):
         top = HEAD + row * (PICTURE + GAP)
         _write_label(sheet, case, top)
-        start = torch.tensor([*case.start, math.radians(case.heading), 0.0])
-        later = keep_course(start, world, LATER)
-        pictures = [draw_scene(case, world, state, PICTURE) for state in (start, later)]
+        motion = Transition(case, world, torch.device("cpu"))
+        straight = torch.tensor([straight_action(world)])
+        later = motion.start[None]
+        for _ in range(LATER):
+            later = motion(later, straight).state
+        pictures = [draw_scene(case, world, state, PICTURE) for state in (motion.start, later[0])]
         for colour in (False, True):
-            seen = Rasteriser(case, world, colour=colour)(later).numpy()
+            seen = Rasteriser(case, world, colour=colour)(later[0]).numpy()
             pictures.append(pen.from_array(seen, PICTURE))
         for k, picture in enumerate(pictures):
             sheet.blit(picture, (_left(k), top))
@@ -67,16 +63,6 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     draw_legend(sheet, room, world, 13, scale=PICTURE / (2 * scene.WINDOW))
     with replacing(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)
-
-
-def keep_course(state: Tensor, world: World, steps: int) -> Tensor:
-    """Return where the fastest action of the least turn leads: float [4] to [4]."""
-    actions = torch.tensor(world.actions)
-    order = [(abs(turn), -speed) for speed, turn in world.actions]
-    straight = torch.tensor(order.index(min(order)))
-    for _ in range(steps):
-        state = advance(state, straight, actions, world.dt)
-    return state
 
 
 def _left(column: int) -> int:

@@ -58,13 +58,13 @@ def draw_curve(
     best_return: float,
     title: str,
 ) -> None:
-    """Write the learning curve of one run as a PNG of 1200 x 800.
+    """Write the learning curve of one run as a PNG of 1200 x 800; returns are raw.
 
     Args:
         path: where it goes; written beside and renamed.
         finished: training episodes in order.
-        evaluated: greedy evaluations in order: after how many episodes, raw return, outcome.
-        best_return: the best return known for the case, raw.
+        evaluated: greedy evaluations in order: after how many episodes, return, outcome.
+        best_return: the best return known for the case.
         title: one line above.
 
     Raises:
@@ -123,15 +123,7 @@ def _columns(rows: Sequence[tuple[int, float]]) -> tuple[list[int], list[float]]
 def draw_transfer(
     path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float, title: str
 ) -> None:
-    """Write training returns of a transfer and of runs from scratch as a PNG of 1200 x 750.
-
-    Args:
-        path: where it goes; written beside and renamed.
-        arm: what the transfer is called.
-        returns: of its training episodes, raw [E].
-        scratch: those of S runs from scratch [S, E].
-        best_return: the best return known for the case, raw; a line across.
-        title: one line above.
+    """Write raw training returns of a transfer [E] and of runs from scratch [S, E] as a PNG of 1200 x 750.
 
     Raises:
         OSError: the file cannot be written.
@@ -162,12 +154,7 @@ def draw_transfer(
 def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float]) -> None:
     """Write a PNG with a panel for each pair, `COLUMNS` in a row: training return above, greedy return below.
 
-    The legend of a panel lies below it, so that it covers no line.
-
-    Args:
-        path: where it goes; written beside and renamed.
-        panels: title of a panel, names of its groups, runs of each group (one a seed).
-        best: the best known return, by panel.
+    A panel has a title, and groups of runs by name, one run a seed; `best` is its best known return.
 
     Raises:
         OSError: the file cannot be written.

@@ -19,22 +19,16 @@ BLUR = 1.5
 
 
 class EpisodeView:
-    """A whole episode, or one so far, under a title; pictures are computed when they are asked for.
+    """An episode, whole or so far, under a title; pictures are computed when they are asked for.
 
     `see(step)` is what the network sees, uint8 [C, 84, 84]; `salience(step)` is where it looks, float
     [84, 84], None without a network.
-
-    Args:
-        title: one line, such as the policy's name.
-        telemetry: the numbers.
-        rasteriser: draws what the network sees.
-        network: whose saliency is shown.
     """
 
     def __init__(
         self, title: str, telemetry: Telemetry, rasteriser: Rasteriser, network: DuelingNetwork | None = None
     ) -> None:
-        self.title, self.telemetry = title, telemetry
+        self.title, self.telemetry, self.rasteriser = title, telemetry, rasteriser
         states = torch.from_numpy(telemetry.states).float().to(rasteriser.device)
 
         @cache
@@ -49,10 +43,9 @@ class EpisodeView:
 
 
 def saliency(network: DuelingNetwork, pixels: Tensor) -> NDArray[np.float32]:
-    """Compute how strongly the highest Q-value depends on each pixel of uint8 [C, 84, 84].
+    """Compute how strongly the highest Q-value depends on each pixel: uint8 [C, 84, 84] to float32 [84, 84].
 
-    Returns:
-        float32 [84, 84]: size of the gradient, summed over channels, blurred, scaled to a maximum of 1.
+    It is the size of the gradient, summed over channels, blurred, and scaled to a maximum of 1.
     """
     with torch.enable_grad():
         # Whole pictures: the incremental conv layers have no gradient by pixels.

@@ -20,7 +20,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view import palette, pen
-from ship_trl.view.dashboard import SMALL_SIZE, Dashboard, Look
+from ship_trl.view.dashboard import SMALL_SIZE, Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.painter import GRID
 from ship_trl.view.telemetry import measure_episode
@@ -49,21 +49,15 @@ def draw_film(
 ) -> Iterator[pygame.Surface]:
     """Draw the frames of a film; each is a new surface.
 
-    Args:
-        acts: one after the other, each of one episode or two beside each other.
-        look: how they are shown.
-        size: width and height in pixels.
-        frames_per_second: of the film.
-        speed: seconds of the world in one of the film.
+    Acts follow each other, each of one episode or two; `speed` is seconds of the world in one of the film.
     """
-    dashboard = Dashboard()
     for views in acts:
         steps = max(view.telemetry.steps for view in views)
         advance = speed / frames_per_second / views[0].telemetry.world.dt
         moving = math.ceil(steps / advance)
         for frame in range(moving + max(1, round(LAST * frames_per_second))):
             surface = pen.new_surface(*size)
-            dashboard.draw(surface, views, min(frame * advance, float(steps)), look)
+            draw_dashboard(surface, views, min(frame * advance, float(steps)), look)
             yield surface
 
 
@@ -72,13 +66,7 @@ def write_gif(
 ) -> None:
     """Write an episode as a GIF that runs for ever, one frame for each step.
 
-    Args:
-        path: where it goes; written beside and renamed.
-        case: its goal and target ships.
-        world: its physics.
-        episode: at least one step; its Q-values are in units of the learner's scaled return.
-        rasteriser: draws what the network saw, in grey or colour, on any device.
-        title: one line beside the name of the case.
+    The rasteriser draws what the network saw, in grey or colour; `title` stands beside the name of the case.
 
     Raises:
         OSError: the file cannot be written.

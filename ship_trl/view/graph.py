@@ -37,12 +37,7 @@ class Line:
 class Graph:
     """A graph drawn in advance, once bright and once faint; `draw` joins the two at any step.
 
-    Args:
-        title: what it shows, with its unit.
-        lines: its lines.
-        steps: the end of its axis.
-        size: width and height in pixels.
-        letters: their size.
+    `steps` is the end of its axis, `letters` their size in pixels.
     """
 
     def __init__(

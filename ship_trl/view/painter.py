@@ -21,17 +21,18 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING, X, Y
 from ship_trl.view import pen
-from ship_trl.view.palette import BACKGROUND, OUTCOMES, TEXT, Colour, blend
+from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers, Telemetry, measure
-from ship_trl.view.words import TRUE_LENGTH, number
+from ship_trl.view.words import TRUE_LENGTH, expected_distance, hull_lengths, number, safe_distance
 
 RINGS = (200.0, 400.0, 600.0)
 FAINT_TEXT, GRID = blend(scene.OUTSIDE, scene.DISC, 0.8), blend(scene.OUTSIDE, scene.DISC, 0.22)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
 # In the absolute frame: metres around everything, and what the width is rounded up to.
 MARGIN, WIDTH_STEP = 90.0, 100.0
-# Metres between the lines of a grid, or of a scale bar.
+# Metres of the legend's scale bar; between the lines of a grid, or of the scene's scale bar.
+SCALE_BAR = 200.0
 LENGTHS = (50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5)
 
 
@@ -99,13 +100,9 @@ def paint_scene(
 ) -> None:
     """Fill a square surface with the scene at a step or between two.
 
-    Args:
-        picture: where it is drawn.
-        telemetry: the episode.
-        position: steps from the start, whole or not.
-        absolute: a frame in which all ships move (figure 2a); None keeps own ship in the middle (2b).
-        to_scale: draw hulls as long as ships are, inside the outline that the network sees.
-        plain: draw only what the network sees; people also get tracks, numbers, scale and north arrow.
+    In the frame `absolute` all ships move (figure 2a); without it own ship stays in the middle (2b). With
+    `to_scale` hulls are as long as ships are, inside the outline that the network sees. A `plain` picture has
+    only what the network sees; otherwise people also get tracks, numbers, scale and north arrow.
     """
     world, side = telemetry.world, picture.get_width()
     own, ships = telemetry.at(position)
@@ -256,3 +253,52 @@ def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
     pygame.draw.rect(picture, OUTCOMES[outcome], ground, 2, border_radius=round(size / 2))
     at = (middle, ground.centery)
     pen.write(picture, outcome.upper(), at, OUTCOMES[outcome], size, True, across=0.5)
+
+
+def draw_legend(
+    surface: pygame.Surface,
+    room: pygame.Rect,
+    world: World,
+    size: int,
+    to_scale: bool = False,
+    scale: float = 0.0,
+) -> None:
+    """Draw what is what from the top left of a room, in as many lines as it needs.
+
+    `scale` is the pixels per metre of pictures without scale bar and tracks, 0 where they have them.
+    """
+    items = [
+        (scene.OWN, "ship", "own ship"),
+        (scene.TARGET, "ship", "target ship"),
+        (scene.GOAL_CIRCLE, "disc", expected_distance(world)),
+        (scene.SAFE_CIRCLE, "disc", safe_distance(world)),
+        (scene.LINE, "line", "to the goal"),
+        (TEXT, "bar", f"{SCALE_BAR:g} m") if scale else (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
+        (CHOSEN, "", hull_lengths(to_scale)),
+    ]
+    x, y = float(room.left), room.top + 0.95 * size
+    for colour, shape, words in items:
+        sample = SCALE_BAR * scale + 0.7 * size if shape == "bar" else 1.9 * size if shape else 0.0
+        if x > room.left and x + sample + pen.width_of(words, size) > room.right:
+            x, y = float(room.left), y + 1.5 * size
+        if shape == "bar":
+            pen.scale_bar(surface, colour, (x, y + 4), SCALE_BAR * scale)
+        elif shape:
+            _draw_sample(surface, colour, shape, (x + 0.7 * size, y), size)
+        text = pen.cut(words, room.right - x - sample, size)
+        x = pen.write(surface, text, (x + sample, y), TEXT if shape else colour, size) + 1.1 * size
+
+
+def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: pen.Point, size: int) -> None:
+    """Draw a thing of the scene small."""
+    x, y = at
+    if shape == "ship":
+        pen.polygon(surface, colour, [(x - v, y - u) for u, v in scene.ship_outline(1.15 * size)])
+    elif shape == "disc":
+        pen.circle(surface, RULE, at, 0.55 * size + 1)
+        pen.circle(surface, colour, at, 0.55 * size)
+    elif shape == "line":
+        pen.line(surface, colour, (x - 0.6 * size, y + 0.4 * size), (x + 0.6 * size, y - 0.4 * size), 2)
+    else:
+        for k in (-1, 0, 1):
+            pen.circle(surface, colour, (x + 0.5 * k * size, y), 0.13 * size)

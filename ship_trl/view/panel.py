@@ -26,19 +26,14 @@ from ship_trl.view.palette import (
     blend,
 )
 from ship_trl.view.telemetry import split_q
-from ship_trl.view.words import action_text, number, signed, turn_side
+from ship_trl.view.words import action_text, number, turn_side
 
 
 class Panel:
     """Draws sections one below the other in a column, for one step of an episode.
 
-    Args:
-        surface: where they go.
-        room: the column.
-        unit: the scale of everything: 1 in a window of 1600 x 900.
-        view: the episode.
-        step: which step.
-        salient: whether to show where the network looks.
+    `unit` is the scale of everything, 1 in a window of 1600 x 900. A `salient` one shows where the network
+    looks.
     """
 
     def __init__(
@@ -176,7 +171,7 @@ class Panel:
             self._bar(zero, zero + float(ahead[k]) * scale, middle, 0.6 * pitch, CHOSEN if is_chosen else BAR)
             pen.write(surface, number(float(q[k]), ".3f"), (end, middle), colour, size, is_chosen, across=1)
             if self.is_wide:
-                text = signed(float(ahead[k]))
+                text = ("+" if ahead[k] > 0 else "") + number(float(ahead[k]), ".3f")
                 pen.write(surface, text, (room.right, middle), colour, size, is_chosen, across=1)
         if q is not None:
             pen.line(surface, SKY, (zero, self.down), (zero, self.down + count * pitch), 2)

@@ -78,23 +78,14 @@ def write(
     bold: bool = False,
     across: float = 0.0,
 ) -> float:
-    """Write one line of text, its middle at the height of `at`; return where it ends.
-
-    `across` is 0 to begin at `at`, 0.5 to be centred on it, 1 to end there.
-    """
+    """Write a line that begins at `at`, is centred on it (`across` 0.5) or ends there (1); return its end."""
     drawn = _written(text, colour, size, bold)
     left = at[0] - across * drawn.get_width()
     surface.blit(drawn, (round(left), round(at[1] - drawn.get_height() / 2)))
     return left + drawn.get_width()
 
 
-def line(
-    surface: pygame.Surface,
-    colour: Colour,
-    start: Point | pygame.Vector2,
-    end: Point | pygame.Vector2,
-    width: int = 1,
-) -> None:
+def line(surface: pygame.Surface, colour: Colour, start: Point, end: Point, width: int = 1) -> None:
     """Draw a smooth line."""
     pygame.draw.aaline(surface, colour, start, end, width)
 
@@ -129,9 +120,8 @@ def polyline(
         for begin, stop in pairwise(cuts):
             is_gap = dash and (walked + (begin + stop) / 2) // dash % 2 == 1
             if not is_gap and stop > begin:
-                shares = begin / length, stop / length
-                ends = [pygame.Vector2(start).lerp(end, share) for share in shares]
-                line(surface, colour, ends[0], ends[1], width)
+                first, last = (pygame.Vector2(start).lerp(end, at / length) for at in (begin, stop))
+                pygame.draw.aaline(surface, colour, first, last, width)
         walked += length
 
 

@@ -84,11 +84,16 @@ class Telemetry:
 
     def q(self, step: int) -> Numbers | None:
         """Return the Q-values of all actions [A] at a step, None where there are none."""
-        return None if self.q_values is None or step >= len(self.q_values) else self.q_values[step]
+        return None if self.q_values is None or step >= self.steps else self.q_values[step]
 
     def is_danger(self, step: int, ship: int) -> bool:
         """Tell whether a ship will enter the safe circle if all keep course and speed."""
         return bool(self.tcpa[step, ship] > 0 and self.dcpa[step, ship] < self.world.safe_distance)
+
+
+def straight_action(world: World) -> int:
+    """Return the fastest action of the least turn, by its index."""
+    return min(range(len(world.actions)), key=lambda k: (abs(world.actions[k][1]), -world.actions[k][0]))
 
 
 def split_q(q: Numbers) -> tuple[Numbers, Numbers]:
@@ -108,14 +113,9 @@ def measure_episode(case: Case, world: World, episode: Episode) -> Telemetry:
 def measure(
     case: Case, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None
 ) -> Telemetry:
-    """Measure an episode so far, of T steps; T may be 0.
+    """Measure an episode so far, of T steps, which may be none.
 
-    Args:
-        case: goal and target ships.
-        world: physics and reward.
-        states: float [T + 1, 4].
-        actions: int64 [T].
-        q_values: float [T, A], or more rows where those of the next step are known.
+    Shapes: states float [T + 1, 4], actions int64 [T], q_values float [T, A].
     """
     motion = Transition(case, world, torch.device("cpu"))
     after = motion(states[:-1], actions)

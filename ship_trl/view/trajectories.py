@@ -35,15 +35,10 @@ Paths = Sequence[Telemetry]
 def draw_trajectories(
     path: Path, case: Case, world: World, episodes: Mapping[str, Sequence[Episode]]
 ) -> None:
-    """Write a PNG: metres on both axes, a mark on every path each 10 s.
+    """Write a PNG of the episodes of groups, by name: metres on both axes, a mark on every path each 10 s.
 
-    A few groups are drawn over each other. More have a panel each, with the others in grey.
-
-    Args:
-        path: where it goes; written beside and renamed.
-        case: start, goal and target ships.
-        world: safe and expected distance.
-        episodes: those of each group, by its name; a group has one colour, line and marker.
+    A few groups are drawn over each other, each with a colour, line and marker of its own. More have a panel
+    each, with the others in grey.
 
     Raises:
         OSError: the file cannot be written.

@@ -14,12 +14,6 @@ def number(value: float, form: str) -> str:
     return format(value, f"z{form}").replace("-", "\N{MINUS SIGN}")
 
 
-def signed(value: float) -> str:
-    """Write an advantage with its sign, to three decimals."""
-    text = number(value, ".3f")
-    return f"+{text}" if value > 0.0005 else text
-
-
 def counted(items: int, what: str) -> str:
     """Write how many of something there are: "no seeds", "1 seed", "2 seeds"."""
     return f"{items or 'no'} {what}{'' if items == 1 else 's'}"

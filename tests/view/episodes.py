@@ -16,7 +16,7 @@ from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view import pen
-from ship_trl.view.dashboard import Dashboard, Look
+from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.telemetry import measure_episode
 
@@ -68,7 +68,7 @@ def drawn(
 ) -> NDArray[np.uint8]:
     """The pixels of a dashboard."""
     surface = pen.new_surface(*size)
-    Dashboard().draw(surface, views, position, look or Look())
+    draw_dashboard(surface, views, position, look or Look())
     return pen.to_array(surface)
 
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 from PIL import Image
 
@@ -20,7 +19,6 @@ from ship_trl.view.contact_sheet import (
     MARGIN,
     PICTURE,
     WIDTH,
-    keep_course,
     write_contact_sheet,
 )
 
@@ -55,8 +53,3 @@ def test_the_networks_view_is_three_times_its_size(
     # One millimetre of rounding in the place may move a grey level by one.
     assert np.abs(shown[1::3, 1::3].astype(int) - seen).max() <= 1
     assert (shown.reshape(84, 3, 84, 3) == shown[1::3, 1::3][:, None, :, None]).all()
-
-
-def test_keep_course(world: World) -> None:
-    state = keep_course(torch.tensor([0.0, 0.0, np.pi / 2, 0.0]), world, 12)
-    assert state.tolist() == pytest.approx([0.0, 180.0, np.pi / 2, 12.0], abs=1e-3)

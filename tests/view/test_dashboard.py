@@ -10,8 +10,9 @@ from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.view import pen
-from ship_trl.view.dashboard import SMALL_SIZE, Dashboard, Layout, Look
-from ship_trl.view.legend import BAR, draw_legend
+from ship_trl.view.dashboard import SMALL_SIZE, Layout, Look, draw_dashboard, step_at
+from ship_trl.view.episode_view import EpisodeView
+from ship_trl.view.painter import SCALE_BAR, draw_legend
 from ship_trl.view.palette import BAR as BAR_COLOUR
 from ship_trl.view.palette import CHOSEN, TEXT
 from tests.view.episodes import drawn, view
@@ -34,7 +35,7 @@ def test_every_look_is_another_picture(case: Case, world: World, size: tuple[int
 
 def test_what_is_kept_from_frame_to_frame_changes_nothing(case: Case, world: World) -> None:
     first, second = [view(case, world, (3, 4))], [view(case, world, (0, 3))]
-    surface, kept = pen.new_surface(1280, 720), Dashboard()
+    surface = pen.new_surface(1280, 720)
     for views, position, look in (
         (first, 3.2, Look()),
         (first, 3.7, Look()),
@@ -43,8 +44,9 @@ def test_what_is_kept_from_frame_to_frame_changes_nothing(case: Case, world: Wor
         (second, 2.0, Look()),
         ([*first, *second], 2.0, Look()),
     ):
-        kept.draw(surface, views, position, look)
-        assert (pen.to_array(surface) == drawn(views, position, look, (1280, 720))).all()
+        draw_dashboard(surface, views, position, look)
+        again = [EpisodeView(one.title, one.telemetry, one.rasteriser) for one in views]
+        assert (pen.to_array(surface) == drawn(again, position, look, (1280, 720))).all()
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,7 @@ def test_what_is_kept_from_frame_to_frame_changes_nothing(case: Case, world: Wor
 @pytest.mark.parametrize("count", [1, 2])
 def test_nothing_overlaps_and_nothing_lies_outside(size: tuple[int, int], count: int) -> None:
     layout = Layout(size, count)
-    rooms = [room for lane in layout.lanes for room in (lane.scene, lane.panel, lane.legend)]
+    rooms = [room for k in range(count) for room in (layout.scene(k), layout.panel(k))]
     # A small picture has no graphs.
     rooms += [layout.strip] if layout.strip.height else []
     window = pygame.Rect(0, 0, *size)
@@ -83,16 +85,16 @@ def test_the_chosen_action_alone_is_marked(case: Case, world: World) -> None:
 
 
 def test_a_click_in_a_graph_is_a_step(case: Case, world: World) -> None:
-    dashboard, surface = Dashboard(), pen.new_surface(1600, 900)
+    surface, size = pen.new_surface(1600, 900), (1600, 900)
     one = view(case, world, (3, 4))
-    dashboard.draw(surface, [one], 0.0, Look())
-    found = [dashboard.step_at((x, 820)) for x in range(1600)]
+    draw_dashboard(surface, [one], 0.0, Look())
+    found = [step_at(size, [one], (x, 820)) for x in range(1600)]
     assert {step for step in found if step is not None} == set(range(one.telemetry.steps + 1))
-    assert dashboard.step_at((300, 300)) is None
+    assert step_at(size, [one], (300, 300)) is None
     # The mark moves to where was clicked.
     x = found.index(5)
     before = pen.to_array(surface)
-    dashboard.draw(surface, [one], 5.0, Look())
+    draw_dashboard(surface, [one], 5.0, Look())
     changed = np.abs(pen.to_array(surface).astype(int) - before).sum(-1)[780:850].sum(0).nonzero()[0]
     assert changed.min() <= x + 30
 
@@ -106,7 +108,7 @@ def test_the_legend_has_every_colour_and_a_true_scale(world: World) -> None:
     # The longest run of ink is the bar.
     ink = (pixels == TEXT).all(-1)
     runs = [len(run) for row in ink for run in "".join("#" if dot else " " for dot in row).split()]
-    assert abs(max(runs) - BAR * 0.4) <= 1
+    assert abs(max(runs) - SCALE_BAR * 0.4) <= 1
     world.safe_distance = 50.0
     other = pen.new_surface(1200, 40)
     draw_legend(other, other.get_rect(), world, 13, scale=0.4)

@@ -14,7 +14,7 @@ from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.telemetry import Telemetry, measure
+from ship_trl.view.telemetry import Telemetry, measure, straight_action
 from ship_trl.view.window.interactive import LEFT, RIGHT, UP, Interactive
 from ship_trl.view.window.player import Player
 from ship_trl.view.words import action_text, number
@@ -34,8 +34,7 @@ class Helm:
         self._states = [self._motion.start[None]]
         turns = [turn for _, turn in world.actions]
         self._port_to_starboard = sorted(range(len(turns)), key=lambda k: -turns[k])
-        self._straight = min(range(len(turns)), key=lambda k: (abs(turns[k]), -world.actions[k][0]))
-        self.rudder = self._straight
+        self.rudder = straight_action(world)
         self.telemetry = self._measure()
 
     @property
@@ -47,15 +46,6 @@ class Helm:
         """Move the rudder `count` actions to starboard (to port if negative), as far as there are any."""
         place = self._port_to_starboard.index(self.rudder) + count
         self.rudder = self._port_to_starboard[min(max(place, 0), len(self._port_to_starboard) - 1)]
-
-    def keep_course(self) -> None:
-        """Put the rudder amidships, at full speed."""
-        self.rudder = self._straight
-
-    def put(self, action: int) -> None:
-        """Put the rudder at an action by its index; an index out of range changes nothing."""
-        if 0 <= action < len(self.world.actions):
-            self.rudder = action
 
     def step(self) -> None:
         """Take one step, unless the episode has ended."""
@@ -70,13 +60,9 @@ class Helm:
 
 
 class Game(Interactive):
-    """Lets a person steer; finished episodes are kept as demonstrations.
+    """Lets a person steer; finished episodes are kept in `folder` as demonstrations, unless it is None.
 
-    Args:
-        cases: the first is begun with.
-        world: its physics.
-        folder: where demonstrations are kept; None to keep none.
-        speed: seconds of the world in one of ours.
+    `speed` is seconds of the world in one of ours.
     """
 
     def __init__(self, cases: list[Case], world: World, folder: Path | None, speed: float) -> None:
@@ -85,16 +71,12 @@ class Game(Interactive):
         self.kept: list[Path] = []
         self.place, self.speed, self.message = 0, speed, ""
         self.begin(0)
-        digits = {str(k + 1): partial(self._put, k) for k in range(len(world.actions))}
+        digits = {str(k + 1): partial(self.steer, k) for k in range(len(world.actions))}
         faster, slower = (lambda: self.player.change_speed(1)), (lambda: self.player.change_speed(-1))
         port, starboard = (lambda: self.helm.turn(-1)), (lambda: self.helm.turn(1))
         self.bindings[:0] = [
-            (
-                f"{LEFT} {RIGHT}",
-                "rudder to port, to starboard by an action",
-                {"left": port, "right": starboard},
-            ),
-            (UP, "keep course, full speed", {"up": lambda: self.helm.keep_course()}),
+            (f"{LEFT} {RIGHT}", "an action to port, to starboard", {"left": port, "right": starboard}),
+            (UP, "keep course, full speed", {"up": partial(self.steer, straight_action(world))}),
             ("1 to 7", "the actions a1 to a7 of table 1", digits),
             ("Space", "sail, pause; after the end, once more", {"space": self.pause}),
             ("+ \N{MINUS SIGN}", "faster, slower", {"+": faster, "=": faster, "-": slower}),
@@ -112,6 +94,10 @@ class Game(Interactive):
         self.player = Player(0, self.world.dt, running=False, speed=self.speed)
         self.message = "Space: sail"
         self._show()
+
+    def steer(self, action: int) -> None:
+        """Put the rudder at an action."""
+        self.helm.rudder = action
 
     def click(self, at: tuple[int, int]) -> None:
         """Ignore clicks: an episode that is being steered has no other step to go to."""
@@ -163,9 +149,6 @@ class Game(Interactive):
         rudder = self.helm.rudder
         words = f"rudder a{rudder + 1}, {action_text(self.world, rudder)}"
         return f"{words}    {self.message or 'best known ' + number(self.best, '.1f')}    H: keys"
-
-    def _put(self, action: int) -> None:
-        self.helm.put(action)
 
     def _show(self) -> None:
         self.views = [EpisodeView("you", self.helm.telemetry, self.rasteriser)]

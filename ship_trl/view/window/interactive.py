@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pygame
 
-from ship_trl.view.dashboard import Dashboard, Look
+from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.window.player import Player
 
@@ -30,7 +30,6 @@ class Interactive(ABC):
 
     def __init__(self) -> None:
         self.look, self.has_help, self.is_closed = Look(), False, False
-        self.dashboard = Dashboard()
         self.bindings: list[Binding] = [
             ("A", "absolute frame (north up), or own ship in the middle", {"a": self.look_key("absolute")}),
             ("T", "true size of hulls, or as the network sees them", {"t": self.look_key("to_scale")}),
@@ -60,7 +59,7 @@ class Interactive(ABC):
     def draw(self, surface: pygame.Surface) -> None:
         """Draw what is to be seen now."""
         keys = [binding[:2] for binding in self.bindings] if self.has_help else []
-        self.dashboard.draw(surface, self.views, self.player.position, self.look, self.status, keys)
+        draw_dashboard(surface, self.views, self.player.position, self.look, self.status, keys)
 
     def handle_events(self) -> bool:
         """Do what was pressed since the last call; return whether to draw again."""

@@ -17,12 +17,9 @@ MAX_TITLE = 44
 
 
 class Playlist:
-    """Goes through policies and cases, one policy at a time or two beside each other.
+    """Goes through the policies and cases of a command line, one policy at a time or two beside each other.
 
-    Args:
-        entries: the policies and cases of the command line, at least one.
-        compare: whether to show the first policy beside another.
-        seed: of the first episode of policies that draw; each further episode has the next one.
+    `seed` is for the first episode of policies that draw; each further episode has the next one.
 
     Raises:
         ConfigError: there is only one policy to compare.

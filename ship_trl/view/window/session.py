@@ -11,6 +11,7 @@ import pygame
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import replacing
 from ship_trl.view import pen
+from ship_trl.view.dashboard import draw_dashboard, step_at
 from ship_trl.view.film import draw_film, write_film
 from ship_trl.view.window.interactive import DOWN, LEFT, RIGHT, UP, Interactive
 from ship_trl.view.window.player import Player
@@ -23,11 +24,7 @@ FILM_FRAMES_PER_SECOND = 10
 
 
 class Session(Interactive):
-    """Plays a playlist.
-
-    Args:
-        playlist: what is shown; its first episode is rolled out at once.
-        folder: where pictures and films are saved.
+    """Plays a playlist; pictures and films are saved in a folder.
 
     Raises:
         ConfigError: the first policy cannot be loaded.
@@ -85,7 +82,7 @@ class Session(Interactive):
 
     def click(self, at: tuple[int, int]) -> None:
         """Go to a step that was clicked in a graph."""
-        step = self.dashboard.step_at(at)
+        step = step_at(pygame.display.get_window_size(), self.views, at)
         if step is not None:
             self.player.seek(step)
 
@@ -96,7 +93,7 @@ class Session(Interactive):
     def save_picture(self) -> None:
         """Save what is shown as a PNG, without the help."""
         picture = pen.new_surface(*pygame.display.get_window_size())
-        self.dashboard.draw(picture, self.views, self.player.position, self.look)
+        draw_dashboard(picture, self.views, self.player.position, self.look)
         step = f"step{int(self.player.position):02d}"
         self._save(step, ".png", lambda path: pygame.image.save(picture, str(path)))
 

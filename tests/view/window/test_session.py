@@ -11,6 +11,7 @@ from PIL import Image
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.view import pen
+from ship_trl.view.dashboard import draw_dashboard
 from ship_trl.view.window.display import open_window
 from ship_trl.view.window.playlist import Playlist
 from ship_trl.view.window.session import Session
@@ -130,7 +131,7 @@ def test_the_saved_picture_is_what_is_drawn_for_that_step(session: Session) -> N
     third, again, fourth = (read(path) for path in saved)
     assert (fourth == again).all() and (third != fourth).any()
     expected = pen.new_surface(*SIZE)
-    session.dashboard.draw(expected, session.views, 4, session.look)
+    draw_dashboard(expected, session.views, 4, session.look)
     assert (pen.to_array(expected) == fourth).all()
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pygame
+from matplotlib.ticker import MaxNLocator
 
 from ship_trl.view import pen
 from ship_trl.view.episode_view import EpisodeView
@@ -48,7 +49,8 @@ class Graph:
         low, high = min([0.0, *values]), max([1.0, *values])
         left, top = round(4.2 * letters), round(1.9 * letters)
         self.room = pygame.Rect(left, top, size[0] - round(4.9 * letters), size[1] - round(3.9 * letters))
-        self.ticks = round_values(low, high, max(2, self.room.height // round(2.2 * letters)))
+        count = max(2, self.room.height // round(2.2 * letters))
+        self.ticks = [float(tick) for tick in MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)]
         self.low, self.high = min(low, self.ticks[0]), max(high, self.ticks[-1])
         self.past, self.to_come = (self._draw(title, lines, share) for share in (1.0, TO_COME))
 
@@ -102,14 +104,6 @@ class Graph:
             pen.polyline(drawn, line.colour, sample, line.width, line.dash)
             x = pen.write(drawn, name, (x + 3 * small, 0.7 * size), line.colour, small) + small
         return drawn
-
-
-def round_values(low: float, high: float, count: int) -> list[float]:
-    """Return about `count` round values, at most, that cover from low to high."""
-    rough = (high - low) / count
-    power = 10.0 ** math.floor(math.log10(rough))
-    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough)
-    return [k * step for k in range(math.floor(low / step), math.ceil(high / step) + 1)]
 
 
 def make_graphs(views: Sequence[EpisodeView], size: tuple[int, int], letters: int) -> list[Graph]:

@@ -180,10 +180,7 @@ def _draw_places(picture: pygame.Surface, telemetry: Telemetry, frame: Projectio
     case, size = telemetry.case, text_size(frame.side, 18)
     goal, start = frame.point(*case.goal), frame.point(*case.start)
     pen.circle(picture, scene.GOAL_CIRCLE, goal, telemetry.world.goal_distance * frame.scale, 2)
-    reach = 0.35 * size
-    for side in (-1, 1):
-        ends = (goal[0] - reach, goal[1] - side * reach), (goal[0] + reach, goal[1] + side * reach)
-        pen.line(picture, TEXT, *ends, 3)
+    pen.circle(picture, TEXT, goal, size / 4)
     pen.write(picture, "goal", (goal[0] + size, goal[1] - size * 0.8), TEXT, size)
     pen.circle(picture, TEXT, start, size / 3, 2)
     pen.write(picture, "start", (start[0] + size, start[1] + size), TEXT, size)
@@ -246,13 +243,12 @@ def _draw_scale(picture: pygame.Surface, frame: Projection) -> None:
 
 def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
     """Say how the episode ended, at the top."""
-    size, middle = text_size(picture.get_width(), 30), picture.get_width() / 2
+    size = text_size(picture.get_width(), 30)
     ground = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
-    ground.midtop = (round(middle), round(size * 0.5))
+    ground.midtop = (picture.get_width() // 2, round(size * 0.5))
     pygame.draw.rect(picture, BACKGROUND, ground, border_radius=round(size / 2))
     pygame.draw.rect(picture, OUTCOMES[outcome], ground, 2, border_radius=round(size / 2))
-    at = (middle, ground.centery)
-    pen.write(picture, outcome.upper(), at, OUTCOMES[outcome], size, True, across=0.5)
+    pen.write(picture, outcome.upper(), ground.center, OUTCOMES[outcome], size, True, across=0.5)
 
 
 def draw_legend(

@@ -120,7 +120,8 @@ def polyline(
         for begin, stop in pairwise(cuts):
             is_gap = dash and (walked + (begin + stop) / 2) // dash % 2 == 1
             if not is_gap and stop > begin:
-                first, last = (pygame.Vector2(start).lerp(end, at / length) for at in (begin, stop))
+                first = pygame.Vector2(start).lerp(end, begin / length)
+                last = pygame.Vector2(start).lerp(end, stop / length)
                 pygame.draw.aaline(surface, colour, first, last, width)
         walked += length
 

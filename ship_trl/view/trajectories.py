@@ -109,7 +109,8 @@ def _draw_path(axes: Axes, one: Telemetry, style: dict[str, Any], is_thin: bool)
     axes.plot(*own.T, markevery=_steps_between_marks(one.world), zorder=4, **style)
     closest = one.closest_places()
     if closest is not None:
-        circle = Circle(closest[0], one.world.safe_distance, fill=False, zorder=3, alpha=alpha)
+        x, y = closest[0].tolist()
+        circle = Circle((x, y), one.world.safe_distance, fill=False, zorder=3, alpha=alpha)
         circle.set(edgecolor=colour, linestyle=style["linestyle"])
         axes.add_patch(circle)
         axes.plot(*np.stack(closest).T, "-", color=colour, linewidth=1, zorder=3, alpha=alpha)
@@ -127,14 +128,19 @@ def _draw_ships(axes: Axes, longest: Telemetry, has_times: bool) -> None:
     for k, places in enumerate(longest.ships.swapaxes(0, 1), 1):
         axes.plot(*places.T, "-", color=SHIPS, lw=1.2, marker="o", ms=3.5, markevery=every, zorder=2)
         for step in range(0, len(places), every) if has_times else ():
-            near = {"xytext": (5, -9), "textcoords": "offset points", "fontsize": 7.5, "color": SHIPS}
+            near: dict[str, Any] = {
+                "xytext": (5, -9),
+                "textcoords": "offset points",
+                "fontsize": 7.5,
+                "color": SHIPS,
+            }
             axes.annotate(f"{step // every * MARK_TIME:g} s", places[step], annotation_clip=True, **near)
         course = np.concatenate([np.linspace(*pair, 50) for pair in pairwise(places)])
         inside = (course > (west + inset, south + inset)) & (course < (east - inset, north - inset))
         if inside.all(1).any():
             at = course[inside.all(1).argmax()]
             middle: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
-            axes.text(*at, f"{k}", color="white", bbox=badge, zorder=7, **middle)
+            axes.text(at[0], at[1], f"{k}", color="white", bbox=badge, zorder=7, **middle)
 
 
 def _draw_places(axes: Axes, case: Case, world: World, has_words: bool) -> None:

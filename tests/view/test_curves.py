@@ -69,7 +69,7 @@ def test_a_failed_drawing_leaves_the_old_file(tmp_path: Path, monkeypatch: pytes
 def test_a_transfer_and_scratch_have_their_lines_at_their_heights(tmp_path: Path, seeds: int) -> None:
     """The line of scratch is black as letters are, but long and inside the axes; the better line is above."""
     path = tmp_path / "transfer.png"
-    scratch = np.full((seeds, 100), -200.0) + np.arange(seeds)[:, None]
+    scratch = np.full((seeds, 100), -200.0) + np.linspace(0.0, 4.0, seeds)[:, None]
     draw_transfer(path, "FT3", [50.0] * 120, scratch, 83.9, "case $1 -> case 2_")
     picture = read(path)
     assert picture.shape == (750, 1200, 3)

@@ -99,9 +99,6 @@ class Game(Interactive):
         """Put the rudder at an action."""
         self.helm.rudder = action
 
-    def click(self, at: tuple[int, int]) -> None:
-        """Ignore clicks: an episode that is being steered has no other step to go to."""
-
     def pause(self) -> None:
         """Go on, stop, or begin again after the end."""
         if self.helm.is_over and self.player.at_end:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import pygame
 
-from ship_trl.view.dashboard import Look, draw_dashboard
+from ship_trl.view.dashboard import Look, draw_dashboard, step_at
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.window.player import Player
 
@@ -16,7 +16,7 @@ FRAMES_PER_SECOND = 60
 LEFT, RIGHT = "\N{LEFTWARDS ARROW}", "\N{RIGHTWARDS ARROW}"
 UP, DOWN = "\N{UPWARDS ARROW}", "\N{DOWNWARDS ARROW}"
 # A line of the help: how keys are called, what they do, and their actions by pygame's names of keys.
-Binding = tuple[str, str, dict[str, Callable[[], object]]]
+Binding = tuple[str, str, Mapping[str, Callable[[], object]]]
 
 
 class Interactive(ABC):
@@ -46,9 +46,11 @@ class Interactive(ABC):
     def tick(self, seconds: float) -> bool:
         """Let time pass; return whether the picture has changed."""
 
-    @abstractmethod
     def click(self, at: tuple[int, int]) -> None:
-        """Do what a click stands for."""
+        """Go to a step that was clicked in a graph."""
+        step = step_at(pygame.display.get_window_size(), self.views, at)
+        if step is not None:
+            self.player.seek(step)
 
     def press(self, key: str) -> None:
         """Do what a key stands for, by pygame's name for it ("space", "left", "a")."""
@@ -56,10 +58,14 @@ class Interactive(ABC):
             if key in actions:
                 actions[key]()
 
-    def draw(self, surface: pygame.Surface) -> None:
-        """Draw what is to be seen now."""
+    def show(self) -> pygame.Surface:
+        """Draw what is to be seen now in the open window; return its surface."""
+        surface = pygame.display.get_surface()
+        assert surface is not None
         keys = [binding[:2] for binding in self.bindings] if self.has_help else []
         draw_dashboard(surface, self.views, self.player.position, self.look, self.status, keys)
+        pygame.display.flip()
+        return surface
 
     def handle_events(self) -> bool:
         """Do what was pressed since the last call; return whether to draw again."""
@@ -80,8 +86,7 @@ class Interactive(ABC):
         clock, has_changed = pygame.time.Clock(), True
         while not self.is_closed:
             if has_changed:
-                self.draw(pygame.display.get_surface())
-                pygame.display.flip()
+                self.show()
             has_changed = self.tick(clock.tick(FRAMES_PER_SECOND) / 1000)
             has_changed = self.handle_events() or has_changed
 

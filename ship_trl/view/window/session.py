@@ -11,7 +11,7 @@ import pygame
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import replacing
 from ship_trl.view import pen
-from ship_trl.view.dashboard import draw_dashboard, step_at
+from ship_trl.view.dashboard import draw_dashboard
 from ship_trl.view.film import draw_film, write_film
 from ship_trl.view.window.interactive import DOWN, LEFT, RIGHT, UP, Interactive
 from ship_trl.view.window.player import Player
@@ -79,12 +79,6 @@ class Session(Interactive):
         was_running = self.player.running
         self.player.advance(seconds)
         return was_running or had_message != bool(self._message)
-
-    def click(self, at: tuple[int, int]) -> None:
-        """Go to a step that was clicked in a graph."""
-        step = step_at(pygame.display.get_window_size(), self.views, at)
-        if step is not None:
-            self.player.seek(step)
 
     def show_message(self, message: str) -> None:
         """Show a message for a while."""

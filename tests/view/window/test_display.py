@@ -36,7 +36,7 @@ def test_a_driver_that_was_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with open_window((640, 360), "test"):
-        assert pygame.display.get_surface().get_size() == (640, 360)
+        assert pygame.display.get_window_size() == (640, 360)
 
 
 @pytest.fixture

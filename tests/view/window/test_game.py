@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pygame
 import pytest
 from numpy.typing import NDArray
 
@@ -37,9 +36,7 @@ def press(game: Game, *keys: str) -> NDArray[np.uint8]:
     """Press keys in the window, and return what it shows then."""
     post(*keys)
     game.handle_events()
-    surface = pygame.display.get_surface()
-    game.draw(surface)
-    return pen.to_array(surface)
+    return pen.to_array(game.show())
 
 
 def to_the_end(game: Game) -> None:

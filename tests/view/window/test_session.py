@@ -44,9 +44,7 @@ def press(session: Session, *keys: str) -> NDArray[np.uint8]:
     """Press keys in the window, and return what it shows then."""
     post(*keys)
     session.handle_events()
-    surface = pygame.display.get_surface()
-    session.draw(surface)
-    return pen.to_array(surface)
+    return pen.to_array(session.show())
 
 
 def test_pause_keeps_the_picture_and_steps_go_there_and_back(session: Session) -> None:

@@ -43,8 +43,9 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     time = f"after {LATER * world.dt:g} s on this course"
     pixels = f"{scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}"
     heads = ("at the start", time, f"the same, network's view, {pixels}", "the same in colour")
-    for k, head in enumerate(heads):
-        pen.write(sheet, head, (_left(k), HEAD - 17), FAINT, 13)
+    lefts = [MARGIN + LABEL + column * (PICTURE + GAP) for column in range(len(heads))]
+    for left, head in zip(lefts, heads, strict=True):
+        pen.write(sheet, head, (left, HEAD - 17), FAINT, 13)
     for row, case in enumerate(cases):
         top = HEAD + row * (PICTURE + GAP)
         _write_label(sheet, case, top)
@@ -57,16 +58,12 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         for colour in (False, True):
             seen = Rasteriser(case, world, colour=colour)(later[0]).numpy()
             pictures.append(pen.from_array(seen, PICTURE))
-        for k, picture in enumerate(pictures):
-            sheet.blit(picture, (_left(k), top))
+        for left, picture in zip(lefts, pictures, strict=True):
+            sheet.blit(picture, (left, top))
     room = pygame.Rect(MARGIN, bottom, WIDTH - 2 * MARGIN, LEGEND)
     draw_legend(sheet, room, world, 13, scale=PICTURE / (2 * scene.WINDOW))
     with replacing(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)
-
-
-def _left(column: int) -> int:
-    return MARGIN + LABEL + column * (PICTURE + GAP)
 
 
 def _write_label(sheet: pygame.Surface, case: Case, top: int) -> None:

@@ -101,23 +101,19 @@ def _draw_returns(
         trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
         # The legend lists an outcome that never happened, too.
         label = f"training: {outcome} ({len(trained)})"
-        axes.plot(*_columns(trained), markersize=4, alpha=0.4, label=label, **style)
+        axes.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
         greedy = [row[:2] for row in evaluated if row[2] == outcome]
         if greedy:
             # A cross has no face: its edge would be all of it.
             edge = colour if marker == "x" else SCRATCH
             label = f"greedy: {outcome} ({len(greedy)})"
-            axes.plot(*_columns(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
+            axes.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
     mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
     label = f"training: mean of {MEAN_OVER}"
     axes.plot([row.episode for row in finished], mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
-    steps = _columns([row[:2] for row in evaluated])
-    axes.step(*steps, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
+    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
+    axes.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
     axes.set_ylabel("return of an episode (undiscounted raw reward)")
-
-
-def _columns(rows: Sequence[tuple[int, float]]) -> tuple[list[int], list[float]]:
-    return [row[0] for row in rows], [row[1] for row in rows]
 
 
 def draw_transfer(

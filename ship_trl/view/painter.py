@@ -24,7 +24,7 @@ from ship_trl.view import pen
 from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers, Telemetry, measure
-from ship_trl.view.words import TRUE_LENGTH, expected_distance, hull_lengths, number, safe_distance
+from ship_trl.view.words import TRUE_LENGTH, circle_names, hull_lengths, number
 
 RINGS = (200.0, 400.0, 600.0)
 FAINT_TEXT, GRID = blend(scene.OUTSIDE, scene.DISC, 0.8), blend(scene.OUTSIDE, scene.DISC, 0.22)
@@ -263,11 +263,12 @@ def draw_legend(
 
     `scale` is the pixels per metre of pictures without scale bar and tracks, 0 where they have them.
     """
+    expected, safe = circle_names(world)
     items = [
         (scene.OWN, "ship", "own ship"),
         (scene.TARGET, "ship", "target ship"),
-        (scene.GOAL_CIRCLE, "disc", expected_distance(world)),
-        (scene.SAFE_CIRCLE, "disc", safe_distance(world)),
+        (scene.GOAL_CIRCLE, "disc", expected),
+        (scene.SAFE_CIRCLE, "disc", safe),
         (scene.LINE, "line", "to the goal"),
         (TEXT, "bar", f"{SCALE_BAR:g} m") if scale else (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
         (CHOSEN, "", hull_lengths(to_scale)),

@@ -164,4 +164,4 @@ def return_so_far(rewards: Tensor) -> Numbers:
 
 def to_numbers(values: Tensor) -> Numbers:
     """Copy a tensor as float64."""
-    return values.detach().double().cpu().numpy()
+    return values.double().numpy()

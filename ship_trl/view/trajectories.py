@@ -20,7 +20,7 @@ from ship_trl.sim.cases import Case
 from ship_trl.view.chart import save, tidy
 from ship_trl.view.palette import CHART_DASHES, CHART_MARKERS, CHART_SERIES, GOAL, OTHERS, SHIPS
 from ship_trl.view.telemetry import Telemetry, measure_episode
-from ship_trl.view.words import counted, expected_distance, number, safe_distance
+from ship_trl.view.words import circle_names, counted, number
 
 ENDS = {"collision": ("x", "ends in a collision"), "timeout": ("|", "ends by the time limit")}
 # Seconds between marks on a path, and metres around everything.
@@ -90,23 +90,15 @@ def _result(group: Paths) -> str:
 
 
 def _style(group: int) -> dict[str, Any]:
-    return {
-        "color": CHART_SERIES[group % len(CHART_SERIES)],
-        "linestyle": CHART_DASHES[group % len(CHART_DASHES)],
-        "marker": CHART_MARKERS[group % len(CHART_MARKERS)],
-        "markersize": 5,
-    }
-
-
-def _steps_between_marks(world: World) -> int:
-    return max(1, round(MARK_TIME / world.dt))
+    style: dict[str, Any] = {"color": CHART_SERIES[group], "linestyle": CHART_DASHES[group]}
+    return style | {"marker": CHART_MARKERS[group], "markersize": 5}
 
 
 def _draw_path(axes: Axes, one: Telemetry, style: dict[str, Any], is_thin: bool) -> None:
     """Draw a path, the safe distance where it was closest to a ship, and a bad end."""
     colour, alpha, own = style["color"], 0.45 if is_thin else 1.0, one.states[:, :2]
     style = style | {"linewidth": 1.0 if is_thin else 1.8, "markersize": 3 if is_thin else 5}
-    axes.plot(*own.T, markevery=_steps_between_marks(one.world), zorder=4, **style)
+    axes.plot(*own.T, markevery=max(1, round(MARK_TIME / one.world.dt)), zorder=4, **style)
     closest = one.closest_places()
     if closest is not None:
         x, y = closest[0].tolist()
@@ -121,7 +113,7 @@ def _draw_path(axes: Axes, one: Telemetry, style: dict[str, Any], is_thin: bool)
 
 def _draw_ships(axes: Axes, longest: Telemetry, has_times: bool) -> None:
     """Draw the target ships' paths with times, and their numbers where they come into the picture."""
-    every = _steps_between_marks(longest.world)
+    every = max(1, round(MARK_TIME / longest.world.dt))
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     inset = 0.04 * (north - south)
     badge = {"boxstyle": "circle,pad=0.25", "facecolor": SHIPS, "edgecolor": "none"}
@@ -170,14 +162,15 @@ def _set_limits(axes: Axes, paths: Paths, least: float) -> None:
 
 def _legend(world: World, paths: Paths, is_split: bool) -> list[Line2D]:
     """Explain what is drawn once for all."""
+    expected, safe = circle_names(world)
     ship, outcomes = {"linestyle": "-", "markersize": 3.5}, {one.outcome for one in paths}
     ring = {"fillstyle": "none", "markersize": 13}
     entries: list[tuple[bool, str, dict[str, Any]]] = [
         (is_split, "start", START),
-        (True, f"goal and {expected_distance(world)}", {"marker": "*", "color": GOAL, "markersize": 13}),
+        (True, f"goal and {expected}", {"marker": "*", "color": GOAL, "markersize": 13}),
         (is_split, "the other policies", {"marker": "", "linestyle": "-", "color": OTHERS}),
         (bool(paths[0].case.target_ships), "target ship, numbered", ship),
-        (bool(paths[0].case.target_ships), f"{safe_distance(world)} at the closest approach", ring),
+        (bool(paths[0].case.target_ships), f"{safe} at the closest approach", ring),
         (True, f"a mark on each path every {MARK_TIME:g} s", _style(0) if is_split else {}),
     ]
     for outcome, (marker, words) in ENDS.items():

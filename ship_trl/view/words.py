@@ -33,14 +33,9 @@ def action_text(world: World, action: int) -> str:
     return f"{speed:g} m/s {port if turn > 0 else starboard} {abs(turn):g}"
 
 
-def expected_distance(world: World) -> str:
-    """Name the red circle."""
-    return f"expected distance {world.goal_distance:g} m"
-
-
-def safe_distance(world: World) -> str:
-    """Name the black circle."""
-    return f"safe distance {world.safe_distance:g} m"
+def circle_names(world: World) -> tuple[str, str]:
+    """Name the red and the black circle."""
+    return f"expected distance {world.goal_distance:g} m", f"safe distance {world.safe_distance:g} m"
 
 
 def hull_lengths(to_scale: bool) -> str:

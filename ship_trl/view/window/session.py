@@ -35,10 +35,11 @@ class Session(Interactive):
         self.playlist, self.folder = playlist, folder
         self.views = playlist.views()
         self.player = player = Player(self._steps, self.views[0].telemetry.world.dt)
-        self._message, self._message_left, self._is_film_wanted = "", 0.0, False
+        self._message, self._message_left = "", 0.0
         faster, slower = (lambda: player.change_speed(1)), (lambda: player.change_speed(-1))
         back, to_end = (lambda: player.step(-1)), (lambda: player.seek(self._steps))
         policy, case = (lambda: self._go(playlist.next_policy)), (lambda: self._go(playlist.next_case))
+        saving = {"i": self.save_picture, "m": self.save_film}
         self.bindings[:0] = [
             ("Space", "pause, go on; at the end, once more", {"space": player.pause}),
             (f"{LEFT} {RIGHT}", "a step back, a step on", {"left": back, "right": player.step}),
@@ -48,11 +49,7 @@ class Session(Interactive):
             ("P, C", "next policy, next case", {"p": policy, "c": case}),
             ("E", "next episode: other draws", {"e": lambda: self._go(playlist.next_episode)}),
             ("S", "saliency: on which pixels the highest Q depends", {"s": self.look_key("saliency")}),
-            (
-                "I, M",
-                f"save the picture, the film (to {FOLDER})",
-                {"i": self.save_picture, "m": self._ask_film},
-            ),
+            ("I, M", f"save the picture, the film (to {FOLDER})", saving),
         ]
 
     @property
@@ -68,10 +65,6 @@ class Session(Interactive):
 
     def tick(self, seconds: float) -> bool:
         """Let time pass; return whether the picture has changed."""
-        if self._is_film_wanted:
-            self._is_film_wanted = False
-            self.save_film()
-            return True
         had_message = bool(self._message)
         self._message_left -= seconds
         if self._message_left <= 0:
@@ -92,15 +85,12 @@ class Session(Interactive):
         self._save(step, ".png", lambda path: pygame.image.save(picture, str(path)))
 
     def save_film(self) -> None:
-        """Save the whole episode as a GIF, as it is shown now."""
+        """Save the whole episode as a GIF, as it is shown now; that takes a while."""
+        self.show_message("making the film ...")
+        self.show()
         size = pygame.display.get_window_size()
         frames = draw_film([self.views], self.look, size, FILM_FRAMES_PER_SECOND, self.player.speed)
         self._save("film", ".gif", lambda path: write_film(path, frames, FILM_FRAMES_PER_SECOND))
-
-    def _ask_film(self) -> None:
-        """Show that it takes a while; `tick` saves the film."""
-        self._is_film_wanted = True
-        self.show_message("making the film ...")
 
     def _save(self, what: str, suffix: str, write: Callable[[Path], None]) -> None:
         """Write a file under a new name, and show where it is, or why there is none."""

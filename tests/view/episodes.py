@@ -19,6 +19,7 @@ from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.telemetry import measure_episode
+from ship_trl.view.window.interactive import Interactive
 
 
 def run_actions(case: Case, world: World, actions: Sequence[int]) -> Episode:
@@ -76,3 +77,10 @@ def post(*keys: str) -> None:
     """Put keys into SDL's queue."""
     for key in keys:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.key.key_code(key)))
+
+
+def press(interactive: Interactive, *keys: str) -> NDArray[np.uint8]:
+    """Press keys in the window, and return what it shows then."""
+    post(*keys)
+    interactive.handle_events()
+    return pen.to_array(interactive.show())

@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pygame
 import pytest
@@ -43,11 +42,9 @@ def test_a_driver_that_was_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -
 def screen() -> Iterator[str]:
     """A virtual screen of its own."""
     read, write = os.pipe()
-    server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
-        pass_fds=[write],
-        stderr=subprocess.DEVNULL,
-    )
+    options = ["-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    line = ["Xvfb", "-displayfd", str(write), *options]
+    server = subprocess.Popen(line, pass_fds=[write], stderr=subprocess.DEVNULL)
     os.close(write)
     try:
         with os.fdopen(read) as number:
@@ -62,47 +59,27 @@ def test_real_keys_in_a_real_window(screen: str, tmp_path: Path) -> None:
     there = environment() | {"DISPLAY": screen}
     there.pop("SDL_VIDEODRIVER", None)
     line = [sys.executable, "-m", "ship_trl", "watch", "keep_course", "target=4", "--size", "960x540"]
-    piped: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    watching = subprocess.Popen(line, cwd=tmp_path, env=there, **piped)
-    saved = tmp_path / "outputs" / "watch"
-    names: list[str] = []
+    with (tmp_path / "said").open("w") as said:
+        watching = subprocess.Popen(line, cwd=tmp_path, env=there, stdout=said, stderr=said)
+    saved, end = tmp_path / "outputs" / "watch", time.monotonic() + PATIENCE
 
-    def keys(*pressed: str) -> None:
-        subprocess.run(["xdotool", "key", "--delay", "100", *pressed], env=there, check=True)
+    def press(*keys: str) -> None:
+        subprocess.run(["xdotool", "key", "--delay", "100", *keys], env=there, check=True)
 
-    def new(seconds: float) -> list[str]:
-        """Wait for pictures that were not there."""
-        end = time.monotonic() + seconds
-        while time.monotonic() < end and watching.poll() is None:
-            found = sorted(p.name for p in saved.glob("case4*.png") if p.name not in names)
-            if found:
-                names.extend(found)
-                return found
-            time.sleep(0.05)
-        return []
-
-    def picture(*before: str) -> bytes:
-        """Press keys, save the picture, and return its bytes once it is there, and no other comes."""
-        keys(*before, "i")
-        found = new(PATIENCE)
-        while more := new(0.7):
-            found = more
-        return (saved / found[-1]).read_bytes()
+    def press_until(pattern: str, *keys: str) -> None:
+        """Press keys until a picture of this name is saved: before the window is open they are lost."""
+        while not list(saved.glob(pattern)) and watching.poll() is None and time.monotonic() < end:
+            press(*keys)
+            time.sleep(0.5)
 
     try:
-        # The window is open when a key has done something; what else was pressed meanwhile comes too.
-        end = time.monotonic() + PATIENCE
-        while not names and time.monotonic() < end:
-            keys("End", "i")
-            new(0.5)
-        while new(1.5):
-            pass
-        # On a busy machine a key may count twice: the end is the end however often it is asked for.
-        at_end, before, there_again = (picture(*pressed) for pressed in (("End",), ("Left",), ("End",)))
-        assert at_end == there_again != before
-        keys("q")
+        press_until("*-step19.png", "End", "i")
+        press_until("*-step18.png", "End", "Left", "i")
+        last, before = (next(saved.glob(f"*-step{step}.png")) for step in (19, 18))
+        assert last.read_bytes() != before.read_bytes()
+        press("q")
         assert watching.wait(PATIENCE) == 0
     finally:
         watching.kill()
-        out, told = watching.communicate()
-    assert (out, told) == ("", "")
+        watching.wait()
+    assert (tmp_path / "said").read_text() == ""

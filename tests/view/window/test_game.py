@@ -1,42 +1,23 @@
 """A person at the helm: real events of SDL's, the world's own steps, episodes that are kept."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ship_trl.policies.demonstrations import read_demonstrations
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.reference import best_known, sail
-from ship_trl.view import pen
-from ship_trl.view.window.display import open_window
 from ship_trl.view.window.game import Game
-from tests.view.episodes import post
+from tests.view.episodes import press
 
-SIZE = (1120, 630)
+pytestmark = pytest.mark.usefixtures("window")
 WORLD = load_world()
 CASES = [load_case(name, WORLD) for name in ("2", "4")]
-
-
-@pytest.fixture(autouse=True)
-def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    with open_window(SIZE, "test"):
-        yield
 
 
 @pytest.fixture
 def game(tmp_path: Path) -> Game:
     return Game(CASES, WORLD, tmp_path / "demos", speed=1.0)
-
-
-def press(game: Game, *keys: str) -> NDArray[np.uint8]:
-    """Press keys in the window, and return what it shows then."""
-    post(*keys)
-    game.handle_events()
-    return pen.to_array(game.show())
 
 
 def to_the_end(game: Game) -> None:
@@ -57,18 +38,16 @@ def test_the_ship_waits_until_it_is_told_to_sail(game: Game) -> None:
 
 
 def test_the_rudder_goes_by_keys_and_stays(game: Game) -> None:
-    press(game, "right", "right")
-    assert game.helm.rudder == 5
-    press(game, "right", "right", "right")
-    assert game.helm.rudder == 6
-    press(game, "up")
-    assert game.helm.rudder == 3
-    press(game, *["left"] * 9)
-    assert game.helm.rudder == 0
-    press(game, "5")
-    assert game.helm.rudder == 4
-    press(game, "9")
-    assert game.helm.rudder == 4
+    for keys, rudder in (
+        ("right " * 2, 5),
+        ("right " * 3, 6),
+        ("up", 3),
+        ("left " * 9, 0),
+        ("5", 4),
+        ("9", 4),
+    ):
+        press(game, *keys.split())
+        assert game.helm.rudder == rudder
     press(game, "space")
     for _ in range(3):
         game.tick(1.0)
@@ -110,18 +89,14 @@ def test_beginning_again_keeps_nothing(game: Game) -> None:
     assert (press(game, "r") == first).all() and game.kept == []
 
 
-def test_without_a_folder_nothing_is_kept(tmp_path: Path) -> None:
-    game = Game(CASES, WORLD, None, speed=1.0)
-    press(game, "space")
-    to_the_end(game)
-    assert game.helm.is_over and game.kept == [] and "kept" not in game.status
-
-
-def test_a_folder_that_cannot_be_written_is_said(game: Game, tmp_path: Path) -> None:
+@pytest.mark.parametrize("folder", ["demos", None])
+def test_a_folder_that_cannot_be_written_is_said(folder: str | None, tmp_path: Path) -> None:
     (tmp_path / "demos").write_text("")
+    game = Game(CASES, WORLD, tmp_path / folder if folder else None, speed=1.0)
     press(game, "space")
     to_the_end(game)
-    assert "not kept: " in game.status and game.kept == []
+    assert game.helm.is_over and game.kept == []
+    assert ("not kept: " in game.status) == bool(folder)
 
 
 def test_help_and_quitting(game: Game) -> None:

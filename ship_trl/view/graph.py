@@ -12,13 +12,13 @@ from matplotlib.ticker import MaxNLocator
 
 from ship_trl.view import pen
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.palette import BACKGROUND, FAINT, PAIR, RULE, SERIES, TEXT, VERMILION, Colour, blend
+from ship_trl.view.palette import BACKGROUND, FAINT, PAIR, RULE, SERIES, TEXT, VERMILION, Colour
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers
 from ship_trl.view.words import number
 
-# How bright the lines to come are.
-TO_COME = 0.38
+# Share of the background over what is to come.
+DIMMED = 0.6
 # Lengths of dashes, which tell lines apart without colour.
 DASHES = (9.0, 4.0, 14.0, 2.0, 6.0, 20.0)
 PAIR_DASHES = (0.0, 9.0)
@@ -36,7 +36,7 @@ class Line:
 
 
 class Graph:
-    """A graph drawn in advance, once bright and once faint; `draw` joins the two at any step.
+    """A graph drawn in advance; `draw` dims what is to come at any step.
 
     `steps` is the end of its axis, `letters` their size in pixels.
     """
@@ -52,7 +52,7 @@ class Graph:
         count = max(2, self.room.height // round(2.2 * letters))
         self.ticks = [float(tick) for tick in MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)]
         self.low, self.high = min(low, self.ticks[0]), max(high, self.ticks[-1])
-        self.past, self.to_come = (self._draw(title, lines, share) for share in (1.0, TO_COME))
+        self.drawn = self._draw(title, lines)
 
     def place(self, step: float, value: float) -> Point:
         """Find the pixels of a value at a step."""
@@ -67,16 +67,17 @@ class Graph:
 
     def draw(self, surface: pygame.Surface, at: tuple[int, int], step: float) -> None:
         """Draw it on a surface, with its mark at a step."""
-        now = self.place(min(step, self.steps), 0.0)[0]
-        surface.blit(self.to_come, at)
-        surface.blit(self.past, at, (0, 0, round(now), self.size[1]))
-        # Title and legend are bright on both sides.
-        surface.blit(self.past, at, (0, 0, self.size[0], self.room.top))
-        x = at[0] + now
-        pen.line(surface, TEXT, (x, at[1] + self.room.top), (x, at[1] + self.room.bottom))
+        surface.blit(self.drawn, at)
+        room = self.room.move(at)
+        x = at[0] + self.place(min(step, self.steps), 0.0)[0]
+        veil = pen.new_surface(room.right + 2 - round(x), room.height)
+        veil.fill(BACKGROUND)
+        veil.set_alpha(round(255 * DIMMED))
+        surface.blit(veil, (round(x), room.top))
+        pen.line(surface, TEXT, (x, room.top), (x, room.bottom))
 
-    def _draw(self, title: str, lines: Sequence[Line], share: float) -> pygame.Surface:
-        """Draw axes, lines and legend; the lines with `share` of their colour."""
+    def _draw(self, title: str, lines: Sequence[Line]) -> pygame.Surface:
+        """Draw axes, lines and legend."""
         drawn, room, size = pen.new_surface(*self.size), self.room, self.letters
         drawn.fill(BACKGROUND)
         for value in self.ticks:
@@ -97,9 +98,8 @@ class Graph:
         needed = sum(pen.width_of(name, size) + 4 * size for name in names)
         small = max(8, min(size, int(size * (self.size[0] - x) / needed)))
         for line, name in zip(lines, names, strict=True):
-            colour = blend(line.colour, BACKGROUND, share)
             places = [self.place(step, float(value)) for step, value in enumerate(line.values)]
-            pen.polyline(drawn, colour, places, line.width, line.dash)
+            pen.polyline(drawn, line.colour, places, line.width, line.dash)
             sample = [(x, 0.7 * size), (x + 2.6 * small, 0.7 * size)]
             pen.polyline(drawn, line.colour, sample, line.width, line.dash)
             x = pen.write(drawn, name, (x + 3 * small, 0.7 * size), line.colour, small) + small

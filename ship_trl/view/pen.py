@@ -115,8 +115,8 @@ def polyline(
         cuts = [0.0, length]
         if dash:
             # Where dashes and gaps begin and end on this piece.
-            first = dash - walked % dash
-            cuts[1:1] = [first + k * dash for k in range(math.ceil((length - first) / dash))]
+            left = dash - walked % dash
+            cuts[1:1] = [left + k * dash for k in range(math.ceil((length - left) / dash))]
         for begin, stop in pairwise(cuts):
             is_gap = dash and (walked + (begin + stop) / 2) // dash % 2 == 1
             if not is_gap and stop > begin:

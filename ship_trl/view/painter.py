@@ -189,9 +189,9 @@ def _draw_places(picture: pygame.Surface, telemetry: Telemetry, frame: Projectio
 def _draw_tracks(picture: pygame.Surface, telemetry: Telemetry, count: int, frame: Projection) -> None:
     """Draw a dot for each step past, a larger one every ten."""
     radius = max(1.5, frame.side / 400)
-    own = telemetry.states[:count, None, [X, Y]]
-    for places, colour in ((telemetry.ships[:count], SHIP_TRACK), (own, OWN_TRACK)):
-        for step, row in enumerate(frame.points(places).tolist()):
+    own, ships = telemetry.states[:, None, [X, Y]], telemetry.ships
+    for places, colour in ((ships, SHIP_TRACK), (own, OWN_TRACK)):
+        for step, row in enumerate(frame.points(places[:count]).tolist()):
             for place in row:
                 pen.circle(picture, colour, place, radius * (1.7 if step % 10 == 0 else 1))
 
@@ -263,12 +263,11 @@ def draw_legend(
 
     `scale` is the pixels per metre of pictures without scale bar and tracks, 0 where they have them.
     """
-    expected, safe = circle_names(world)
+    circles = zip((scene.GOAL_CIRCLE, scene.SAFE_CIRCLE), circle_names(world), strict=True)
     items = [
         (scene.OWN, "ship", "own ship"),
         (scene.TARGET, "ship", "target ship"),
-        (scene.GOAL_CIRCLE, "disc", expected),
-        (scene.SAFE_CIRCLE, "disc", safe),
+        *((colour, "disc", name) for colour, name in circles),
         (scene.LINE, "line", "to the goal"),
         (TEXT, "bar", f"{SCALE_BAR:g} m") if scale else (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
         (CHOSEN, "", hull_lengths(to_scale)),

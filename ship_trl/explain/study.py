@@ -114,8 +114,8 @@ def of_pair(seed: int, pair: str, runs: Runs, others: Runs) -> list[Layer]:
     from torch import Generator
 
     from ship_trl.explain.cka import cka
-    from ship_trl.explain.networks import untrained
-    from ship_trl.explain.saliency import choose
+    from ship_trl.explain.networks import make_untrained
+    from ship_trl.explain.saliency import greedy_actions
     from ship_trl.explain.states import draw_states
     from ship_trl.policies import load_with_network
     from ship_trl.run.process import configure_process
@@ -139,10 +139,10 @@ def of_pair(seed: int, pair: str, runs: Runs, others: Runs) -> list[Layer]:
     packaged = load(PRETRAINED)
     draws = Generator().manual_seed(STATES_SEED)
     drawn = draw_states(
-        case, world, env.rasteriser, lambda pixels: choose(packaged, pixels), EPISODES, draws
+        case, world, env.rasteriser, lambda pixels: greedy_actions(packaged, pixels), EPISODES, draws
     ).pixels
     scratch = load(runs[SCRATCH] / POLICY)
-    blank = untrained(scratch, Generator().manual_seed(seed))[0]
+    blank = make_untrained(scratch, Generator().manual_seed(seed))[0]
     own = {arm: grams(load(run / POLICY), drawn) for arm, run in runs.items()}
     known = {SOURCE: grams(load(source), drawn)}
     beside = {arm: known | {SCRATCH: own[SCRATCH]} for arm in own}

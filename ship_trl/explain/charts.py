@@ -22,21 +22,19 @@ Style = dict[str, Any]
 WIDTH, DPI = 12.0, 150
 # Okabe and Ito's colours are safe for colour blindness; markers and dashes differ for print in grey.
 STYLES: dict[Role, Style] = {
-    Role.explained: {"color": "#000000", "marker": "o", "linestyle": "-", "linewidth": 2.2, "markersize": 8},
-    Role.before: {"color": "#D55E00", "marker": "^", "linestyle": "--", "linewidth": 1.6, "markersize": 7},
-    Role.source: {"color": "#0072B2", "marker": "s", "linestyle": "-.", "linewidth": 1.6, "markersize": 6},
-    Role.beside: {"color": "#009E73", "marker": "D", "linestyle": "-", "linewidth": 1.0, "markersize": 5},
-    Role.untrained: {"color": "#CC79A7", "marker": "x", "linestyle": ":", "linewidth": 1.6, "markersize": 7},
+    Role.explained: {"color": "#000000", "marker": "o", "linewidth": 2.2, "label": "explained network"},
+    Role.before: {"color": "#D55E00", "marker": "^", "linestyle": "--", "label": "the same before training"},
+    Role.source: {"color": "#0072B2", "marker": "s", "linestyle": "-.", "label": "source network"},
+    Role.beside: {"color": "#009E73", "marker": "D", "linewidth": 1.0, "label": "other named networks"},
+    Role.untrained: {"color": "#CC79A7", "marker": "x", "linestyle": ":", "label": "untrained (control)"},
 }
-LABELS = {
-    Role.explained: "explained network",
-    Role.before: "explained network before training",
-    Role.source: "source network",
-    Role.beside: "other named networks",
-    Role.untrained: "untrained networks (control)",
+PIXEL_STYLE: Style = {"color": "#E69F00", "linestyle": (0, (6, 2)), "label": "raw pixels (control)"}
+SHUFFLED_STYLE: Style = {
+    "color": "#666666",
+    "marker": "+",
+    "linestyle": "none",
+    "label": "shuffled (control)",
 }
-PIXEL_STYLE: Style = {"color": "#E69F00", "linestyle": (0, (6, 2)), "linewidth": 2.0}
-SHUFFLED_STYLE: Style = {"color": "#666666", "marker": "+", "linestyle": "none", "markersize": 7}
 # Lower R² is drawn here.
 MIN_R2 = -0.15
 
@@ -52,15 +50,15 @@ def tidy(axis: Axes, grid: str = "y") -> None:
     axis.grid(axis=grid, color="#8888", linewidth=0.5)
 
 
-def add_legend(figure: Figure, columns: int, handles: Sequence[Any] | None = None) -> None:
-    """Add a legend below the axes."""
-    more: Style = {} if handles is None else {"handles": handles}
-    figure.legend(**more, loc="outside lower center", ncols=columns, fontsize=10, frameon=False)
+def add_legend(figure: Figure, columns: int, styles: Sequence[Style] = ()) -> None:
+    """Add a legend of line styles below the axes; without styles of all that is drawn."""
+    entries: Style = {"handles": [Line2D([], [], **style) for style in styles]} if styles else {}
+    figure.legend(**entries, loc="outside lower center", ncols=columns, fontsize=10, frameon=False)
 
 
-def role_handles(measured: Measured) -> list[Line2D]:
-    """Make the legend entries of the roles that are there."""
-    return [Line2D([], [], label=LABELS[role], **STYLES[role]) for role in Role if measured.with_role(role)]
+def role_styles(measured: Measured) -> list[Style]:
+    """Select the styles of the roles that are there."""
+    return [STYLES[role] for role in Role if measured.with_role(role)]
 
 
 def draw_probes(measured: Measured) -> Figure:
@@ -78,9 +76,7 @@ def draw_probes(measured: Measured) -> Figure:
             draw_quantity(axis, measured, name)
         for axis in side[len(names) :]:
             axis.set_visible(False)
-    controls = (("raw pixels (control)", PIXEL_STYLE), ("shuffled labels (control)", SHUFFLED_STYLE))
-    handles = [Line2D([], [], label=label, **style) for label, style in controls]
-    add_legend(figure, 4, role_handles(measured) + handles)
+    add_legend(figure, 4, [*role_styles(measured), PIXEL_STYLE, SHUFFLED_STYLE])
     return figure
 
 
@@ -124,7 +120,7 @@ def draw_change(measured: Measured) -> Figure:
             found: list[Estimate] = [rows[0].cka for rows in pairs]
             # Beside each other, so that intervals can be told apart.
             places = x + 0.05 * (k - 1)
-            axis.plot(places, [one.value for one in found], label=label, **STYLES[look])
+            axis.plot(places, [one.value for one in found], **STYLES[look] | {"label": label})
             axis.vlines(
                 places, [one.low for one in found], [one.high for one in found], STYLES[look]["color"]
             )
@@ -141,7 +137,7 @@ def draw_change(measured: Measured) -> Figure:
         if all(values):
             low, high, mean = ([f(each) for each in values] for f in (min, max, np.mean))
             axis.fill_between(x, low, high, color=STYLES[look]["color"], alpha=0.18, linewidth=0)
-            axis.plot(x, mean, label=label, **STYLES[look])
+            axis.plot(x, mean, **STYLES[look] | {"label": label})
     axis.set_xticks(x, measured.layers, fontsize=11)
     axis.set_ylabel("CKA: 1 similar, 0 unrelated", fontsize=11)
     tidy(axis)
@@ -175,7 +171,7 @@ def draw_erased(measured: Measured) -> Figure:
         tidy(axis, "x")
     for axis in axes[1:]:
         axis.set_xlim(0, 1.06 * axis.get_xlim()[1])
-    add_legend(figure, 3, role_handles(measured))
+    add_legend(figure, 3, role_styles(measured))
     return figure
 
 

@@ -106,7 +106,7 @@ def probe_row(
     pixels: Sequence[Probe],
     untrained: Sequence[Probe],
 ) -> ProbeRow:
-    """Make the row of a probe: labels are network, role, layer and quantity; without controls they are empty."""
+    """Make the row of a probe; `labels` are network, role, layer and quantity, controls may be empty."""
     resampled = probe.resampled_r2(counts)
 
     def difference(controls: Sequence[Probe]) -> Estimate | None:

@@ -10,11 +10,11 @@ from typing import NamedTuple, TypeVar
 import jinja2
 import numpy as np
 
-from ship_trl.entries import Entry
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.networks import Origin
 from ship_trl.explain.rows import CKARow, ErasedRow, LayerRow, Measured, ProbeRow, Role
 from ship_trl.explain.states import StateSet
+from ship_trl.policies.entry import Entry
 
 MISSING = "-"
 Row = TypeVar("Row")

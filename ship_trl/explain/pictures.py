@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +13,9 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.explain.bootstrap import Floats
-from ship_trl.explain.charts import new_figure, tidy
+from ship_trl.explain.charts import new_figure
 from ship_trl.explain.rows import Measured, Role
 from ship_trl.explain.saliency import gradient, greedy_actions, occlusion
 from ship_trl.learn.network import DuelingNetwork
@@ -94,42 +95,31 @@ def draw_activations(network: DuelingNetwork, picture: Tensor, pixels: Tensor) -
     Args:
         network: the network.
         picture: uint8 [C, 84, 84].
-        pixels: pictures [N, C, 84, 84]; the maps that vary most over them are drawn.
+        pixels: pictures [N, C, 84, 84]; of a conv layer the maps that vary most over them are drawn.
     """
     with torch.no_grad():
-        single = network.activations(picture[None])
-        values = {name: value[0].double().numpy() for name, value in single.items()}
-        spread = {
-            name: value.transpose(0, 1).flatten(1).std(1)
-            for name, value in network.activations(pixels).items()
-        }
-    maps = [name for name, value in values.items() if value.ndim == 3 and value.shape[-1] > 1]
-    rows = [name for name in values if name not in maps]
-    height = 11.0 / (1 + len(maps)) + 0.4
-    figure = new_figure(height + 1.05 * len(rows))
-    parts: Any = figure.subfigures(2, 1, height_ratios=(height, 1.05 * max(1, len(rows))))
-    axes = parts[0].subplots(1, 1 + len(maps), squeeze=False)[0]
+        values, over_states = network.activations(picture[None]), network.activations(pixels)
+    columns = 3
+    rows = -(-(1 + len(values)) // columns)
+    figure = new_figure(3.9 * rows)
+    axes = figure.subplots(rows, columns, squeeze=False).flatten()
     show(axes[0], to_image(picture), "input", **GREY)
-    for axis, name in zip(axes[1:], maps, strict=True):
-        order = spread[name].argsort(descending=True)[:MAX_MAPS].sort().values.numpy()
-        chosen = values[name][order]
-        largest = chosen.max(axis=(1, 2), keepdims=True)
-        shares = np.divide(chosen, largest, out=np.zeros_like(chosen), where=largest > 0)
-        side = chosen.shape[-1]
-        title = f"{name}: {len(order)} of {len(values[name])}, {side} x {side}"
-        image = show(axis, tile(shares, 4), title, **UNIT)
-    bar = parts[0].colorbar(image, ax=list(axes), shrink=0.6, pad=0.01)
-    bar.set_label("share of the map's maximum", fontsize=10)
-    strips = parts[1].subplots(max(1, len(rows)), 1, squeeze=False)[:, 0]
-    for axis, name in zip(strips, rows, strict=False):
-        units = values[name].flatten()
-        axis.bar(np.arange(len(units)), units, width=1.0, color="#0072B2")
-        axis.set_title(
-            f"{name}: {len(units)} units, {int((units > 0).sum())} active", fontsize=11, loc="left"
-        )
-        axis.set_xlim(-1, len(units))
-        axis.tick_params(labelsize=9)
-        tidy(axis)
+    for axis, (layer, value) in zip(axes[1:], values.items(), strict=False):
+        maps = value[0].reshape(value.shape[1], *(value.shape[2:] or (1, 1))).double().numpy()
+        title = f"{layer}: {len(maps)} units, {int((maps > 0).sum())} active"
+        side, across, largest = maps.shape[-1], math.ceil(math.sqrt(len(maps))), maps.max()
+        if side > 1:
+            spread = over_states[layer].transpose(0, 1).flatten(1).std(1)
+            chosen = spread.argsort(descending=True)[:MAX_MAPS].sort().values.numpy()
+            title = f"{layer}: {len(chosen)} of {len(maps)} maps, {side} x {side}"
+            maps, across = maps[chosen], 4
+            largest = maps.max(axis=(1, 2), keepdims=True)
+        shares = np.divide(maps, largest, out=np.zeros_like(maps), where=largest > 0)
+        image = show(axis, tile(shares, across), title, **UNIT)
+    for axis in axes[1 + len(values) :]:
+        axis.axis("off")
+    bar = figure.colorbar(image, ax=list(axes), shrink=0.5, aspect=40, pad=0.01)
+    bar.set_label("share of the maximum", fontsize=10)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Measurements as rows of tables, and the networks that they describe. Field names are columns of the CSVs."""
+"""Measurements as rows of tables, whose fields are columns of the CSVs, and the measured networks."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.explain.bootstrap import Bools, Floats, Ints
 from ship_trl.explain.saliency import greedy_actions
 from ship_trl.learn.network import DuelingNetwork

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.pictures import SaliencyMaps
 from ship_trl.explain.rows import Measured
 from ship_trl.explain.states import StateSet
+from ship_trl.files.disk import replacing
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.paths import replacing
 
 Row = dict[str, Any]
 
@@ -64,27 +64,26 @@ def state_rows(states: StateSet) -> Iterable[Row]:
     return (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
 
+def array_rows(axes: Sequence[str], **arrays: Any) -> Iterable[Row]:
+    """List the elements of arrays of one shape, with their indices."""
+    for index in np.ndindex(next(iter(arrays.values())).shape):
+        yield dict(zip(axes, index, strict=True)) | {name: array[index] for name, array in arrays.items()}
+
+
 def saliency_rows(saliency: list[SaliencyMaps]) -> Iterable[Row]:
     """List saliency by pixel."""
     for one in saliency:
-        for row, column in np.ndindex(*one.occlusion.shape):
-            yield {
-                "state": one.title,
-                "row": row,
-                "column": column,
-                "gradient": one.gradient[row, column],
-                "gradient_untrained": one.control[row, column],
-                "occlusion": one.occlusion[row, column],
-            }
+        maps = {"gradient": one.gradient, "gradient_untrained": one.control, "occlusion": one.occlusion}
+        for row in array_rows(("row", "column"), **maps):
+            yield {"state": one.title} | row
 
 
 def filter_rows(measured: Measured) -> Iterable[Row]:
     """List the weights of conv1 of every network."""
     for one in measured.networks:
         weight = one.network.get_parameter("conv1.weight").detach().numpy()
-        for (number, channel, row, column), value in np.ndenumerate(weight):
-            place = {"channel": channel, "row": row, "column": column}
-            yield {"network": one.name, "filter": number, **place, "weight": value}
+        for row in array_rows(("filter", "channel", "row", "column"), weight=weight):
+            yield {"network": one.name} | row
 
 
 @torch.no_grad()
@@ -92,5 +91,5 @@ def activation_rows(network: DuelingNetwork, picture: Tensor) -> Iterable[Row]:
     """List the activations of each layer for a picture; units of linear layers have row and column 0."""
     for layer, values in network.activations(picture[None]).items():
         maps = values[0].reshape(values.shape[1], *(values.shape[2:] or (1, 1))).numpy()
-        for (number, row, column), value in np.ndenumerate(maps):
-            yield {"layer": layer, "filter": number, "row": row, "column": column, "activation": value}
+        for row in array_rows(("filter", "row", "column"), activation=maps):
+            yield {"layer": layer} | row

@@ -9,7 +9,6 @@ from pathlib import Path
 import torch
 from torch import Generator
 
-from ship_trl.entries import Entry
 from ship_trl.explain import charts, pictures
 from ship_trl.explain.measure import measure
 from ship_trl.explain.networks import add_controls, find_origin, load_networks, make_untrained
@@ -17,9 +16,10 @@ from ship_trl.explain.page import list_facts, render
 from ship_trl.explain.saliency import erase_things
 from ship_trl.explain.states import draw_states
 from ship_trl.explain.tables import write_tables
+from ship_trl.files.disk import replacing
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
-from ship_trl.paths import replacing
+from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
 

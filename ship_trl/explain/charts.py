@@ -1,9 +1,9 @@
-"""Charts of the measurements: probes, CKA, erased things, and the states."""
+"""Charts of the measurements: probes, CKA and erased things."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,8 +13,6 @@ from matplotlib.lines import Line2D
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.measure import PIXELS
 from ship_trl.explain.rows import Measured, Role
-from ship_trl.explain.states import StateSet
-from ship_trl.sim.env import ShipEnv
 
 # Keyword arguments of Matplotlib.
 Style = dict[str, Any]
@@ -44,7 +42,7 @@ def new_figure(height: float) -> Figure:
     return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
 
 
-def tidy(axis: Axes, grid: str = "y") -> None:
+def tidy(axis: Axes, grid: Literal["x", "y"] = "y") -> None:
     """Remove the upper and right edge, and add grid lines."""
     axis.spines[["top", "right"]].set_visible(False)
     axis.grid(axis=grid, color="#8888", linewidth=0.5)
@@ -172,40 +170,4 @@ def draw_erased(measured: Measured) -> Figure:
     for axis in axes[1:]:
         axis.set_xlim(0, 1.06 * axis.get_xlim()[1])
     add_legend(figure, 3, role_styles(measured))
-    return figure
-
-
-def draw_states(env: ShipEnv, states: StateSet) -> Figure:
-    """Draw the positions of own ship, and bearing and distance of the goal."""
-    case, world = env.case, env.world
-    figure = new_figure(4.6)
-    chart, relative = figure.subplots(1, 2)
-    at = states.states.numpy()
-    (bearing,) = (q.values for q in states.quantities if q.name == "bearing of the goal")
-    angle = np.degrees(np.arctan2(bearing[:, 0], bearing[:, 1]))
-    distance = np.hypot(*(np.array(case.goal)[:, None] - at[:, :2].T))
-    for name, part, style in (
-        ("states for fitting probes", ~states.held_out, {"color": "#56B4E9", "marker": "o", "s": 9}),
-        ("held-out states", states.held_out, {"color": "#D55E00", "marker": "x", "s": 16, "linewidths": 0.9}),
-    ):
-        chart.scatter(at[part, 0], at[part, 1], label=name, **style)
-        relative.scatter(angle[part], distance[part], **style)
-    chart.scatter(*case.start[:2], color="#000000", marker="s", s=60, label="start", zorder=3)
-    chart.scatter(*case.goal, color="#000000", marker="*", s=130, label="goal", zorder=3)
-    for k, ship in enumerate(case.target_ships):
-        course, way = np.radians(ship.heading), ship.speed * world.max_steps * world.dt
-        end = (ship.x + way * np.cos(course), ship.y + way * np.sin(course))
-        label = "path of a target ship" if k == 0 else None
-        chart.plot((ship.x, end[0]), (ship.y, end[1]), color="#009E73", linewidth=2, label=label)
-        chart.scatter(ship.x, ship.y, color="#009E73", marker="^", s=50, zorder=3)
-    chart.set_aspect("equal", adjustable="datalim")
-    chart.set_xlabel("east, m")
-    chart.set_ylabel("north, m")
-    relative.set_xlabel("bearing of the goal off the bow, degrees to port")
-    relative.set_ylabel("distance of the goal, m")
-    relative.set_xlim(-180, 180)
-    relative.set_xticks(range(-180, 181, 60))
-    for axis in (chart, relative):
-        axis.spines[["top", "right"]].set_visible(False)
-    add_legend(figure, 5)
     return figure

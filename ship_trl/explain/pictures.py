@@ -48,12 +48,13 @@ def to_image(picture: Tensor) -> Floats:
 
 
 def tile(maps: Floats, columns: int) -> Floats:
-    """Arrange maps [M, S, S] in a grid with empty lines between them."""
-    rows, side = -(-len(maps) // columns), maps.shape[1] + 1
-    sheet = np.full((rows * side - 1, columns * side - 1), np.nan)
+    """Arrange maps [M, S, S] in a grid, with empty lines between them if they are larger than a pixel."""
+    side = maps.shape[1]
+    step = side + 1 if side > 1 else 1
+    sheet = np.full((-(-len(maps) // columns) * step, columns * step), np.nan)
     for k, values in enumerate(maps):
-        top, left = k // columns * side, k % columns * side
-        sheet[top : top + side - 1, left : left + side - 1] = values
+        top, left = k // columns * step, k % columns * step
+        sheet[top : top + side, left : left + side] = values
     return sheet
 
 
@@ -101,8 +102,8 @@ def draw_activations(network: DuelingNetwork, picture: Tensor, pixels: Tensor) -
         values, over_states = network.activations(picture[None]), network.activations(pixels)
     columns = 3
     rows = -(-(1 + len(values)) // columns)
-    figure = new_figure(3.9 * rows)
-    axes = figure.subplots(rows, columns, squeeze=False).flatten()
+    figure = new_figure(4.0 * rows)
+    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0.05}).flatten()
     show(axes[0], to_image(picture), "input", **GREY)
     for axis, (layer, value) in zip(axes[1:], values.items(), strict=False):
         maps = value[0].reshape(value.shape[1], *(value.shape[2:] or (1, 1))).double().numpy()

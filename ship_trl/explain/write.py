@@ -68,7 +68,6 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
         "saliency": pictures.draw_saliency(saliency),
         "filters": pictures.draw_filters(measured),
         "maps": pictures.draw_activations(network, picture, states.pixels),
-        "states": charts.draw_states(env, states),
     }
     files = {name: output / f"{name}.png" for name in figures}
     for name, figure in figures.items():

@@ -133,7 +133,7 @@ def draw_change(measured: Measured) -> Figure:
     for label, select, look in groups:
         values = [[row.cka.value for row in select(layer)] for layer in measured.layers]
         if all(values):
-            low, high, mean = ([f(each) for each in values] for f in (min, max, np.mean))
+            low, high, mean = ([float(f(each)) for each in values] for f in (np.min, np.max, np.mean))
             axis.fill_between(x, low, high, color=STYLES[look]["color"], alpha=0.18, linewidth=0)
             axis.plot(x, mean, **STYLES[look] | {"label": label})
     axis.set_xticks(x, measured.layers, fontsize=11)

@@ -1,14 +1,11 @@
 """`python -m ship_trl watch`: its words, and what it says where there is no screen."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from ship_trl.cli.watch import main
-from tests.command import ROOT
 
 
 def refused(capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], None], *words: str) -> str:
@@ -61,11 +58,3 @@ def test_without_a_screen_record_is_offered(
 )
 def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert said in refused(capsys, main, *words.split())
-
-
-@pytest.mark.parametrize("module", ["watch", "record"])
-def test_help_knows_no_torch(module: str) -> None:
-    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", module, "--help"]
-    done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
-    assert "target=CASE" in done.stdout
-    assert " torch\n" not in done.stderr and " pygame\n" not in done.stderr

@@ -16,10 +16,10 @@ import sys
 import pandas as pd
 import yaml
 
+from ship_trl.cli.ask import answers
 from ship_trl.study.analysis.study import Study, read_study
-from ship_trl.study.ask import answers
+from tests.command import ROOT
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
-from tests.test_cli import ROOT
 
 PAGES = ("docs/findings.md", "README.md")
 LONG = ROOT / "outputs/paper_high"

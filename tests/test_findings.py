@@ -5,9 +5,9 @@ import re
 import pytest
 
 from ship_trl.study.analysis.study import Study, read_study
+from tests.command import ROOT
 from tests.findings import NUMBER, NUMBERS, PAGES, facts, rewrite, verdicts
 from tests.study.test_confirmatory import FOLDER
-from tests.test_cli import ROOT
 
 
 @pytest.fixture(scope="module")

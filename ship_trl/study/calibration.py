@@ -15,7 +15,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ship_trl.cli import complain, make_parser
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import print_error
 from ship_trl.study.analysis.contrasts import Claimed, Verdict, contrast
 from ship_trl.study.analysis.statistics import LEVEL, Sample, look_level, spread_test
 from ship_trl.study.analysis.study import BLOCK, Study
@@ -190,11 +191,11 @@ def calibrate(
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the table."""
-    parser = make_parser("ship_trl.study.calibration", __doc__)
+    parser = make_parser("calibration", __doc__)
     parser.add_argument("--repeats", type=int, default=REPEATS, help=f"simulations a row, default {REPEATS}")
     options = parser.parse_args(arguments)
     if options.repeats < 1:
-        complain(f"--repeats: must be at least 1, got {options.repeats}")
+        print_error(f"--repeats: must be at least 1, got {options.repeats}")
         sys.exit(1)
     table = Table("tried", "allowed", *(f"{count} seeds" for count in SEEDS))
     for row in calibrate(options.repeats):

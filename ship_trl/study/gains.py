@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from ship_trl.cli import complain, make_parser
-from ship_trl.config import ConfigError
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.study.analysis.metrics import TIMES, measure
 from ship_trl.study.records.record import BrokenRunError, Record, find_runs, read_run
 
@@ -26,14 +26,14 @@ Runs = dict[tuple[str, int], Record]
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the gains by target case and metric, as YAML, and say of how many seeds they are."""
-    parser = make_parser("ship_trl.study.gains", __doc__)
+    parser = make_parser("gains", __doc__)
     parser.add_argument("scratch", type=Path, metavar="SCRATCH", help="folder of runs from scratch")
     parser.add_argument("knowing", type=Path, metavar="KNOWING", help="folder of runs that know their case")
     options = parser.parse_args(arguments)
     try:
         found = gains(read_runs(options.scratch), read_runs(options.knowing))
     except ConfigError as error:
-        complain(str(error))
+        print_error(str(error))
         sys.exit(1)
     sys.stdout.write("".join(f"# case {case}: {count} seeds\n" for case, (count, _) in found.items()))
     sys.stdout.write(

@@ -20,7 +20,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy import stats
 
-from ship_trl.cli import make_parser, refusals
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
 from ship_trl.study.analysis.contrasts import Claimed, Finding
 from ship_trl.study.analysis.measured import SPREAD
 from ship_trl.study.analysis.statistics import SAME
@@ -38,7 +39,7 @@ HEADINGS = ("claim", PLAN, MEANS, SWAPPED, "p of spreads that changes", "seeds t
 
 def main(arguments: list[str] | None = None) -> None:
     """Print a row for each claim, and how many verdicts would be others."""
-    parser = make_parser("ship_trl.study.sensitivity", __doc__)
+    parser = make_parser("sensitivity", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study, or its kept tables")
     options = parser.parse_args(arguments)
     with refusals():

@@ -14,8 +14,8 @@ from ship_trl.study.claims.kinds import Hypothesis, beats
 from ship_trl.study.claims.kinds import steady as varies_less
 from ship_trl.study.claims.verdicts import ALL
 from ship_trl.study.sensitivity import MEANS, PLAN, SWAPPED, answers, by_means, main, others, rows
+from tests.command import ship_trl
 from tests.study.synthetic import make_record, write_study
-from tests.test_cli import ship_trl
 
 SEEDS = 15
 RNG = np.random.default_rng(0)
@@ -105,7 +105,7 @@ def test_seeds_that_agree_are_counted() -> None:
 
 def test_every_claim_has_a_row(tmp_path: Path) -> None:
     write_study(tmp_path, seeds=5)
-    told = ship_trl(str(tmp_path), folder=tmp_path, module="ship_trl.study.sensitivity").stdout
+    told = ship_trl(str(tmp_path), folder=tmp_path, verb="sensitivity").stdout
     assert re.findall(r"^│ ([CH]\w+) +│", told, re.MULTILINE) == [claim.name for claim in ALL]
     for way in ("means", "all changes of place"):
         assert re.search(rf"^By {way} \d+ of {len(ALL)} verdicts are others\.$", told, re.MULTILINE)
@@ -134,5 +134,5 @@ def test_a_folder_without_runs_is_one_line(tmp_path: Path, capsys: pytest.Captur
     assert ended.value.code == 1
     assert (
         capsys.readouterr().err
-        == f"ship_trl: folder: no finished run below {tmp_path}; python -m ship_trl.study makes some\n"
+        == f"ship_trl: folder: no finished run below {tmp_path}; python -m ship_trl study makes some\n"
     )

@@ -14,11 +14,12 @@ import yaml
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.checks import check_logger
-from ship_trl.config import ConfigError, Logger, WandbMode, explain
-from ship_trl.launchers import check_slurm
-from ship_trl.paths import conf_dir
-from ship_trl.shapes import check_shapes
+from ship_trl.config.checks import check_logger
+from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.shapes import check_shapes
+from ship_trl.config.types import Logger, WandbMode
+from ship_trl.run.launchers import check_slurm
 
 # Section 4.3: the case that is most like the new one, and by which arm its network was made.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.curve import moving_mean
-from ship_trl.paths import replacing
+from ship_trl.files.curve import moving_mean
+from ship_trl.files.disk import replacing
 from ship_trl.study.analysis.bands import LEAST, band
 from ship_trl.study.analysis.contrasts import Verdict
 from ship_trl.study.analysis.measured import SEED

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.config import one_line
-from ship_trl.paths import replacing
+from ship_trl.config.errors import one_line
+from ship_trl.files.disk import replacing
+from ship_trl.files.table import Cells, read_table
 from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
 from ship_trl.study.analysis.measured import SEED, gain
 from ship_trl.study.analysis.metrics import METRICS, measure, reached
@@ -22,7 +23,6 @@ from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.plan.config import REUSED_CASE
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, from_scratch
 from ship_trl.study.records.record import Record
-from ship_trl.table import Cells, read_table
 from ship_trl.transfer.measured import COLUMNS
 
 Row = dict[str, Any]

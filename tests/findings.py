@@ -137,7 +137,9 @@ def of_arms(study: Study) -> list[str]:
         f"Of the pairs' {len(area)} arms {WORDS[(share >= 0.5).sum()]} gains half of it in area;",
         f"the most is {100 * share.max():.0f} % ({share.idxmax()}).",
         f"{WORDS[len(more)]} arms gain more: {', '.join(f'{n} {100 * x:.0f} %' for n, x in more.items())}.",
-        *(f"{share[f'{pair} FE3']:.2f} of what could be gained in {pair}" for pair in PAIRS),
+        "FE3 gains {:.0f} % of what could be gained in high, {:.0f} % in low, {:.0f} % in lowest".format(
+            *(100 * share[f"{pair} FE3"] for pair in PAIRS)
+        ),
         f"Of {len(time)} arms of the pairs {WORDS[(time['low'] > 0).sum()]} are sooner than scratch:",
         f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
     ]
@@ -158,9 +160,8 @@ def at_length() -> list[str]:
     rows = []
     for arm in ("FE1", "FE2", "FE3", "FE4", "FT3", "FTW"):
         cells = [arm]
-        for words in ("above scratch (early area)", "above scratch (area)", "above scratch (asymptote)",
-                      "sooner than scratch (time)"):  # fmt: skip
-            (one,) = answers(study, [f"high: {arm} {words}"])
+        for metric in ("early area", "area", "asymptote"):
+            (one,) = answers(study, [f"high: {arm} above scratch ({metric})"])
             above = sum(value > 0 for value in one.differences)
             cells.append(f"{one.estimate.value:+.3f} ({above} of {one.seeds})")
         rows.append(f"| {' | '.join(cells)} |")

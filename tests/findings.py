@@ -148,7 +148,8 @@ def of_arms(study: Study) -> list[str]:
 def of_layers() -> list[str]:
     """Return how alike the layers of scratch are to others: rows of CKA, the range over the pairs."""
     table = pd.read_csv(REPORT / "cka.csv")
-    table = table[(table["arm"] == "scratch") & table["pair"].isin(PAIRS)]
+    table = table[(table["arm"] == "scratch") & table["layer"].isin(["conv3", "conv4", "shared"])]
+    table = table[table["pair"].isin(PAIRS)]
     ends = table.groupby(["beside", "layer"])["cka"].agg(["min", "max"])
     cells = ends.apply(lambda row: f"{row['min']:.2f} to {row['max']:.2f}", axis=1).unstack()
     return [f"| {beside} | {' | '.join(cells.loc[beside])} |" for beside in cells.index]

@@ -33,6 +33,13 @@ def test_every_link_and_picture_is_there(page: Path) -> None:
             assert not anchor or anchor in anchors(goal), f"{link}#{anchor}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_file_that_is_named_is_there(page: Path) -> None:
+    named = set(re.findall(r"\b(?:ship_trl|tests|conf|examples|docker)/[\w/.-]*\w", page.read_text()))
+    yours = {name for name in named if "NAME" in name or name.endswith("/mine.yaml")}
+    assert [name for name in sorted(named - yours) if not (ROOT / name).exists()] == []
+
+
 def test_the_readme_leads_to_every_page_and_a_page_shows_every_picture() -> None:
     leads = {ROOT / link for link, _ in LINK.findall((ROOT / "README.md").read_text())}
     assert leads >= {page for page in PAGES if page.name != "README.md"}

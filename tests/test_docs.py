@@ -8,7 +8,7 @@ from PIL import Image
 
 from ship_trl.cli.help import VERBS
 from tests.command import ROOT
-from tests.test_packaging import python
+from tests.forked import run_script
 
 PAGES = [
     *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),

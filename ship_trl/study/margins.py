@@ -19,7 +19,7 @@ from ship_trl.study.analysis.metrics import METRICS
 
 @dataclass
 class Margins:
-    """A share of what could be gained: `gains` are by target case and metric."""
+    """The margin as a share of the possible gain, and the possible gains by target case and metric."""
 
     margin: float = MISSING
     gains: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -57,10 +57,12 @@ def margins() -> Margins:
     return read_margins(conf_dir() / "analysis.yaml")
 
 
-def margin(target: str, metric: str) -> float | None:
-    """Return the margin of a metric on a target case: a share of what could be gained there.
+def possible_gain(target: str, metric: str) -> float | None:
+    """Return how much transfer could gain in a metric on a target case; None where it was not measured."""
+    return margins().gains.get(target, {}).get(metric)
 
-    None where it is not known what could be gained: then nothing is said of equality.
-    """
-    gain = margins().gains.get(target, {}).get(metric)
+
+def margin(target: str, metric: str) -> float | None:
+    """Return the margin of a metric on a target case; None where the possible gain is unknown."""
+    gain = possible_gain(target, metric)
     return None if gain is None else margins().margin * gain

@@ -1,11 +1,9 @@
-"""The paper's five conclusions, and contrasts of ours that judge none of its claims."""
+"""The paper's five conclusions, and our own exploratory contrasts."""
 
 from __future__ import annotations
 
 from ship_trl.study.claims.hypotheses import EXTRACTION_DIPS, FINETUNING_DIPS, NO_DIPS, SELF_DIPS
 from ship_trl.study.claims.kinds import (
-    FE,
-    FT,
     Hypothesis,
     beats,
     control,
@@ -16,16 +14,17 @@ from ship_trl.study.claims.kinds import (
     rises,
     self_dips,
 )
+from ship_trl.study.plan.arms import CONTROL_KINDS, FE, FT, PERMUTED, RANDOM, SCRATCH
 
 FIGURE, EXPLORATORY = "conclusions", "exploratory"
-# Pairs of the paper, the target of each, and the label of its transfer to itself.
+# By pair: its target, and the label of that case's transfer to itself.
 ITSELF = {"high": ("2", "self"), "low": ("4", "self4"), "lowest": ("6", "self6")}
 CONCLUSIONS = [
     Hypothesis(
         "C1",
         FIGURE,
         "There are features: FE3 beats scratch, and frozen layers that have learned nothing.",
-        [beats("high", "FE3", "scratch"), *(control("high", "FE3", kind) for kind in ("random", "permuted"))],
+        [beats("high", "FE3", SCRATCH), *(control("high", "FE3", kind) for kind in CONTROL_KINDS)],
     ),
     Hypothesis(
         "C2",
@@ -61,19 +60,19 @@ CONCLUSIONS = [
         ],
     ),
 ]
-# Judged each alone and named so: they explain, and decide no claim.
+# Each is judged alone; they explain, and decide no claim.
 OURS = [
     Hypothesis(
         "E1",
         EXPLORATORY,
         "Frozen layers that have learned beat random ones, for each number of layers and pair.",
-        [control(pair, arm, "random") for pair in ITSELF for arm in FE],
+        [control(pair, arm, RANDOM) for pair in ITSELF for arm in FE],
     ),
     Hypothesis(
         "E2",
         EXPLORATORY,
         "They beat the same weights permuted within each layer.",
-        [control(pair, arm, "permuted") for pair in ITSELF for arm in FE],
+        [control(pair, arm, PERMUTED) for pair in ITSELF for arm in FE],
     ),
     Hypothesis(
         "E3",
@@ -85,7 +84,7 @@ OURS = [
         "E4",
         EXPLORATORY,
         "A case's own network, finetuned as a whole, beats learning it from scratch.",
-        [itself(case, pair, label, "FTW", "scratch") for pair, (case, label) in ITSELF.items()],
+        [itself(case, pair, label, "FTW", SCRATCH) for pair, (case, label) in ITSELF.items()],
     ),
     Hypothesis(
         "E5",
@@ -97,6 +96,6 @@ OURS = [
         "E6",
         EXPLORATORY,
         "FTW misses the goal less often than scratch once exploration is over.",
-        [beats(pair, "scratch", "FTW", "misses") for pair in ITSELF],
+        [beats(pair, SCRATCH, "FTW", "misses") for pair in ITSELF],
     ),
 ]

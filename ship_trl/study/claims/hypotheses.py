@@ -1,14 +1,8 @@
-"""The paper's claims of section 4 as contrasts that are measured; the plan is docs/analysis-plan.md.
-
-A claim has a name (H5a ...), a sentence, and the contrasts that it stands on; positive is as claimed.
-"""
+"""The paper's claims of section 4 as contrasts; docs/analysis-plan.md is the plan."""
 
 from __future__ import annotations
 
 from ship_trl.study.claims.kinds import (
-    FE,
-    FT,
-    TRANSFERS,
     Hypothesis,
     beats,
     best_source,
@@ -23,13 +17,14 @@ from ship_trl.study.claims.kinds import (
     sooner,
     steady,
 )
+from ship_trl.study.plan.arms import FE, FT, SCRATCH, TRANSFERS
 from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
 
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
 GROWING = ("FT2", "FT3", "FT4", "FTW")
-# Parts of conclusion C4 too.
-EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")]
-FINETUNING_DIPS = [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")]
+# Conclusion C4 has these too.
+EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", SCRATCH, "FE2")]
+FINETUNING_DIPS = [beats("high", SCRATCH, "FT1"), beats("high", "FT2", "FT1")]
 SELF_DIPS = self_dips()
 NO_DIPS = [no_more("low", ("FE1", "FE3"), ("FE2",)), no_more("low", ("FT2",), ("FT1",))]
 HYPOTHESES = [
@@ -43,13 +38,13 @@ HYPOTHESES = [
         "H5a",
         "5",
         "Every arm but FE2 and FT1 beats scratch, and is sooner.",
-        [beats("high", arm, "scratch", metric) for metric in ("area", "time") for arm in NOT_DIPPING],
+        [beats("high", arm, SCRATCH, metric) for metric in ("area", "time") for arm in NOT_DIPPING],
     ),
     Hypothesis(
         "H5b",
         "5",
         "Those arms vary less across seeds.",
-        [steady("high", arm, "scratch") for arm in NOT_DIPPING],
+        [steady("high", arm, SCRATCH) for arm in NOT_DIPPING],
     ),
     Hypothesis("H5c", "5", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
     Hypothesis("H5d", "5", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
@@ -58,7 +53,7 @@ HYPOTHESES = [
         "H5f",
         "5",
         "FTW beats all other arms.",
-        [beats("high", "FTW", arm) for arm in ("scratch", *FE, *FT)],
+        [beats("high", "FTW", arm) for arm in (SCRATCH, *FE, *FT)],
     ),
     Hypothesis(
         "H5g",
@@ -98,7 +93,7 @@ HYPOTHESES = [
         "6",
         "All arms but FE4 beat scratch, and are sooner.",
         [
-            beats("low", arm, "scratch", metric)
+            beats("low", arm, SCRATCH, metric)
             for metric in ("area", "time")
             for arm in TRANSFERS
             if arm != "FE4"
@@ -115,15 +110,15 @@ HYPOTHESES = [
         "H6d",
         "6",
         "FE4 is the worst arm.",
-        [beats("low", arm, "FE4") for arm in ("scratch", *TRANSFERS) if arm != "FE4"],
+        [beats("low", arm, "FE4") for arm in (SCRATCH, *TRANSFERS) if arm != "FE4"],
     ),
     Hypothesis(
         "H6e",
         "6",
         "FTW is best early, from its first greedy evaluation on, and collides less.",
         [
-            *(beats("low", "FTW", arm, "early area") for arm in ("scratch", *FE, *FT)),
-            *(beats("low", "FTW", arm, "start") for arm in ("scratch", *FE, *FT)),
+            *(beats("low", "FTW", arm, "early area") for arm in (SCRATCH, *FE, *FT)),
+            *(beats("low", "FTW", arm, "start") for arm in (SCRATCH, *FE, *FT)),
             means("low", (*FE, *FT), ("FTW",), "early collisions"),
         ],
     ),
@@ -131,13 +126,13 @@ HYPOTHESES = [
         "H6f",
         "6",
         "FT1 reaches the threshold first.",
-        [sooner("low", "FT1", arm) for arm in ("scratch", *TRANSFERS) if arm != "FT1"],
+        [sooner("low", "FT1", arm) for arm in (SCRATCH, *TRANSFERS) if arm != "FT1"],
     ),
     Hypothesis(
         "H7a",
         "7",
         "Arms of one and two layers beat scratch.",
-        [beats("lowest", arm, "scratch") for arm in ("FE1", "FE2", "FT1", "FT2")],
+        [beats("lowest", arm, SCRATCH) for arm in ("FE1", "FE2", "FT1", "FT2")],
     ),
     Hypothesis("H7b", "7", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
     Hypothesis(
@@ -146,7 +141,7 @@ HYPOTHESES = [
         "The score falls as more layers are transferred.",
         [rises("lowest", *FE[::-1]), rises("lowest", *FT[::-1])],
     ),
-    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", "scratch", "FE4")]),
+    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", SCRATCH, "FE4")]),
     Hypothesis(
         "H7e",
         "7",
@@ -158,7 +153,7 @@ HYPOTHESES = [
         "7",
         "FTW falls no more than scratch, and ends lower than FT1 to FT4.",
         [
-            no_more("lowest", ("FTW",), ("scratch",), "dip"),
+            no_more("lowest", ("FTW",), (SCRATCH,), "dip"),
             means("lowest", FT, ("FTW",), "asymptote"),
         ],
     ),

@@ -1,4 +1,4 @@
-"""How long a study will take on this machine: measured, by what is finished or by short runs."""
+"""Estimates how long a run takes on this machine: from finished runs, or from two short ones."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from ship_trl.study.launch.launch import finished, processes
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job
 
-# Results that say how long a run takes, if there are so many.
-ENOUGH = 4
-# Episodes of the two short runs whose times make a line.
+# With so many finished runs their mean is used.
+MIN_FINISHED = 4
+# Episodes of the two short runs; a line through their times gives the time of a whole run.
 SHORT, LONG = 8, 40
 CASE = "4"
 
 
 def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tuple[float, str]:
-    """Seconds of one run among as many as go on at once, and by what that was measured."""
+    """Return the seconds of a run beside others, and what they were measured by."""
     known = [result.seconds for result in (finished(job, config) for job in jobs) if result]
-    if len(known) >= ENOUGH:
+    if len(known) >= MIN_FINISHED:
         return statistics.mean(known), f"the {len(known)} finished runs"
     if episodes <= LONG:
-        return timed(config, episodes), f"runs of {episodes} episodes"
-    # The first of all compiles what a fresh installation has not yet compiled.
-    timed(config, 1)
-    short, long = timed(config, SHORT), timed(config, LONG)
+        return time_runs(config, episodes), f"runs of {episodes} episodes"
+    # The first run compiles kernels, which a fresh installation has not in its cache.
+    time_runs(config, 1)
+    short, long = time_runs(config, SHORT), time_runs(config, LONG)
     each = max(0.0, (long - short) / (LONG - SHORT))
     return short + each * (episodes - SHORT), f"runs of {SHORT} and {LONG} episodes"
 
 
-def timed(config: StudyConfig, episodes: int) -> float:
-    """Mean seconds of runs of so many episodes from scratch, with updates from the start, several at once.
+def time_runs(config: StudyConfig, episodes: int) -> float:
+    """Return the mean seconds of short runs from scratch, as many at once as the study runs.
 
     Raises:
-        RuntimeError: they failed; the text is the last line of their complaint.
+        RuntimeError: they failed; the text is the last line of their error output.
     """
     children: list[subprocess.Popen[str]] = []
     with tempfile.TemporaryDirectory() as folder, ExitStack() as ends:
         for k in range(processes(config)):
-            line = (f"target={CASE}", "method=scratch", f"profile={config.profile}", *config.of_runs)
+            line = (f"target={CASE}", "method=scratch", f"profile={config.profile}", *config.run_overrides)
             short = (
                 f"learn.episodes={episodes}",
                 "learn.warmup_steps=100",
@@ -59,7 +59,7 @@ def timed(config: StudyConfig, episodes: int) -> float:
                 text=True,
                 preexec_fn=die_with_parent,
             )
-            # None outlives the folder it writes to, if another one fails.
+            # If one fails, the others end before their folder is removed.
             ends.enter_context(child)
             ends.callback(child.kill)
             children.append(child)

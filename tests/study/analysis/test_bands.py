@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ship_trl.study.analysis.bands import LEAST, band
 
 from ship_trl.study.analysis import bands
-from ship_trl.study.analysis.bands import LEAST, band
 from ship_trl.study.analysis.statistics import interquartile_mean
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from ship_trl.study.report.forest import DIFFERENCE, RATIO, START, blocks, draw_forest, limits
 
 from ship_trl.study.analysis.contrasts import Finding, Verdict
 from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.claims.kinds import Hypothesis
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.report.figures import PAGE, TELEPHONE, VERDICTS, Form
-from ship_trl.study.report.forest import DIFFERENCE, RATIO, START, blocks, draw_forest, limits
 from tests.study.report.seen import across, heights, outline
 
 

@@ -29,12 +29,12 @@ check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python
 
 run: $(VENV)/.run
 	$(BIN)/python -m ship_trl $(ARGS)
-	$(BIN)/python -m ship_trl.record pretrained target=4 --size 960x540 --output outputs/give_way.gif
+	$(BIN)/python -m ship_trl record pretrained target=4 --size 960x540 --output outputs/give_way.gif
 
 install: $(VENV)/.run
 
 watch: $(VENV)/.run
-	$(BIN)/python -m ship_trl.watch
+	$(BIN)/python -m ship_trl watch
 
 test: $(VENV)/.test
 	$(BIN)/ruff check .

@@ -21,7 +21,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=50_000)
     given = parser.parse_args()
     torch.set_num_threads(1)
-    env = gymnasium.make("ship_trl.gym_env:ShipCollision-v0", case=given.case, reward_scale=0.01)
+    env = gymnasium.make("ship_trl.gym:ShipCollision-v0", case=given.case, reward_scale=0.01)
     model = DQN("CnnPolicy", env, buffer_size=10_000, learning_starts=min(1_000, given.steps // 2), seed=0)
     model.learn(given.steps)
     reached, _ = evaluate_policy(model, env, n_eval_episodes=1, warn=False)

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 
-from ship_trl.config import Loss
+from ship_trl.config.types import Loss
 from ship_trl.learn.loss import td_loss
 
 COLLISION = -20.0

@@ -1,6 +1,6 @@
 """A policy of one's own: steer for the goal, and give way to whoever would come too near.
 
-    python -m ship_trl.evaluate examples/own_policy.py:policy best_known target=2,4,6
+    python -m ship_trl evaluate examples/own_policy.py:policy best_known target=2,4,6
 
 Of the seven actions it takes the one that points nearest to the goal, among those whose course, if kept,
 would pass every target ship farther off than the safe distance. It knows their courses, and learns nothing.

@@ -15,7 +15,7 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
 
     Args:
         name: a shipped case, for the network that comes with us; or any policy that
-            `python -m ship_trl.evaluate` takes (random, best_known, a safetensors file, ...), but for
+            `python -m ship_trl evaluate` takes (random, best_known, a safetensors file, ...), but for
             result folders, which hold several.
         case: where it will sail, by name or by the path of a YAML file; by default that of the network.
         seed: of what it draws.
@@ -26,8 +26,8 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     Raises:
         ConfigError: there is no such policy or case.
     """
-    from ship_trl import policies, pretrained
-    from ship_trl.config import ConfigError
+    from ship_trl.config.errors import ConfigError
+    from ship_trl.policies import named, pretrained
     from ship_trl.sim.cases import load_case, load_world
     from ship_trl.sim.env import ShipEnv
 
@@ -38,4 +38,4 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     if case is None:
         raise ConfigError(f"case: none given for {name}; allowed: a case by name, or the path of a YAML file")
     world = load_world()
-    return policies.load_policy(name, ShipEnv(load_case(case, world), world), seed)
+    return named.load_policy(name, ShipEnv(load_case(case, world), world), seed)

@@ -1,29 +1,38 @@
-"""`python -m ship_trl`: one run, or with `-m` a grid of runs."""
+"""`python -m ship_trl`: one run, a grid of runs with `-m`, or a verb such as `watch`."""
 
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 
-from ship_trl.cli import HELP_FLAGS, hydra_errors, print_help
-from ship_trl.paths import conf_dir
+from ship_trl.cli.help import HELP_FLAGS, VERBS, print_help
 
 
 def main() -> None:
-    """Answer --help at once; else compose, check, and only then import torch."""
-    if HELP_FLAGS & set(sys.argv[1:]):
+    """Hand over to a verb, or print the help, or train."""
+    words = sys.argv[1:]
+    if words and words[0] in VERBS:
+        import_module(f"ship_trl.cli.{words[0]}").main(words[1:])
+    elif HELP_FLAGS & set(words):
         print_help()
-        return
+    else:
+        train(words)
+
+
+def train(words: list[str]) -> None:
+    """Compose the configuration, check it, and only then import torch and run."""
     import hydra
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
     from omegaconf import DictConfig
 
-    from ship_trl.checks import to_config
-    from ship_trl.cli import check_flags, job_errors, refusals
-    from ship_trl.launchers import die_with_launcher, launches, place_in_grid
+    from ship_trl.cli.errors import check_words, hydra_errors, job_errors, refusals
+    from ship_trl.config.checks import to_config
+    from ship_trl.config.paths import conf_dir
+    from ship_trl.run.launchers import die_with_launcher, launches, place_in_grid
     from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
-    from ship_trl.stop import heed_sigterm
+    from ship_trl.run.stop import heed_sigterm
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
     def entry(values: DictConfig) -> float:
@@ -34,12 +43,12 @@ def main() -> None:
             from ship_trl.run.experiment import run_experiment
 
             hydra_config = HydraConfig.get()
-            many = hydra_config.mode is RunMode.MULTIRUN
-            result = run_experiment(run, place_in_grid(hydra_config.job.num) if many else "")
+            is_grid = hydra_config.mode is RunMode.MULTIRUN
+            result = run_experiment(run, place_in_grid(hydra_config.job.num) if is_grid else "")
             return objective(run, result)
 
     with refusals():
-        check_flags(sys.argv[1:])
+        check_words(words)
     launches()
     heed_sigterm()
     with hydra_errors():

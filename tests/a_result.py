@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ship_trl.result import SCHEMA_VERSION, Evaluation, Result
+from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
 
 
 def an_evaluation(episode_return: float = 10.0, outcome: str = "goal", episode: int = 0) -> Evaluation:

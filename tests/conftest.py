@@ -8,7 +8,7 @@ import pytest
 import torch
 from hypothesis import settings
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, TargetShip, load_world
 
 torch.set_num_threads(1)

@@ -1,6 +1,6 @@
 """`python -m tests.findings`: the numbers of docs/findings.md and of the README, from the kept tables.
 
-A page names what it measures in the words of `ship_trl.study.ask`, with the interval behind it, and the same
+A page names what it measures in the words of `ship_trl.cli.ask`, with the interval behind it, and the same
 of greedy evaluations where that is to be seen beside it:
 
     `high: FTW above scratch (area)` +0.06 (+0.02 to +0.11; greedy +0.17)
@@ -27,11 +27,11 @@ import sys
 from functools import cache
 from pathlib import Path
 
+from ship_trl.cli.ask import answers
 from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.analysis.study import Study, read_study
-from ship_trl.study.ask import answers
+from tests.command import ROOT
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
-from tests.test_cli import ROOT
 
 PAGES = ("docs/findings.md", "docs/open-claims.md", "docs/controls.md", "README.md")
 NUMBER = r"[+-]\d+\.\d+"

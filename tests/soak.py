@@ -20,10 +20,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from ship_trl.cli.study import main as run_study
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
-from ship_trl.study.__main__ import main as run_study
-from tests.test_config import composed
+from tests.config.test_config import composed
 
 RUN = ("profile=smoke", "learn.episodes=30", "learn.jumpstart_draws=3", "checkpoint.seconds=0")
 STUDY = (

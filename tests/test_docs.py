@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from tests.test_cli import ROOT
+from tests.command import ROOT
 from tests.test_packaging import python
 
 PAGES = [

@@ -12,9 +12,9 @@ from PIL import Image
 from tensordict import TensorDict
 from torchrl.modules import QValueActor
 
-from ship_trl.evaluate import main
+from ship_trl.cli.evaluate import main
 from ship_trl.learn.loss import ForeachSoftUpdate
-from tests.test_cli import ROOT
+from tests.command import ROOT
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRAWS = {"huber_threshold": "huber_threshold.png"}

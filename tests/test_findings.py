@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import pytest
 import yaml
 
+from ship_trl.cli.ask import answers
 from ship_trl.study.analysis.study import Study, read_study
-from ship_trl.study.ask import answers
+from tests.command import ROOT
 from tests.findings import LONG, NUMBER, NUMBERS, PAGES, anew, long_table, section
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
-from tests.test_cli import ROOT
 
 VERDICTS = ("supported", "contradicted", "equivalent")
 

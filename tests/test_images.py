@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_cli import ROOT
+from tests.command import ROOT
 
 FILES = sorted((ROOT / "docker").iterdir())
 # A word of a Dockerfile that would stand in the image's history for all to read.

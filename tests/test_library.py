@@ -10,10 +10,10 @@ from tensordict.nn import TensorDictSequential
 from torchrl.envs import ToTensorImage, TransformedEnv
 from torchrl.modules import EGreedyModule, QValueActor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
-from tests.test_cli import ROOT
+from tests.command import ROOT
 
 
 def block(heading: str) -> str:

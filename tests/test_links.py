@@ -5,16 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError, World
-from ship_trl.result import write_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World
+from ship_trl.files.result import write_result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import make_run
 from ship_trl.run.wandb_tracker import begin_wandb
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import CaseBase
 from tests.a_result import a_result
-from tests.test_cli import ship_trl
-from tests.test_config import composed
+from tests.command import ship_trl
+from tests.config.test_config import composed
 
 
 def a_tree(folder: Path) -> dict[str, bytes]:

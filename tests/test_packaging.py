@@ -77,7 +77,7 @@ def test_every_module_of_the_wheel_can_be_imported(installed: Path, tmp_path: Pa
 
 
 def test_wheel_uses_its_own_conf(installed: Path, tmp_path: Path) -> None:
-    code = "import ship_trl, ship_trl.paths as p; print(ship_trl.__file__); print(p.conf_dir())"
+    code = "import ship_trl, ship_trl.files.disk as p; print(ship_trl.__file__); print(p.conf_dir())"
     found = [Path(line) for line in python("-c", code, cwd=tmp_path, path=installed).splitlines()]
     package = (installed / "ship_trl").resolve()
     assert [path.resolve() for path in found] == [package / "__init__.py", package / "conf"]

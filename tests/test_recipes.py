@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from tests.command import ROOT
 from tests.study.synthetic import learning, write_run
-from tests.test_cli import ROOT
 
 RECIPES = {line.strip() for line in (ROOT / "CONTRIBUTING.md").read_text().splitlines()}
 MOST_FILES = 3
@@ -33,7 +33,7 @@ RESULT = "outputs/smoke/2/scratch/seed=0"
 PAY = """
 import json, torch
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.compiled import CompiledStep
+from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.transition import Transition
 world = load_world()
 step = Transition(load_case("4", world), world, torch.device("cpu"))
@@ -113,7 +113,7 @@ def test_a_reward_term(before: Path, tmp_path: Path) -> None:
     terms = "    return shaping + goal * reached + collision * collided"
     change(
         place,
-        ("ship_trl/config.py", "    k2: float\n", "    k2: float\n    rudder: float = 0.0\n"),
+        ("ship_trl/config/types.py", "    k2: float\n", "    k2: float\n    rudder: float = 0.0\n"),
         (REWARD, "        180.0 / math.pi,\n", "        180.0 / math.pi,\n        reward.rudder,\n"),
         (
             REWARD,
@@ -155,7 +155,7 @@ def test_a_loss(before: Path, tmp_path: Path) -> None:
     place, folder = follow(tmp_path), tmp_path / "after"
     change(
         place,
-        ("ship_trl/config.py", f"{words}])", f'{words}, "log_cosh"])'),
+        ("ship_trl/config/types.py", f"{words}])", f'{words}, "log_cosh"])'),
         ("ship_trl/learn/loss.py", "    raise ValueError(", f"{formula}    raise ValueError("),
     )
     python(place, folder, "-m", *SMOKE, "learn.loss=log_cosh")
@@ -175,7 +175,7 @@ def test_a_metric(before: Path, tmp_path: Path) -> None:
     )
     metrics = "METRICS: dict[str, Callable[[Record], float]] = {\n"
     edit = "ship_trl/study/analysis/metrics.py", metrics, f'{function}{metrics}    "worst": worst,\n'
-    python(follow(tmp_path, edit), before, "-m", "ship_trl.results", "outputs", "--csv", "numbers.csv")
+    python(follow(tmp_path, edit), before, "-m", "ship_trl", "results", "outputs", "--csv", "numbers.csv")
     with (before / "numbers.csv").open() as lines:
         (row,) = csv.DictReader(lines)
     result = json.loads((before / RESULT / "result.json").read_text())
@@ -194,7 +194,7 @@ def test_a_claim(tmp_path: Path) -> None:
     edit = "ship_trl/study/claims/conclusions.py", "OURS = [\n", f"OURS = [\n{claim}"
     tables = []
     for place in (ROOT, follow(tmp_path, edit)):
-        python(place, tmp_path, "-m", "ship_trl.report", "study")
+        python(place, tmp_path, "-m", "ship_trl", "report", "study")
         with (folder / "report/claims.csv").open() as lines:
             tables.append(list(csv.DictReader(lines)))
     (row,) = (row for row in tables[1] if row["claim"] == "E7")
@@ -208,5 +208,5 @@ def test_a_measure_of_similarity(tmp_path: Path) -> None:
     value = "abs(len(base.target_ships) - len(target.target_ships))"
     line = f'    "ships": Measure(lambda base, target, _: {value}, nearer=True),\n'
     place = follow(tmp_path, ("ship_trl/transfer/similarity.py", "MEASURES = {\n", f"MEASURES = {{\n{line}"))
-    said = python(place, tmp_path, "-m", "ship_trl.cases", "--target", "4", "--by", "ships")
+    said = python(place, tmp_path, "-m", "ship_trl", "cases", "--target", "4", "--by", "ships")
     assert "Sources for case 4, by ships" in said

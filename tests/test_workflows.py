@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tests.test_cli import ROOT
+from tests.command import ROOT
 
 FILES = sorted((ROOT / ".github/workflows").glob("*.yml"))
 # owner/name@commit, and the version that it is, for people.

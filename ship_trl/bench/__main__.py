@@ -8,15 +8,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from ship_trl.cli import complain, make_parser
-from ship_trl.config import ConfigError, bfloat16_allowed
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.types import bfloat16_allowed
 
 PARTS = ("simulator", "replay", "update", "loop", "frozen", "memory", "cores", "startup", "growth")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts and print their tables."""
-    parser = make_parser("ship_trl.bench", __doc__)
+    parser = make_parser("bench", __doc__)
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(PARTS)} (default all)")
     parser.add_argument("--rounds", type=int, default=5, help="passes over the probes of a part (default 5)")
     parser.add_argument("--seconds", type=float, default=2.0, help="for one probe in one round (default 2)")
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     problem = refusal(options)
     if problem:
-        complain(problem)
+        print_error(problem)
         sys.exit(1)
     results = run(options)
     if options.json is not None:
@@ -72,7 +73,7 @@ def run(options: argparse.Namespace) -> list[Any]:
 def write(path: Path, results: list[Any]) -> None:
     """One line of JSON for each result."""
     from ship_trl.bench.report import json_line
-    from ship_trl.paths import replacing
+    from ship_trl.files.disk import replacing
 
     with replacing(path) as draft:
         draft.write_text("".join(f"{json_line(result)}\n" for result in results))

@@ -14,10 +14,10 @@ from omegaconf import DictConfig
 from torch import Generator
 
 from ship_trl.bench.machine import processor_name
-from ship_trl.checks import to_config
-from ship_trl.cli import make_parser
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
 from ship_trl.learn.train import Training
-from ship_trl.paths import conf_dir
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import Parts, make_parts
 from ship_trl.run.plan import Run, make_run

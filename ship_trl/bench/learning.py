@@ -16,7 +16,7 @@ from ship_trl.bench.peer_torchrl import TorchRLLoop
 from ship_trl.bench.simulator import MakeEnv
 from ship_trl.bench.timing import Probe, Timing
 from ship_trl.bench.work import CHUNK, WARMUP, learn_config
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 Peer = Sb3Loop | PlainLoop | TunedLoop | TorchRLLoop
 SINGLE_FILE, TUNED, TUNED_BF16 = "single-file script", "tuned PyTorch, fp32", "tuned PyTorch, bf16"

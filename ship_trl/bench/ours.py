@@ -10,7 +10,7 @@ from torch import Generator, Tensor
 
 from ship_trl.bench.flops import Layer, layers_of
 from ship_trl.bench.work import CASE, CHUNK, CONV_LAYERS, learn_config
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Finished, train

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from ship_trl.bench.peer_network import PlainNetwork, TunedNetwork, blocks, freeze
 from ship_trl.bench.work import FRAME
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 
 class Batch(NamedTuple):

@@ -15,7 +15,7 @@ from stable_baselines3.dqn.policies import CnnPolicy, QNetwork
 from torch import Tensor, nn
 
 from ship_trl.bench.peer_network import DuelingHead, conv_layers, freeze
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 
 class PaperFeatures(BaseFeaturesExtractor):

@@ -15,7 +15,7 @@ from torchrl.modules import EGreedyModule, QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.bench.peer_network import PlainNetwork, freeze
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 
 
 class TorchRLLoop:

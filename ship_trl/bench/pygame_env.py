@@ -17,7 +17,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ship_trl.bench.work import FRAME
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 

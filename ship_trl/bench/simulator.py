@@ -15,11 +15,11 @@ from torch import Generator
 from ship_trl.bench.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from ship_trl.bench.timing import Probe, measure
 from ship_trl.bench.work import CHUNK
-from ship_trl.config import World
-from ship_trl.gym_env import ShipCollisionEnv
+from ship_trl.config.types import World
+from ship_trl.gym.env import ShipCollisionEnv
+from ship_trl.gym.vector import ShipCollisionVectorEnv
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, TargetShip, load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.vector_env import ShipCollisionVectorEnv
 
 CASES = ("1", "2", "4")
 BATCHES = (1, 16, 64, 1024)

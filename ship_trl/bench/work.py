@@ -6,9 +6,9 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from ship_trl.architecture import load_network
-from ship_trl.config import Learn
-from ship_trl.paths import conf_dir
+from ship_trl.config.network import load_network
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import Learn
 
 CASE = "4"
 FRAME = (1, 84, 84)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.measure import PIXELS
 from ship_trl.explain.rows import Measured, Role

@@ -12,17 +12,17 @@ from omegaconf.errors import OmegaConfBaseException
 from torch import Generator
 from yaml import YAMLError
 
-from ship_trl.architecture import load_network
-from ship_trl.cli import complain
-from ship_trl.config import Config, ConfigError, Method, explain, plain
-from ship_trl.entries import SHOWN, Entry
+from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.network import load_network
+from ship_trl.config.types import Config, Method, plain
+from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
-from ship_trl.outside import read_yaml
-from ship_trl.policies import load_with_network
-from ship_trl.pretrained import find, is_pretrained
-from ship_trl.result import RESULT, Result, ResultError, read_result
+from ship_trl.policies.entry import SHOWN, Entry
+from ship_trl.policies.named import load_with_network
+from ship_trl.policies.pretrained import find, is_pretrained
 from ship_trl.run.parts import find_transfer
 from ship_trl.run.plan import Run
 from ship_trl.sim.cases import load_case
@@ -128,10 +128,10 @@ def with_origin(entry: Entry, subject: Subject) -> Subject:
         env = ShipEnv(case, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:
-        complain(f"{subject.name}: the network before training is left out: {error}")
+        print_error(f"{subject.name}: the network before training is left out: {error}")
         return subject
     if not abs(reached - result.before.episode_return) < SHOWN:
-        complain(
+        print_error(
             f"{subject.name}: the network before training is left out: it should return "
             f"{result.before.episode_return:.1f} and returns {reached:.1f}"
         )

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from ship_trl.explain.rows import Measured, Role
 from ship_trl.explain.words import Answer, layer_readings, number, pairs, percent, seeds
-from ship_trl.paths import replacing
+from ship_trl.files.disk import replacing
 
 
 @dataclass(frozen=True)

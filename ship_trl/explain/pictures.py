@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.explain.figures import figure
 from ship_trl.explain.rows import Measured, Role
 from ship_trl.explain.saliency import choose, gradient, occlusion

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser

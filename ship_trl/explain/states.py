@@ -11,7 +11,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Generator, Tensor
 
-from ship_trl.config import ConfigError, World
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING, STEP
 from ship_trl.sim.geometry import angle_off_bow

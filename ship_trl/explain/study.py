@@ -1,4 +1,4 @@
-"""`python -m ship_trl.explain.study FOLDER TABLE`: how alike the layers of a study's networks are.
+"""`python -m ship_trl layers FOLDER TABLE`: how alike the layers of a study's networks are.
 
 It looks at the best networks of the pairs' runs while they are there, for the tables that are kept of a study
 hold none. TABLE is a CSV, to which the seeds are added that it lacks; called layers.csv and beside those
@@ -14,12 +14,11 @@ from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ship_trl.cli import make_parser, refusals
-from ship_trl.config import ConfigError
-from ship_trl.entries import settings_of
-from ship_trl.paths import is_name
-from ship_trl.pretrained import PRETRAINED
-from ship_trl.result import Result, ResultError, read_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import is_name
+from ship_trl.files.result import Result, ResultError, read_result
+from ship_trl.policies.pretrained import PRETRAINED
+from ship_trl.run.entries import settings_of
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
@@ -44,16 +43,6 @@ if TYPE_CHECKING:
 EPISODES, STATES_SEED = 60, 0
 # Folders of runs by arm.
 Runs = dict[str, Path]
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Read the command line, and add the seeds that the table lacks."""
-    parser = make_parser("ship_trl.explain.study", __doc__)
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study's, with its networks")
-    parser.add_argument("table", type=Path, metavar="TABLE", help="a CSV; the seeds that it has are kept")
-    options = parser.parse_args(arguments)
-    with refusals():
-        add_seeds(options.folder, options.table)
 
 
 def add_seeds(folder: Path, path: Path) -> None:
@@ -117,7 +106,7 @@ def of_pair(seed: int, pair: str, runs: Runs, others: Runs) -> list[Layer]:
     from ship_trl.explain.networks import untrained
     from ship_trl.explain.saliency import choose
     from ship_trl.explain.states import draw_states
-    from ship_trl.policies import load_with_network
+    from ship_trl.policies.named import load_with_network
     from ship_trl.run.process import configure_process
     from ship_trl.sim.env import ShipEnv
 
@@ -178,7 +167,3 @@ def result_of(run: Path) -> Result:
         return read_result(run)
     except ResultError as error:
         raise ConfigError(f"folder: {run} {error}") from None
-
-
-if __name__ == "__main__":
-    main()

@@ -16,8 +16,8 @@ from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.pictures import Looked
 from ship_trl.explain.rows import Measured
 from ship_trl.explain.states import StateSet
+from ship_trl.files.disk import replacing
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.paths import replacing
 
 Row = dict[str, Any]
 

@@ -11,7 +11,6 @@ from typing import Any
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.entries import Entry
 from ship_trl.explain import captions, figures, pictures
 from ship_trl.explain.measure import cast, measure
 from ship_trl.explain.networks import Subject, load_subjects, untrained
@@ -21,10 +20,11 @@ from ship_trl.explain.saliency import choose, things
 from ship_trl.explain.states import StateSet, draw_states
 from ship_trl.explain.tables import write_tables
 from ship_trl.explain.words import answers, listed, seeds
+from ship_trl.files.disk import replacing
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
-from ship_trl.paths import replacing
+from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser

@@ -10,11 +10,11 @@ from tensordict import TensorDictBase
 from torch import Generator, Tensor
 from torchrl.modules import QValueActor
 
-from ship_trl.config import BackendName, Learn
+from ship_trl.config.types import BackendName, Learn
 from ship_trl.learn.backend import Draw, choose_backend, computing
-from ship_trl.learn.changes import count_rewrite
-from ship_trl.learn.incremental import Incremental
-from ship_trl.learn.inference import CachedInference
+from ship_trl.learn.fast.changes import count_rewrite
+from ship_trl.learn.fast.incremental import Incremental
+from ship_trl.learn.fast.inference import CachedInference
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam

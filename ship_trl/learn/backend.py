@@ -7,9 +7,9 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from ship_trl.architecture import Geometry, cut_by_words
-from ship_trl.config import BackendName, Precision, bfloat16_allowed
-from ship_trl.learn.incremental import Incremental
+from ship_trl.config.network import Geometry, cut_by_words
+from ship_trl.config.types import BackendName, Precision, bfloat16_allowed
+from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.network import Backend, Dense
 
 

@@ -13,9 +13,9 @@ import torch
 from torch import Generator, Tensor
 from torchrl.envs import EnvBase
 
-from ship_trl.architecture import cut_by_words
+from ship_trl.config.network import cut_by_words
 from ship_trl.learn.backend import Draw
-from ship_trl.learn.inference import CachedInference
+from ship_trl.learn.fast.inference import CachedInference
 from ship_trl.learn.network import DuelingNetwork
 
 # One ship's observation [1, ...] to its action [1].

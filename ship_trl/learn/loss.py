@@ -13,8 +13,8 @@ from torch import Tensor
 from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
-from ship_trl.config import Loss
-from ship_trl.learn.changes import count_rewrite, rewrites
+from ship_trl.config.types import Loss
+from ship_trl.learn.fast.changes import count_rewrite, rewrites
 
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:

@@ -9,8 +9,8 @@ import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
-from ship_trl.architecture import geometry, linear_from, load_network
-from ship_trl.config import Network
+from ship_trl.config.network import geometry, linear_from, load_network
+from ship_trl.config.types import Network
 
 
 class DuelingNetwork(nn.Module):

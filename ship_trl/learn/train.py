@@ -10,7 +10,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 
-from ship_trl.config import Learn
+from ship_trl.config.types import Learn
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import Episode, outcome, rollout

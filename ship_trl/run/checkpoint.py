@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 
-from ship_trl.paths import LONGEST_NAME, read_file, replacing, write_tensors
+from ship_trl.config.paths import LONGEST_NAME
+from ship_trl.files.disk import read_file, replacing, write_tensors
 
 if TYPE_CHECKING:
     from torch import Tensor

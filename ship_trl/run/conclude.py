@@ -8,10 +8,10 @@ from pathlib import Path
 import torch
 
 from ship_trl import __version__
-from ship_trl.architecture import others
-from ship_trl.config import Method
+from ship_trl.config.network import others
+from ship_trl.config.types import Method
+from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.learn.rollout import Episode
-from ship_trl.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.run import console
 from ship_trl.run.parts import Parts
 from ship_trl.run.plan import ALGORITHM_VERSION, Run

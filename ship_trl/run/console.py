@@ -18,10 +18,10 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from ship_trl.config import one_line
+from ship_trl.config.errors import one_line
+from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.progress import Lines, in_words
-from ship_trl.result import Result
+from ship_trl.run.progress import Lines, in_words
 
 console = Console()
 # A transfer beside learning from scratch, in a run's folder.
@@ -135,5 +135,5 @@ def say_next(result: Result, folder: Path) -> None:
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
         say("  no run from scratch of these settings to compare with; +arm=scratch makes one")
-    say(f"  see it sail: python -m ship_trl.watch {folder}")
-    say("  see a ship give way to two others: python -m ship_trl.watch pretrained target=4")
+    say(f"  see it sail: python -m ship_trl watch {folder}")
+    say("  see a ship give way to two others: python -m ship_trl watch pretrained target=4")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.learn.replay import StateReplay
 from ship_trl.run.plan import Run
 from ship_trl.sim.env import ShipEnv

@@ -7,9 +7,9 @@ from pathlib import Path
 import torch
 from torch import Generator
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.result import Result
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.conclude import retain

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import yaml
 from omegaconf import OmegaConf
 
-from ship_trl.config import Config, ConfigError, plain
-from ship_trl.outside import read_yaml
-from ship_trl.paths import links, remove, replacing
-from ship_trl.result import RESULT, ResultError, read_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Config, plain
+from ship_trl.files.disk import links, remove, replacing
+from ship_trl.files.result import RESULT, ResultError, read_result
+from ship_trl.files.untrusted import read_yaml
 from ship_trl.run.checkpoint import FOLDER, Checkpoints
 from ship_trl.transfer.casebase import CONFIG, LOCKS, CaseBase
 

@@ -10,11 +10,11 @@ from typing import Any
 
 from torch import Tensor, nn
 
-from ship_trl.curve import COLUMNS
+from ship_trl.files.curve import COLUMNS
+from ship_trl.files.result import Evaluation
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.result import Evaluation
 from ship_trl.run.rows import row
 
 # Columns of whole numbers and of words; the others hold numbers.

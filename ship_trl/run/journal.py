@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.disk import remove
 from ship_trl.learn.train import DivergedError, below, within
-from ship_trl.paths import remove
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.history import to_csv

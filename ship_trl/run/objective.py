@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from ship_trl.config import ConfigError, Objective
-from ship_trl.curve import CurveError, read_curve, split
-from ship_trl.result import Result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Objective
+from ship_trl.files.curve import CurveError, read_curve, split
+from ship_trl.files.result import Result
 from ship_trl.run.plan import Run
 
 

@@ -11,14 +11,14 @@ from pathlib import Path
 import torch
 from torch import Generator
 
-from ship_trl.config import Method, SourceWeights
+from ship_trl.config.types import Method, SourceWeights
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
-from ship_trl.pretrained import PRETRAINED
+from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.demonstrate import show_demonstrations
 from ship_trl.run.history import History
 from ship_trl.run.plan import Run

@@ -13,12 +13,13 @@ from typing import Any
 from filelock import FileLock
 from omegaconf import OmegaConf
 
-from ship_trl.architecture import others
-from ship_trl.config import Config, ConfigError, Method, SourceWeights, plain
-from ship_trl.demonstrations import Demonstration, read_demonstrations
-from ship_trl.paths import conf_dir
-from ship_trl.pretrained import PRETRAINED, Pretrained, find, networks
-from ship_trl.result import Result, ResultError, read_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import others
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import Config, Method, SourceWeights, plain
+from ship_trl.files.result import Result, ResultError, read_result
+from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
+from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import LOCKS, rank

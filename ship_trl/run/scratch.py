@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl import pretrained
-from ship_trl.config import Config, Method, SourceWeights
-from ship_trl.curve import CurveError, read_curve, split
-from ship_trl.result import ResultError, read_result
+from ship_trl.config.types import Config, Method, SourceWeights
+from ship_trl.files.curve import CurveError, read_curve, split
+from ship_trl.files.result import ResultError, read_result
+from ship_trl.policies import pretrained
 from ship_trl.run.plan import Run, hash_of
 
 

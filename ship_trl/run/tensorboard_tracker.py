@@ -11,9 +11,9 @@ from typing import Any
 import yaml
 from PIL import Image
 
-from ship_trl.config import plain
-from ship_trl.paths import writing
-from ship_trl.result import Result
+from ship_trl.config.types import plain
+from ship_trl.files.disk import writing
+from ship_trl.files.result import Result
 from ship_trl.run import console
 from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers

@@ -9,11 +9,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ship_trl.config import Logger
-from ship_trl.curve import COLUMNS, CURVE
+from ship_trl.config.types import Logger
+from ship_trl.files.curve import COLUMNS, CURVE
+from ship_trl.files.disk import writing
+from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.paths import writing
-from ship_trl.result import Result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import Run
 from ship_trl.run.rows import row

@@ -8,21 +8,21 @@ from pathlib import Path
 
 import torch
 
-from ship_trl.config import ConfigError
-from ship_trl.curve import CURVE
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.curve import CURVE
+from ship_trl.files.disk import sync
+from ship_trl.files.result import Result, write_result
 from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
-from ship_trl.paths import sync
-from ship_trl.result import Result, write_result
 from ship_trl.run import console
 from ship_trl.run.conclude import make_result, retain, write_files
 from ship_trl.run.history import History
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import make_parts
 from ship_trl.run.plan import Run
+from ship_trl.run.stop import Stop, StoppedError
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.cases import in_place_of
 from ship_trl.sim.reference import best_known
-from ship_trl.stop import Stop, StoppedError
 from ship_trl.transfer.casebase import PLANS, POLICY, Entry
 from ship_trl.transfer.layers import save_weights
 

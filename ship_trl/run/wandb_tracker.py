@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from ship_trl.config import ConfigError, WandbMode, plain
-from ship_trl.paths import DISK, links, read_file, replacing
-from ship_trl.result import Result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import WandbMode, plain
+from ship_trl.files.disk import DISK, links, read_file, replacing
+from ship_trl.files.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.plan import Run

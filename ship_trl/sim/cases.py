@@ -13,10 +13,12 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from ship_trl.config import ConfigError, World, explain
-from ship_trl.outside import read_yaml
-from ship_trl.paths import conf_dir, is_name, read_file
-from ship_trl.shapes import check_shapes
+from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.paths import conf_dir, is_name
+from ship_trl.config.shapes import check_shapes
+from ship_trl.config.types import World
+from ship_trl.files.disk import read_file
+from ship_trl.files.untrusted import read_yaml
 
 MAX_TARGET_SHIPS = 8
 # Metres, degrees, m/s. Up to here 32-bit numbers are right to a centimetre.

@@ -12,10 +12,10 @@ from torch import Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.compiled import CompiledStep
 from ship_trl.sim.dynamics import STATE_SIZE
+from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
 

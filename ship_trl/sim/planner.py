@@ -13,7 +13,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.geometry import unit_vector

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Generator
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.compiled import CompiledStep
+from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.transition import Transition
 
 # The standard error of the mean return is then about 2.

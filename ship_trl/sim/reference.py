@@ -14,8 +14,9 @@ from pathlib import Path
 
 import torch
 
-from ship_trl.config import World, plain
-from ship_trl.paths import conf_dir, read_json, replacing
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import World, plain
+from ship_trl.files.disk import read_json, replacing
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan

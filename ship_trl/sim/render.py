@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 from torchrl.data import Bounded
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.compiled import CompiledDrawing
 from ship_trl.sim.dynamics import HEADING
+from ship_trl.sim.fast.compiled import CompiledDrawing
 from ship_trl.sim.transition import Transition
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import float32
 
-from ship_trl.config import Reward
+from ship_trl.config.types import Reward
 from ship_trl.jit import RELAXED, compiled
 
 Array = np.ndarray[Any, Any]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from ship_trl.config import PICTURE
+from ship_trl.config.types import PICTURE
 
 SIZE = PICTURE
 WINDOW = 640.0

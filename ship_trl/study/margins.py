@@ -12,8 +12,8 @@ import yaml
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.config import ConfigError, explain
-from ship_trl.paths import conf_dir
+from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.paths import conf_dir
 from ship_trl.study.analysis.metrics import METRICS
 
 

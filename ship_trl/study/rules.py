@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ship_trl.paths import conf_dir
+from ship_trl.config.paths import conf_dir
 
 PLAN_TEXT, NUMBERS = "docs/analysis-plan.md", "analysis.yaml"
 

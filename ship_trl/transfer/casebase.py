@@ -17,9 +17,10 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config import ConfigError, Method, World
-from ship_trl.paths import links, read_json, sync, writing
-from ship_trl.result import RENAMED
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Method, World
+from ship_trl.files.disk import links, read_json, sync, writing
+from ship_trl.files.result import RENAMED
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import MEASURES, similarity
 

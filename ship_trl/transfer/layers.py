@@ -15,10 +15,11 @@ from omegaconf.errors import OmegaConfBaseException
 from safetensors import SafetensorError, safe_open
 from torch import Generator, Tensor
 
-from ship_trl.architecture import geometry, load_network
-from ship_trl.config import ConfigError, Network, explain, plain
+from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.network import geometry, load_network
+from ship_trl.config.types import Network, plain
+from ship_trl.files.disk import replacing, write_tensors
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.paths import replacing, write_tensors
 
 Weights = Mapping[str, Tensor]
 

@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from ship_trl.paths import conf_dir
+from ship_trl.config.paths import conf_dir
+from ship_trl.files.table import read_table
 from ship_trl.sim.cases import Case
-from ship_trl.table import read_table
 from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"

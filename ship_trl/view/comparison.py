@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from ship_trl.curve import moving_mean
-from ship_trl.paths import replacing
+from ship_trl.files.curve import moving_mean
+from ship_trl.files.disk import replacing
 from ship_trl.view.curve import MEAN_OVER
 
 # Okabe and Ito; the dashes tell lines apart without colour.

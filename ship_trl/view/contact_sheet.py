@@ -11,8 +11,8 @@ import torch
 from PIL import Image, ImageDraw
 from torch import Tensor
 
-from ship_trl.config import World
-from ship_trl.paths import replacing
+from ship_trl.config.types import World
+from ship_trl.files.disk import replacing
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import advance

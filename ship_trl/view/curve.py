@@ -9,8 +9,8 @@ from typing import Protocol
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ship_trl.curve import moving_mean
-from ship_trl.paths import replacing
+from ship_trl.files.curve import moving_mean
+from ship_trl.files.disk import replacing
 
 MEAN_OVER = 25
 # Colours of Okabe and Ito, told apart by any eye; the markers tell them apart without colour.

@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING

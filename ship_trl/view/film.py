@@ -10,9 +10,9 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.config import World
+from ship_trl.config.types import World
+from ship_trl.files.disk import replacing
 from ship_trl.learn.rollout import Episode
-from ship_trl.paths import replacing
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case

@@ -16,9 +16,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from ship_trl.config import World
+from ship_trl.config.types import World
+from ship_trl.files.disk import replacing
 from ship_trl.learn.rollout import Episode
-from ship_trl.paths import replacing
 from ship_trl.sim.cases import Case
 from ship_trl.sim.transition import Transition
 from ship_trl.view.comparison import COLOURS, counted

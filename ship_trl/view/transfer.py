@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ship_trl.curve import moving_mean
-from ship_trl.paths import replacing
+from ship_trl.files.curve import moving_mean
+from ship_trl.files.disk import replacing
 from ship_trl.view.curve import KNOWN, MEAN, MEAN_OVER
 from ship_trl.view.lettering import number
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import pygame
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.view.lettering import CHOSEN, FAINT, INK, PAPER, RULE
 from ship_trl.viewer import pen

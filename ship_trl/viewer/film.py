@@ -13,8 +13,8 @@ from typing import Any
 import pygame
 from PIL import Image
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import replacing
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.disk import replacing
 from ship_trl.view.film import shared_palette
 from ship_trl.viewer.dashboard import Dashboard, Look
 from ship_trl.viewer.show import Show

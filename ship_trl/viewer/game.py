@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pygame
 
-from ship_trl.config import World
-from ship_trl.demonstrations import write_demonstration
+from ship_trl.config.types import World
+from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.sim.cases import Case
 from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.transition import Transition
 from ship_trl.viewer.telemetry import Telemetry, measure

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pygame
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.view.lettering import BAR, CHOSEN, FAINT, INK, OUTCOMES, PAPER, RULE, number
 from ship_trl.viewer import pen

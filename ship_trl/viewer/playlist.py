@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ship_trl.config import ConfigError
-from ship_trl.entries import Entry, sail
-from ship_trl.policies import network_of
+from ship_trl.config.errors import ConfigError
+from ship_trl.policies.entry import Entry, sail
+from ship_trl.policies.named import network_of
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.viewer.show import Show, make_show
 from ship_trl.viewer.telemetry import of_episode

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pygame
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import replacing
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.disk import replacing
 from ship_trl.viewer.film import draw_film, write_film
 from ship_trl.viewer.player import Player
 from ship_trl.viewer.playlist import Playlist

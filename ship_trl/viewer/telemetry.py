@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.config import Reward, World
+from ship_trl.config.types import Reward, World
 from ship_trl.learn.rollout import Episode, outcome
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING

@@ -91,7 +91,7 @@ def open_window(size: tuple[int, int], title: str) -> Iterator[Window]:
         if not given:
             raise NoScreenError("neither DISPLAY nor WAYLAND_DISPLAY is set")
         if given == ["DISPLAY"]:
-            # SDL would try Wayland first, and complain in words of its own.
+            # SDL would try Wayland first, and print_error in words of its own.
             os.environ[DRIVER] = "x11"
     # SDL would copy each frame into a texture, which takes four times as long as drawing it where OpenGL
     # computes on the CPU; pixels that are drawn here go to the screen as they are.

@@ -13,7 +13,7 @@ import torch
 from ship_trl.bench import __main__ as command
 from ship_trl.bench import parts
 from ship_trl.bench.footprint import held_bytes, peak_bytes
-from ship_trl.config import BFLOAT16
+from ship_trl.config.types import BFLOAT16
 
 ROOT = Path(__file__).parents[2]
 

@@ -23,8 +23,8 @@ from ship_trl.bench.peer_sb3 import DoubleDQN, Sb3Loop
 from ship_trl.bench.peer_torchrl import TorchRLLoop
 from ship_trl.bench.pygame_env import PygameShipEnv
 from ship_trl.bench.work import learn_config
-from ship_trl.config import Learn
-from ship_trl.gym_env import ShipCollisionEnv
+from ship_trl.config.types import Learn
+from ship_trl.gym.env import ShipCollisionEnv
 from ship_trl.sim.cases import load_case, load_world
 
 Build = Callable[..., Peer]

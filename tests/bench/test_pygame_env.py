@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ship_trl.bench.pygame_env import PygameShipEnv, TunedPygameShipEnv, still_picture
 from ship_trl.bench.simulator import batched, faster_env, fleet, one_by_one, vector
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import case_names, check_case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
 

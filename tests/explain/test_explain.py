@@ -1,4 +1,4 @@
-"""`python -m ship_trl.explain`: the page, its figures and tables, of networks that were really trained."""
+"""`python -m ship_trl explain`: the page, its figures and tables, of networks that were really trained."""
 
 import json
 import shutil
@@ -11,12 +11,12 @@ import pytest
 from PIL import Image
 from torch import Generator
 
-from ship_trl.architecture import load_network
-from ship_trl.explain.__main__ import choose_entries, main
+from ship_trl.cli.explain import choose_entries, main
+from ship_trl.config.network import load_network
 from ship_trl.explain.networks import load_subjects, untrained
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import save_weights
-from tests.test_cli import ROOT, ship_trl
+from tests.command import ROOT, ship_trl
 
 # The paper's layers with few filters, so that a page takes seconds.
 SMALL = "conv: [[8, 8, 4], [8, 4, 2], [8, 3, 1], [20, 7, 1]]\nhidden: 20\n"
@@ -47,7 +47,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(trained: Path) -> Path:
-    done = ship_trl(*WORDS, module="ship_trl.explain", folder=trained)
+    done = ship_trl(*WORDS, verb="explain", folder=trained)
     assert "probes 7 of 7" in done.stdout and "page/index.html" in done.stdout and done.stderr == ""
     return trained / "page"
 
@@ -196,18 +196,18 @@ def test_a_page_of_no_name_is_written_through_no_link(
 @pytest.mark.parametrize(
     "line",
     [
-        "ship_trl.record RUN --trajectories chart.png",
-        "ship_trl.record RUN --output film.gif",
-        "ship_trl.export RUN network.onnx",
-        "ship_trl.explain RUN",
+        "record RUN --trajectories chart.png",
+        "record RUN --output film.gif",
+        "export RUN network.onnx",
+        "explain RUN",
     ],
 )
 def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tmp_path: Path) -> None:
     run = tmp_path / "seed=0"
     shutil.copytree(trained / "runs/1/scratch/seed=0", run)
     (run / "policy.safetensors").unlink()
-    module, *words = line.replace("RUN", "seed=0").split()
-    done = ship_trl(*words, module=module, folder=tmp_path, code=1)
+    verb, *words = line.replace("RUN", "seed=0").split()
+    done = ship_trl(*words, verb=verb, folder=tmp_path, code=1)
     assert done.stderr.splitlines() == [
         "ship_trl: seed=0/policy.safetensors is not there; left out",
         "ship_trl: policy: seed=0/policy_last.safetensors has no best network beside it",
@@ -222,6 +222,6 @@ def five(path: Path) -> str:
 
 
 def test_help_knows_no_torch() -> None:
-    line = [sys.executable, "-X", "importtime", "-m", "ship_trl.explain", "--help"]
+    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", "explain", "--help"]
     done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
     assert "target=CASE" in done.stdout and " torch\n" not in done.stderr

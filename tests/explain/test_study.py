@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.report import main as report
+from ship_trl.cli.report import main as report
 from ship_trl.study.records.layers import LAYERS, read_layers
+from tests.command import ship_trl
 from tests.study.commands import SMALL, study
-from tests.test_cli import ship_trl
 
 STUDY = Path("outputs/smoke_study")
 
@@ -19,7 +19,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where a study of two seeds lies, whose layers were looked at."""
     place = tmp_path_factory.mktemp("place")
     study(*SMALL, "arms=[scratch,FE2]", folder=place)
-    ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
+    ship_trl(str(STUDY), LAYERS, folder=place, verb="layers")
     return place
 
 
@@ -45,7 +45,7 @@ def test_a_seed_is_added_to_those_that_are_there(folder: Path, tmp_path: Path) -
     shutil.copytree(folder, place)
     lines = (place / LAYERS).read_text().splitlines(keepends=True)
     (place / LAYERS).write_text("".join(line for line in lines if not line.startswith("1,")))
-    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
+    done = ship_trl(str(STUDY), LAYERS, folder=place, verb="layers")
     assert (place / LAYERS).read_text() == "".join(lines)
     assert "seed 1: " in done.stdout and "seed 0: " not in done.stdout
 
@@ -54,7 +54,7 @@ def test_what_was_measured_is_kept_where_a_later_seed_is_damaged(folder: Path, t
     place = tmp_path / "again"
     shutil.copytree(folder / STUDY, place / STUDY)
     (place / STUDY / "pairs/high/FE2/seed=1/policy.safetensors").write_bytes(b"\x80")
-    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study", code=1)
+    done = ship_trl(str(STUDY), LAYERS, folder=place, verb="layers", code=1)
     assert done.stderr.startswith("ship_trl: ") and done.stderr.count("\n") == 1
     assert {row.seed for row in read_layers(place / LAYERS)} == {0}
 
@@ -66,7 +66,7 @@ def test_a_strangers_study_runs_no_code(folder: Path, tmp_path: Path) -> None:
     path = place / STUDY / "pairs/high/FE2/seed=0/result.json"
     values = json.loads(path.read_text())
     path.write_text(json.dumps(values | {"source_network": f"{place / 'evil.py'}:run"}))
-    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study", code=1)
+    done = ship_trl(str(STUDY), LAYERS, folder=place, verb="layers", code=1)
     assert done.stderr.startswith("ship_trl: folder: ") and done.stderr.count("\n") == 1
     assert not (tmp_path / "ran").exists()
 
@@ -77,13 +77,13 @@ def test_seeds_whose_networks_are_gone_are_kept(folder: Path, tmp_path: Path) ->
     before = (place / LAYERS).read_bytes()
     for network in (place / STUDY / "pairs").rglob("policy.safetensors"):
         network.unlink()
-    ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study")
+    ship_trl(str(STUDY), LAYERS, folder=place, verb="layers")
     assert (place / LAYERS).read_bytes() == before
-    done = ship_trl(str(STUDY), "new.csv", folder=place, module="ship_trl.explain.study", code=1)
+    done = ship_trl(str(STUDY), "new.csv", folder=place, verb="layers", code=1)
     assert done.stderr.startswith("ship_trl: folder: ") and done.stderr.count("\n") == 1
     assert not (place / "new.csv").exists()
     (place / LAYERS).write_text("seed,pair\n0,high\n")
-    done = ship_trl(str(STUDY), LAYERS, folder=place, module="ship_trl.explain.study", code=1)
+    done = ship_trl(str(STUDY), LAYERS, folder=place, verb="layers", code=1)
     assert done.stderr.startswith(f"ship_trl: table: {LAYERS} is not a table of layers")
 
 

@@ -65,7 +65,7 @@ def library() -> Path:
     folder = a_folder(Path(mkdtemp(prefix="faults-")), 0)
     shutil.copytree(undisturbed(TRANSFER)[0], folder, dirs_exist_ok=True)
     shown = ("keep_course", "target=met", "--demonstrations", "shown")
-    done = run(*shown, folder=folder, module="ship_trl.evaluate")
+    done = run(*shown, folder=folder, verb="evaluate")
     assert done.code == 0, done
     stop_a_run(folder)
     place = folder / "study"
@@ -75,7 +75,7 @@ def library() -> Path:
     for job in jobs:
         scores = learning(np.random.default_rng(job.seed), 30)
         write_run(place / job.part, scores, pair=job.label, arm=job.arm, seed=job.seed)
-    done = run("study", "tables", folder=folder, module="ship_trl.study.keep")
+    done = run("study", "tables", folder=folder, verb="keep")
     assert done.code == 0, done
     measured(folder)
     return folder
@@ -152,8 +152,8 @@ def readers() -> dict[str, Reader]:
             ("tables", "--output", "page", "--earlier", "measured/claims.csv"),
             ("measured/claims.csv", "tables/layers.csv"),
         ),
-        "keep": Reader("ship_trl.study.keep", ("study", "copy"), judged),
-        "restore": Reader("ship_trl.study.keep", ("--restore", "tables", "again"), tables),
+        "keep": Reader("ship_trl.cli.keep", ("study", "copy"), judged),
+        "restore": Reader("ship_trl.cli.keep", ("--restore", "tables", "again"), tables),
         "a run again": Reader("ship_trl", TRANSFER, (*run_files, f"{RUN}/curve.csv", case), (f"{RUN}/*",)),
         "a stopped run": Reader(
             "ship_trl",

@@ -33,7 +33,7 @@ def read_cases(folder: Path) -> None:
 
 
 def read_settings(folder: Path) -> None:
-    from ship_trl.entries import settings_of
+    from ship_trl.run.entries import settings_of
 
     settings_of(folder / RUN)
 
@@ -45,14 +45,15 @@ def read_configuration(folder: Path) -> None:
 
 
 def read_results(folder: Path) -> None:
-    from ship_trl.results import collect, summarise
+    from ship_trl.cli.results import summarise
+    from ship_trl.run.results import collect
 
     found, _ = collect(folder / RUN)
     list(summarise(found))
 
 
 def read_curves(folder: Path) -> None:
-    from ship_trl.curve import CurveError, read_curve, split
+    from ship_trl.files.curve import CurveError, read_curve, split
 
     try:
         split(read_curve(folder / RUN))
@@ -102,7 +103,7 @@ def read_checkpoints(folder: Path) -> None:
 
 def owner_of(folder: Path) -> str:
     """Read whose checkpoints a folder holds, as far as it can be read."""
-    from ship_trl.paths import read_file
+    from ship_trl.files.disk import read_file
     from ship_trl.run.checkpoint import OWNER
 
     try:
@@ -133,7 +134,7 @@ def read_plans(folder: Path) -> None:
 
 def read_study_plan(folder: Path) -> None:
     """Read a study's plan for its report, and plan the study again, as the same command does."""
-    from ship_trl.config import ConfigError
+    from ship_trl.config.errors import ConfigError
     from ship_trl.study.analysis.study import Study
     from ship_trl.study.plan.config import to_study
     from ship_trl.study.plan.jobs import plan_jobs
@@ -156,7 +157,7 @@ def read_kept(folder: Path) -> None:
     """Read tables whose digests are those of the damaged files: somebody made them on purpose."""
     import hashlib
 
-    from ship_trl.paths import read_file
+    from ship_trl.files.disk import read_file
     from ship_trl.study.records.tables import read_tables
 
     place = folder / "tables"
@@ -199,7 +200,7 @@ def read_earlier(folder: Path) -> None:
 
 
 def read_demonstrated(folder: Path) -> None:
-    from ship_trl.demonstrations import read_demonstrations
+    from ship_trl.policies.demonstrations import read_demonstrations
     from ship_trl.sim.cases import load_case, load_world
 
     world = load_world()
@@ -264,7 +265,7 @@ def batch(name: str, seed: int, folder: Path, count: int = BATCH) -> Trial:
 
 def try_one(name: str, rng: random.Random, folder: Path) -> None:
     """Read a damaged copy; what is wrong is said on stdout."""
-    from ship_trl.config import ConfigError
+    from ship_trl.config.errors import ConfigError
 
     reader, pattern = READERS[name]
     top = pattern.split("/")[0]

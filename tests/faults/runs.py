@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from ship_trl.config import Config
+from ship_trl.config.types import Config
 from tests.faults.command import run
 from tests.faults.trial import state
 

@@ -7,8 +7,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.command import environment
 from tests.fuzz.judge import FaultError, check_line, listing
-from tests.test_cli import environment
 
 # Longer than the slowest start of Python and Hydra on a busy machine.
 SECONDS = 240

@@ -16,7 +16,8 @@ import torch
 from omegaconf import OmegaConf
 from torch import Generator, Tensor
 
-from ship_trl.config import Config, ConfigError, Learn, Network, World, one_line
+from ship_trl.config.errors import ConfigError, one_line
+from ship_trl.config.types import Config, Learn, Network, World
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.cases import Case, CaseFile, TargetShip

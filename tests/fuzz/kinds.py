@@ -16,11 +16,11 @@ from hypothesis.strategies import SearchStrategy, sampled_from
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.architecture import geometry
-from ship_trl.checks import to_config
-from ship_trl.cli import hydra_errors, refusals
-from ship_trl.config import ConfigError
-from ship_trl.paths import conf_dir
+from ship_trl.cli.errors import hydra_errors, refusals
+from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import geometry
+from ship_trl.config.paths import conf_dir
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.plan.config import to_study

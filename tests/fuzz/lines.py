@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from ship_trl.paths import conf_dir
+from ship_trl.config.paths import conf_dir
 from tests.fuzz.judge import CONFIG_KEYS
 from tests.fuzz.values import FAIR, WORDS, any_float, any_int, magnitude, texts
 

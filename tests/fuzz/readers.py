@@ -17,10 +17,10 @@ from pathlib import Path
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 
-from ship_trl.config import ConfigError, one_line
-from ship_trl.curve import COLUMNS, CURVE, CurveError, read_curve, split
-from ship_trl.demonstrations import Demonstration, read_demonstration
-from ship_trl.result import RESULT, ResultError, read_result
+from ship_trl.config.errors import ConfigError, one_line
+from ship_trl.files.curve import COLUMNS, CURVE, CurveError, read_curve, split
+from ship_trl.files.result import RESULT, ResultError, read_result
+from ship_trl.policies.demonstrations import Demonstration, read_demonstration
 from ship_trl.run import checkpoint
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.plan.manifest import PLAN, begun_with, read_plan

@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from ship_trl.config import plain
+from ship_trl.config.types import plain
 from ship_trl.sim.cases import load_world
 from tests.fuzz.trees import damaged
 from tests.fuzz.values import any_float, any_int, magnitude, mostly

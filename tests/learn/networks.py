@@ -4,8 +4,8 @@ import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor
 
-from ship_trl.architecture import load_network
-from ship_trl.config import Network
+from ship_trl.config.network import load_network
+from ship_trl.config.types import Network
 from ship_trl.learn.network import DuelingNetwork
 
 NETWORKS = {

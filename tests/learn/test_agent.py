@@ -7,7 +7,7 @@ import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from ship_trl.config import BackendName, Learn, Loss, Network, Precision
+from ship_trl.config.types import BackendName, Learn, Loss, Network, Precision
 from ship_trl.learn.agent import Agent, frozen_layers
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels

@@ -4,10 +4,10 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.architecture import geometry
-from ship_trl.config import BFLOAT16, BackendName, Precision
+from ship_trl.config.network import geometry
+from ship_trl.config.types import BFLOAT16, BackendName, Precision
 from ship_trl.learn.backend import choose_backend, computing
-from ship_trl.learn.incremental import Incremental
+from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.network import Dense, DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import draw

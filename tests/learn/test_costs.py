@@ -16,7 +16,7 @@ from torch.utils.flop_counter import flop_registry
 from ship_trl.bench.flops import update_flops
 from ship_trl.bench.ours import Ours, network_layers
 from ship_trl.bench.work import learn_config
-from ship_trl.config import Precision
+from ship_trl.config.types import Precision
 
 COPIES = {"copy_", "_to_copy", "clone", "cat", "index_select", "index", "contiguous", "stack"}
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Generator
 
-from ship_trl.config import Precision
+from ship_trl.config.types import Precision
 from ship_trl.learn import agent as agent_module
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import Dense, DuelingNetwork

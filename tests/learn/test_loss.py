@@ -10,10 +10,10 @@ from torch import Generator
 from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
-from ship_trl.architecture import geometry, load_network
-from ship_trl.config import Loss
-from ship_trl.learn.incremental import Incremental
-from ship_trl.learn.inference import CachedInference
+from ship_trl.config.network import geometry, load_network
+from ship_trl.config.types import Loss
+from ship_trl.learn.fast.incremental import Incremental
+from ship_trl.learn.fast.inference import CachedInference
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate, td_loss
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels, StateReplay

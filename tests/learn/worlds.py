@@ -8,7 +8,7 @@ from torch import Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config import BackendName, Learn, Loss, Precision
+from ship_trl.config.types import BackendName, Learn, Loss, Precision
 
 
 class Corridor(EnvBase):

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tests.test_cli import KEYS, files, ship_trl
+from tests.command import KEYS, files, ship_trl
 
 LINE = ("profile=smoke", "target=1", "method=scratch", "logger=all")
 RUN = "1/scratch/seed=0"

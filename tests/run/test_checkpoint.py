@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.paths import remove
+from ship_trl.files.disk import remove
 from ship_trl.run.checkpoint import About, Checkpoints
 
 ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)

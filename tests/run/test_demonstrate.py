@@ -6,10 +6,10 @@ import torch
 from hydra import compose, initialize_config_dir
 from torch import Generator
 
-from ship_trl.checks import to_config
-from ship_trl.demonstrations import write_demonstration
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
 from ship_trl.learn.replay import StateReplay
-from ship_trl.paths import conf_dir
+from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.run.demonstrate import show_demonstrations
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from ship_trl.result import Result, write_result
+from ship_trl.files.result import Result, write_result
 from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment
 from ship_trl.run.folder import TakenError
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
-from tests.test_config import composed
+from tests.config.test_config import composed
 
 
 @pytest.fixture

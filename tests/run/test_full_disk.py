@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli import hydra_errors
+from ship_trl.cli.errors import hydra_errors
+from ship_trl.files.result import write_result
 from ship_trl.learn.train import Finished
-from ship_trl.result import write_result
 from ship_trl.run.plan import make_run
 from ship_trl.run.rows import row
 from ship_trl.run.tracking import CsvTracker
@@ -20,10 +20,10 @@ from ship_trl.transfer.layers import save_weights
 from ship_trl.view.curve import draw_curve
 from ship_trl.view.film import write_gif
 from tests.a_result import a_result
+from tests.command import ship_trl
+from tests.config.test_config import composed
 from tests.learn.networks import network
 from tests.run.test_tracking import FINISHED
-from tests.test_cli import ship_trl
-from tests.test_config import composed
 from tests.view.sailing import sail
 
 
@@ -87,7 +87,7 @@ def test_what_cannot_be_written_is_named(name: str, tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    from ship_trl.config import ConfigError
+    from ship_trl.config.errors import ConfigError
     from ship_trl.run.folder import open_folder
 
     run = make_run(composed("target=1", "method=scratch", f"output={tmp_path}"))

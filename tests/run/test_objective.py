@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ship_trl.config import ConfigError
-from ship_trl.curve import CURVE, read_curve, split
-from ship_trl.result import read_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.curve import CURVE, read_curve, split
+from ship_trl.files.result import read_result
 from ship_trl.run.objective import objective
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result, an_evaluation
-from tests.test_cli import ship_trl
-from tests.test_config import composed
+from tests.command import ship_trl
+from tests.config.test_config import composed
 
 LINES = """\
 episode,steps,epsilon,return,length,outcome,dcpa,loss,greedy_return,greedy_length,greedy_outcome,greedy_dcpa

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import conf_dir
-from ship_trl.result import write_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
+from ship_trl.files.result import write_result
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
-from tests.test_cli import ROOT
-from tests.test_config import HIGH, composed
+from tests.command import ROOT
+from tests.config.test_config import HIGH, composed
 
 
 def run(*overrides: str) -> Run:

@@ -50,7 +50,7 @@ import resource
 import sys
 from pathlib import Path
 import torch
-from ship_trl.paths import write_tensors
+from ship_trl.files.disk import write_tensors
 from ship_trl.run.process import configure_process
 
 configure_process()

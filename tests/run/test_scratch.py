@@ -7,16 +7,16 @@ import pytest
 from hydra import compose, initialize_config_dir
 from PIL import Image
 
-from ship_trl import pretrained
-from ship_trl.checks import to_config
-from ship_trl.curve import read_curve, split
-from ship_trl.demonstrations import write_demonstration
-from ship_trl.paths import conf_dir
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
+from ship_trl.files.curve import read_curve, split
+from ship_trl.policies import pretrained
+from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.run.plan import Run, make_run
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.reference import best_known
-from tests.test_cli import ship_trl
+from tests.command import ship_trl
 
 SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.jumpstart_draws=0")
 

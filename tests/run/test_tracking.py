@@ -11,7 +11,7 @@ from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.plan import make_run
 from ship_trl.run.rows import numbers, row
 from ship_trl.run.tracking import COLUMNS, CsvTracker, Tracker
-from tests.test_config import composed
+from tests.config.test_config import composed
 
 SAILED = Episode(
     states=torch.zeros(3, 4),

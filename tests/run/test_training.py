@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 import torch
 
-from ship_trl.config import ConfigError
-from ship_trl.curve import read_curve
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.curve import read_curve
 from ship_trl.run import training
 from ship_trl.run.checkpoint import FOLDER, About, Checkpoints
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.folder import TakenError
 from ship_trl.run.parts import Parts
 from ship_trl.run.plan import make_run
+from ship_trl.run.stop import StoppedError
 from ship_trl.run.tracking import Tracker
-from ship_trl.stop import StoppedError
-from tests.test_cli import files
-from tests.test_config import composed
+from tests.command import files
+from tests.config.test_config import composed
 
 LINE = (
     "profile=smoke",

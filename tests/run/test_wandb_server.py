@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.test_cli import KEYS, ship_trl
+from tests.command import KEYS, ship_trl
 
 LINE = ("profile=smoke", "target=1", "method=scratch", "logger=wandb", "wandb.mode=online")
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.run.plan import make_run
 from ship_trl.run.rows import row
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
+from tests.config.test_config import composed
 from tests.run.test_tracking import FINISHED
-from tests.test_config import composed
 
 LINE = ("target=1", "method=scratch", "logger=wandb", "output=out")
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from hypothesis import strategies as st
 
-from ship_trl.config import Reward, World
+from ship_trl.config.types import Reward, World
 from ship_trl.sim.cases import Case, TargetShip, check_case
 
 tens = st.floats(-500, 500)

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError, World
-from ship_trl.paths import conf_dir
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import World
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, in_place_of, load_case
 from tests.fuzz.case_files import GOOD
 

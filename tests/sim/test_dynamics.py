@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.dynamics import advance, target_positions
 
 TABLE_1 = [(7.5, 0.1), (12, 0.02), (12, 0.01), (15, 0), (12, -0.01), (12, -0.02), (7.5, -0.1)]

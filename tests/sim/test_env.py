@@ -10,7 +10,7 @@ from tensordict import TensorDictBase
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import check_env_specs
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
 from tests.sim.moving import moved_case

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.sim.compiled import CompiledStep
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.reward import ROUNDING
 from ship_trl.sim.transition import Transition
 from tests.sim.anywhere import Voyage, mirrored, voyages

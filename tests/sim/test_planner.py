@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import transition, value_bound
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import World
-from ship_trl.paths import conf_dir
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import World
 from ship_trl.sim import reference
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan

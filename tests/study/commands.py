@@ -4,14 +4,14 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.test_cli import files, ship_trl
+from tests.command import files, ship_trl
 
 SMALL = ("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false", "retries=1")
 
 
 def study(*overrides: str, folder: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    """Run `python -m ship_trl.study ...` in `folder` and check its exit code."""
-    return ship_trl(*overrides, folder=folder, module="ship_trl.study", code=code)
+    """Run `python -m ship_trl study ...` in `folder` and check its exit code."""
+    return ship_trl(*overrides, folder=folder, verb="study", code=code)
 
 
 def learned(folder: Path) -> dict[str, bytes]:

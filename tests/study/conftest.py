@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.margins import Margins
+from tests.command import KEYS
 from tests.study.commands import SMALL, study
-from tests.test_cli import KEYS
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.result import write_result
+from ship_trl.files.result import write_result
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs

@@ -13,7 +13,7 @@ from ship_trl.study.records.layers import LAYERS, read_layers
 from ship_trl.study.records.tables import read_tables
 from ship_trl.study.rules import digest
 from ship_trl.transfer.measured import PACKAGED, TABLE
-from tests.test_cli import ROOT, ship_trl
+from tests.command import ROOT, ship_trl
 
 FOLDER = ROOT / "outputs/confirmatory"
 REPORT = FOLDER / "report"
@@ -64,7 +64,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     # In a process of its own, which goes by conf/analysis.yaml and not by the tests' margins.
     words = str(FOLDER), "--seeds", str(SEEN), "--output", str(folder), "--earlier", str(EARLIER)
-    ship_trl(*words, folder=folder, module="ship_trl.report")
+    ship_trl(*words, folder=folder, verb="report")
     return folder
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import conf_dir
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
 from ship_trl.study.margins import margin, read_margins
 from ship_trl.study.plan.config import NEW_CASE, names, read
 

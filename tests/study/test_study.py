@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.launch.progress import last_episode
+from tests.command import KEYS, environment, files
 from tests.study.commands import SMALL, learned, study
-from tests.test_cli import KEYS, environment, files
 
 
 def test_a_study_ends_with_all_its_results(whole: Path) -> None:
@@ -50,7 +50,7 @@ def test_one_process_learns_the_same(whole: Path, tmp_path: Path) -> None:
 
 def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
     child = subprocess.Popen(
-        [sys.executable, "-m", "ship_trl.study", *SMALL],
+        [sys.executable, "-m", "ship_trl", "study", *SMALL],
         cwd=tmp_path,
         env=environment(),
         stdout=subprocess.DEVNULL,
@@ -107,7 +107,7 @@ def test_bad_input_is_one_line(override: str, said: str, tmp_path: Path) -> None
 
 
 def test_help_needs_no_torch(tmp_path: Path) -> None:
-    assert "python -m ship_trl.study profile=quick" in study("--help", folder=tmp_path).stdout
+    assert "python -m ship_trl study profile=quick" in study("--help", folder=tmp_path).stdout
 
 
 def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from filelock import Timeout
 
-from ship_trl.architecture import load_network
-from ship_trl.config import Method, World, plain
+from ship_trl.config.network import load_network
+from ship_trl.config.types import Method, World, plain
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
 from ship_trl.transfer.similarity import MEASURES, Measure

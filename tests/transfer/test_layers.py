@@ -9,8 +9,9 @@ import torch
 from safetensors.torch import save_file
 from torch import Generator
 
-from ship_trl.architecture import load_network
-from ship_trl.config import ConfigError, Network, plain
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import load_network
+from ship_trl.config.types import Network, plain
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights, saved_network
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, TargetShip, case_names, load_case
 from ship_trl.transfer.similarity import distance, rules, similarity
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv

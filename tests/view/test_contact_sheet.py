@@ -8,7 +8,7 @@ import pytest
 import torch
 from PIL import Image
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.sim.render import Rasteriser

@@ -7,7 +7,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.render import Rasteriser

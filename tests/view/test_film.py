@@ -9,7 +9,7 @@ import pytest
 import torch
 from PIL import Image, ImageSequence
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case

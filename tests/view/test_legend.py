@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.view.legend import BAR, HEIGHT, draw_legend
 from ship_trl.view.lettering import INK

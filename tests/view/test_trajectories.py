@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.view.trajectories import COLOURS, TOGETHER, Path2D, draw_trajectories

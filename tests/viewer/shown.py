@@ -7,9 +7,9 @@ import pygame
 from numpy.typing import NDArray
 from torch import Generator
 
-from ship_trl.config import World
-from ship_trl.entries import Entry
+from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.policies.entry import Entry
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.draw import to_array

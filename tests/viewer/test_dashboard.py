@@ -6,7 +6,7 @@ import numpy as np
 import pygame
 import pytest
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.dashboard import Dashboard, Look, layout

@@ -8,7 +8,7 @@ import pygame
 import pytest
 from PIL import Image
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim.cases import load_case
 from ship_trl.viewer.dashboard import Look
 from ship_trl.viewer.film import LAST, draw_film, write_film

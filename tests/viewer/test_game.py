@@ -8,7 +8,7 @@ import pygame
 import pytest
 from numpy.typing import NDArray
 
-from ship_trl.demonstrations import read_demonstrations
+from ship_trl.policies.demonstrations import read_demonstrations
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.reference import best_known, sail
 from ship_trl.view.draw import to_array

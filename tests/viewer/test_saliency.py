@@ -3,11 +3,11 @@
 import torch
 from torch import Generator
 
-from ship_trl.config import World
-from ship_trl.entries import sail
+from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
-from ship_trl.policies import network_of
+from ship_trl.policies.entry import sail
+from ship_trl.policies.named import network_of
 from ship_trl.viewer.saliency import saliency
 from tests.viewer.shown import entry
 

@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.render import Rasteriser

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.view.draw import to_array
 from ship_trl.viewer.playlist import Playlist
 from ship_trl.viewer.session import KEYS, Session

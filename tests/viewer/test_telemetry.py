@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ship_trl.config import World
+from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.viewer.telemetry import measure, nearest_danger, of_episode, split

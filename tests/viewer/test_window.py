@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from ship_trl.viewer.window import NoScreenError, open_window
-from tests.test_cli import environment
+from tests.command import environment
 
 PROGRAMS = ("Xvfb", "xdotool")
 # A busy machine takes its time to start Python.
@@ -60,7 +60,7 @@ def screen() -> Iterator[str]:
 def test_real_keys_in_a_real_window(screen: str, tmp_path: Path) -> None:
     there = environment() | {"DISPLAY": screen}
     there.pop("SDL_VIDEODRIVER", None)
-    line = [sys.executable, "-m", "ship_trl.watch", "keep_course", "target=4", "--size", "960x540"]
+    line = [sys.executable, "-m", "ship_trl", "watch", "keep_course", "target=4", "--size", "960x540"]
     piped: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     watching = subprocess.Popen(line, cwd=tmp_path, env=there, **piped)
     saved = tmp_path / "outputs" / "watch"

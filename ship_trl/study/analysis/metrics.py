@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.curve import moving_mean
+from ship_trl.files.curve import moving_mean
 from ship_trl.study.plan.arms import needs_source
 from ship_trl.study.plan.config import REUSED_CASE
 from ship_trl.study.plan.jobs import LOW, ONE

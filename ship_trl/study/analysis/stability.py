@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.cli import complain
+from ship_trl.config.errors import print_error
 from ship_trl.study.analysis.metrics import METRICS, THRESHOLDS, measure
 from ship_trl.study.records.record import BrokenRunError, Record, read_run
 
@@ -79,5 +79,5 @@ def read(folder: Path) -> Record | None:
     try:
         return read_run(folder)
     except BrokenRunError as error:
-        complain(f"{folder}: {error}; left out")
+        print_error(f"{folder}: {error}; left out")
         return None

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ship_trl.cli import complain
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING
 from ship_trl.study.plan.jobs import PAIRS, Place
 from ship_trl.study.plan.manifest import Manifest, read_manifest
@@ -137,9 +136,9 @@ def finished_study(folder: Path, seeds: int | None = None) -> Study:
     if not study.records and study.broken and all(reason.endswith(NO_PART) for _, reason in study.broken):
         raise ConfigError(f"folder: the runs below {folder} are of no study; ship_trl.results tables them")
     for path, reason in study.broken:
-        complain(f"{path}: {reason}; left out")
+        print_error(f"{path}: {reason}; left out")
     if not study.records:
-        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     return study
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.analysis.metrics import METRICS, TIMES
 from ship_trl.study.analysis.places import pairs, places_of
 from ship_trl.study.analysis.study import Study

@@ -12,11 +12,12 @@ from typing import Any
 
 import yaml
 
-from ship_trl.config import ConfigError, Logger, plain
-from ship_trl.launchers import die_with_parent
-from ship_trl.paths import links, replacing
-from ship_trl.result import RESULT, Result, ResultError, read_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Logger, plain
+from ship_trl.files.disk import links, replacing
+from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
+from ship_trl.run.launchers import die_with_parent
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PARTS, Job, source_folder
 from ship_trl.study.plan.manifest import run_config

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from ship_trl.config import ConfigError
-from ship_trl.result import RESULT
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.result import RESULT
 from ship_trl.run.plan import DAMAGED
 from ship_trl.study.launch.launch import finished
 from ship_trl.study.plan.config import StudyConfig

@@ -9,8 +9,8 @@ import tempfile
 from contextlib import ExitStack
 from pathlib import Path
 
-from ship_trl.launchers import die_with_parent
-from ship_trl.result import RESULT, read_result
+from ship_trl.files.result import RESULT, read_result
+from ship_trl.run.launchers import die_with_parent
 from ship_trl.study.launch.launch import finished, processes
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job

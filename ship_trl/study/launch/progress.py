@@ -8,7 +8,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ship_trl.progress import Lines
+from ship_trl.run.progress import Lines
 from ship_trl.study.launch.launch import finished
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import Job

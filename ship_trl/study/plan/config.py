@@ -14,11 +14,12 @@ import yaml
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.checks import check_logger
-from ship_trl.config import ConfigError, Logger, WandbMode, explain
-from ship_trl.launchers import check_slurm
-from ship_trl.paths import conf_dir
-from ship_trl.shapes import check_shapes
+from ship_trl.config.checks import check_logger
+from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.shapes import check_shapes
+from ship_trl.config.types import Logger, WandbMode
+from ship_trl.run.launchers import check_slurm
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS, WHOLE
 
 # Section 4.3: the case most similar to the new one, and the pair and arm that made the reused network.

@@ -12,11 +12,13 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 
-from ship_trl.architecture import others
-from ship_trl.checks import to_config
-from ship_trl.cli import explain_hydra
-from ship_trl.config import Config, ConfigError, World, plain
-from ship_trl.paths import conf_dir, read_json, replacing
+from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.hydra import explain_hydra
+from ship_trl.config.network import others
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import Config, World, plain
+from ship_trl.files.disk import read_json, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PAIRS, Job, run_folder

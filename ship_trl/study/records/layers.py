@@ -1,7 +1,7 @@
 """layers.csv: how similar the layers of a study's networks are. No torch.
 
 The table lies beside a study's tables, or in its folder. Kept tables hold no networks, so it is written while
-the networks exist (`python -m ship_trl.explain.study`).
+the networks exist (`python -m ship_trl layers`).
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ship_trl.paths import is_name, replacing
-from ship_trl.table import read_table
+from ship_trl.config.paths import is_name
+from ship_trl.files.disk import replacing
+from ship_trl.files.table import read_table
 
 LAYERS = "layers.csv"
 # A study of 15 seeds has 0.2 million bytes.

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.curve import CURVE, CurveError, read_curve, split
-from ship_trl.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.curve import CURVE, CurveError, read_curve, split
+from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.study.plan.jobs import PARTS
 
 if TYPE_CHECKING:

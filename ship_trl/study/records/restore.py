@@ -7,10 +7,10 @@ import os
 import shutil
 from pathlib import Path
 
-from ship_trl.config import ConfigError
-from ship_trl.curve import write_curve
-from ship_trl.paths import replacing
-from ship_trl.result import write_result
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.curve import write_curve
+from ship_trl.files.disk import replacing
+from ship_trl.files.result import write_result
 from ship_trl.study.plan.manifest import PLAN
 from ship_trl.study.records.tables import KEPT, Tables, place_of
 

@@ -19,11 +19,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ship_trl.config import ConfigError
-from ship_trl.curve import GREEDY, SHARED, TRAINING, TYPES
-from ship_trl.outside import Bounded
-from ship_trl.paths import is_name, read_file, replacing, writing
-from ship_trl.result import Result, ResultError, from_json
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import is_name
+from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES
+from ship_trl.files.disk import read_file, replacing, writing
+from ship_trl.files.result import Result, ResultError, from_json
+from ship_trl.files.untrusted import Bounded
 from ship_trl.study.plan.jobs import PARTS, run_folder
 from ship_trl.study.plan.manifest import JOB_FIELDS, PLAN, read_plan
 from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
@@ -175,7 +176,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if not whole and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not whole:
-        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl.study makes some")
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     plan["jobs"] = [{key: job[key] for key in JOB_FIELDS} for job in plan["jobs"]]
     try:

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.curve import moving_mean
-from ship_trl.paths import replacing
+from ship_trl.files.curve import moving_mean
+from ship_trl.files.disk import replacing
 from ship_trl.study.analysis.contrasts import SEED
 from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
 from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, WHOLE, control_kind

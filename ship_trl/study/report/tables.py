@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.config import one_line
-from ship_trl.paths import replacing
+from ship_trl.config.errors import one_line
+from ship_trl.files.disk import replacing
+from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, SEED, Finding, Verdict, gain
 from ship_trl.study.analysis.metrics import METRICS, has_reached, measure
@@ -23,7 +24,6 @@ from ship_trl.study.plan.arms import SCRATCH, is_control
 from ship_trl.study.plan.config import REUSED_CASE, options, read_option
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, Place, scratch_place
 from ship_trl.study.records.record import Record
-from ship_trl.table import Cells, read_table
 from ship_trl.transfer.measured import COLUMNS
 from ship_trl.transfer.similarity import ALPHA, BETA, in_words, similarity
 

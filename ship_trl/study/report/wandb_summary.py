@@ -7,7 +7,8 @@ import os
 from pathlib import Path
 from typing import Any, Literal
 
-from ship_trl.config import ConfigError, Logger, WandbMode
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Logger, WandbMode
 from ship_trl.study.plan.config import StudyConfig
 
 REPORT = "report"

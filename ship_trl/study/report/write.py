@@ -6,8 +6,8 @@ import gc
 import sys
 from pathlib import Path
 
-from ship_trl.config import ConfigError
-from ship_trl.paths import links, replacing
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.disk import links, replacing
 from ship_trl.study.analysis.contrasts import MIN_SEEDS
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.verdicts import answer, explore

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.results import main
+from ship_trl.cli.results import main
 from ship_trl.study.analysis.stability import HEADINGS, rows
 from tests.a_result import an_evaluation
 from tests.study.synthetic import BEST, write_run

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.metrics import METRICS, TIMES
 from ship_trl.study.analysis.study import Study, read_study

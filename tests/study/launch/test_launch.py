@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.launch import launch
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs

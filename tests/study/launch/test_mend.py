@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.launch.mend import set_aside
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import PAIRS, Job, plan_jobs
+from tests.command import files
 from tests.study.commands import SMALL
 from tests.study.synthetic import learning, write_run
-from tests.test_cli import files
 
 
 def a_study(folder: Path) -> tuple[StudyConfig, list[Job]]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.plan.config import (
     CONTROL_ARMS,
     CONTROL_PAIRS,
@@ -14,7 +14,7 @@ from ship_trl.study.plan.config import (
     names,
     to_study,
 )
-from tests.test_config import composed
+from tests.config.test_config import composed
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_slurm_is_looked_for_before_anything_is_started(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.launchers.shutil.which", lambda _: None)
+    monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda _: None)
     with pytest.raises(
         ConfigError, match=r"^launcher: slurm needs sbatch, which is not found here; allowed: sl"
     ):
@@ -90,7 +90,7 @@ def test_slurm_is_looked_for_before_anything_is_started(monkeypatch: pytest.Monk
 
 
 def test_processes_are_of_joblib(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
     with pytest.raises(ConfigError, match="processes: must be left out with launcher=slurm, which has its"):
         to_study(["launcher=slurm", "processes=1"])
 

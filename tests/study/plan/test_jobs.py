@@ -9,7 +9,7 @@ from ship_trl.run.plan import make_run
 from ship_trl.study.launch.launch import write_jobs
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import Job, from_scratch, plan_jobs
-from tests.test_config import composed
+from tests.config.test_config import composed
 
 
 def jobs(*overrides: str) -> list[Job]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config import ConfigError
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.plan.manifest import PLAN, begun_with, warmup_of, write_plan

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.report import main as report
+from ship_trl.cli.keep import main as keep
+from ship_trl.cli.report import main as report
 from ship_trl.study.analysis.study import read_study
-from ship_trl.study.keep import main as keep
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.plan.manifest import write_plan
 from ship_trl.study.records.tables import digest
+from tests.command import files
 from tests.study.commands import SMALL, learned, study
 from tests.study.synthetic import learning, write_run
-from tests.test_cli import files
 
 FILES = ["curves.csv.xz", "runs.csv", "study.json"]
 
@@ -159,7 +159,7 @@ def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
     done = study(*SMALL, f"output={copy}", folder=tmp_path, code=1)
     assert done.stderr.count("\n") == 1
     assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER, as " in done.stderr
-    assert f"ship_trl.study.keep --restore {copy} FOLDER" in done.stderr
+    assert f"ship_trl.cli.keep --restore {copy} FOLDER" in done.stderr
     assert files(copy) == before
 
 
@@ -275,7 +275,7 @@ def test_a_bad_copy_is_one_line_and_writes_nothing(
         (["--restore", "copy", "taken/below"], "cannot be written: Not a directory"),
         (["--restore", "study", "new"], "copy: study/runs.csv is not the file that study.json was kept with"),
         (["study"], "the following arguments are required: COPY"),
-        (["--banana"], "see python -m ship_trl.study.keep --help"),
+        (["--banana"], "see python -m ship_trl keep --help"),
     ],
 )
 def test_what_is_there_is_kept(

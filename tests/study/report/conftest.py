@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.report import main
+from ship_trl.cli.report import main
 from tests.study.synthetic import write_study
 
 

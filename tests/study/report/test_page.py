@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.report import main
+from ship_trl.cli.report import main
 from ship_trl.study.analysis.contrasts import Verdict
 from ship_trl.study.analysis.power import seen_effect
 from ship_trl.study.claims.kinds import Hypothesis, beats

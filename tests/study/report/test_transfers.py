@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.cases import main as cases
-from ship_trl.report import main as report
+from ship_trl.cli.cases import main as cases
+from ship_trl.cli.report import main as report
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.analysis.metrics import measure
 from ship_trl.study.analysis.statistics import level_of

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from ship_trl.config import Logger
+from ship_trl.config.types import Logger
 from ship_trl.study.launch.launch import command
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.report.wandb_summary import verdicts
+from tests.command import environment
 from tests.study.commands import SMALL, study
-from tests.test_cli import environment
 
 
 def records(run: Path) -> list[dict[str, Any]]:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.report import main
+from ship_trl.cli.report import main
+from tests.command import ROOT, files
 from tests.study.synthetic import ARMS, write_planned, write_study
-from tests.test_cli import ROOT, files
 
 
 def test_tables_and_figures_lie_beside_it(study: Path) -> None:

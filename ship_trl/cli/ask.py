@@ -1,0 +1,87 @@
+"""`python -m ship_trl ask FOLDER "low: FE3 above FE4 (asymptote)"`: any contrast of a study's arms.
+
+    every pair: FTW above scratch (early area)
+    low: every arm sooner than scratch (time)
+    lowest: mean of FT1, FT2 above mean of FE1, FE2
+    low: FE4 above FE4 of 4 to 4
+    low: FE4 (start)
+
+An estimate is the interquartile mean over seeds of the difference within a seed, as in the report; for times,
+how much sooner. Without a second arm it is the level of the first one. Each interval is at 95 %, adjusted for
+nothing: a question asked after the runs were seen explores, and decides no claim. A study under way shows the
+seeds of its last look, or the first --seeds.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.study.analysis.contrasts import Finding
+from ship_trl.study.analysis.statistics import LEVEL, Estimate
+from ship_trl.study.analysis.study import Study, finished_study
+from ship_trl.study.claims.questions import ask
+
+# Columns of a table in a file or a pipe, so that no line is broken.
+FILE_WIDTH = 1_000
+HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print a row for each contrast."""
+    parser = make_parser("ask", __doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of a study, or of its kept tables")
+    parser.add_argument("questions", nargs="+", metavar="QUESTION", help="WHERE: ARM above ARM (METRIC)")
+    parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds only")
+    options = parser.parse_args(arguments)
+    with refusals():
+        study = finished_study(options.folder, options.seeds)
+        table = Table(*HEADINGS)
+        for finding in answers(study, options.questions, options.seeds):
+            table.add_row(*row(finding))
+        width = None if sys.stdout.isatty() else FILE_WIDTH
+        Console(highlight=False, markup=False, width=width).print(table)
+
+
+def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
+    """Measure questions on the first `seeds` seeds, or on those of the last look.
+
+    Contrasts of `every pair` and `every arm` with too few seeds are left out, and counted on stderr.
+
+    Raises:
+        ConfigError: a question cannot be read, or its arms have fewer than two seeds in common.
+    """
+    shown = study.first(study.whole_looks[-1] if seeds is None else seeds, LEVEL / 2)
+    found = []
+    for question in questions:
+        tests = ask(shown, question)
+        measured = [finding for test in tests for finding in test(shown, "")]
+        if not measured:
+            raise ConfigError(f"question: {question!r} needs two seeds that all of its arms have")
+        if few := len(tests) - len(measured):
+            print_error(f"{question}: {few} of {len(tests)} have less than two seeds in common; left out")
+        found += measured
+    return found
+
+
+def row(finding: Finding) -> list[str]:
+    """Format a contrast, with the number of seeds above zero."""
+    above = f"{sum(value > 0 for value in finding.differences)} of {finding.seeds}"
+    beside = ", ".join(f"{name} {one.value:+.3f} ({interval(one)})" for name, one in finding.beside.items())
+    estimate = finding.estimate
+    return [finding.what, f"{estimate.value:+.3f}", interval(estimate), str(finding.seeds), above, beside]
+
+
+def interval(one: Estimate) -> str:
+    """Format the ends of an interval."""
+    return f"{one.low:+.3f} to {one.high:+.3f}"
+
+
+if __name__ == "__main__":
+    main()

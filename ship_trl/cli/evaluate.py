@@ -1,0 +1,136 @@
+"""`python -m ship_trl evaluate POLICY... target=CASE`: sail any policies, and table what they reach.
+
+POLICY is random, keep_course, best_known, pretrained (the networks that come with us, beside what their
+manifest claims), pretrained:CASE (that of one case), a safetensors file, a result folder (its best and
+its last network, beside what it claims of them), or file.py:function of your own. Result folders and
+pretrained networks bring their target with them. Without any word it is pretrained.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.policies.entry import SHOWN, Entry, sail
+from ship_trl.policies.pretrained import PRETRAINED
+from ship_trl.run.entries import find_entries
+
+if TYPE_CHECKING:
+    from ship_trl.learn.rollout import Episode
+
+HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m", "steps", "claimed")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Sail, print the table, write the GIF."""
+    parser = make_parser("evaluate", __doc__)
+    parser.add_argument("words", nargs="*", default=[PRETRAINED], metavar="POLICY | target=CASE")
+    parser.add_argument(
+        "--episodes", type=int, default=1, metavar="N", help="so many at once, mean in the table"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of policies that draw")
+    parser.add_argument("--colour", action="store_true", help="networks see colours")
+    parser.add_argument("--gif", type=Path, metavar="FILE", help="film the first episode of the last policy")
+    parser.add_argument(
+        "--demonstrations", type=Path, metavar="FOLDER", help="keep what is sailed as demonstrations"
+    )
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    options = parser.parse_intermixed_args(arguments)
+    with refusals():
+        if options.episodes < 1:
+            raise ConfigError(f"--episodes: must be at least 1, got {options.episodes}")
+        if not 0 <= options.seed < 2**63:
+            raise ConfigError(f"--seed: must be from 0 to 2^63 - 1, got {options.seed}")
+        if options.gif is not None and options.gif.suffix != ".gif":
+            raise ConfigError(f"--gif: must be a name that ends with .gif, got {options.gif}")
+        if options.gif is not None and not options.gif.absolute().parent.is_dir():
+            raise ConfigError(f"--gif: no folder {options.gif.absolute().parent}")
+        entries = find_entries(options.words, options.colour)
+        wrong = table(
+            entries, options.episodes, options.seed, options.gif, options.markdown, options.demonstrations
+        )
+    if wrong:
+        print_error(
+            f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]}"
+            + " ..." * (len(wrong) > 1)
+        )
+        sys.exit(1)
+
+
+def table(
+    entries: list[Entry],
+    episodes: int,
+    seed: int,
+    gif: Path | None,
+    markdown: bool,
+    demonstrations: Path | None,
+) -> list[str]:
+    """Sail every entry and print what it reached; says of which that is not what is claimed, and how."""
+    from ship_trl.cli.table import show
+    from ship_trl.run.process import configure_process
+    from ship_trl.sim.reference import best_known
+
+    configure_process()
+    rows, wrong = [], []
+    film: tuple[Entry, Any, Episode] | None = None
+    for entry in entries:
+        try:
+            env, _, sailed = sail(entry, episodes, seed)
+        except ConfigError as error:
+            # Of a folder the other networks are shown; a policy that was named must be right.
+            if entry.label == entry.policy or len(entries) == 1:
+                raise
+            print_error(f"{error}; left out")
+            wrong.append(f"{entry.label} cannot be read")
+            continue
+        reached = sum(episode.episode_return for episode in sailed) / len(sailed)
+        rows.append(row(entry, sailed, reached, best_known(entry.case, entry.world).episode_return))
+        if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
+            wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
+        film = entry, env, sailed[0]
+        if demonstrations is not None:
+            keep(entry, sailed, demonstrations)
+    show(HEADINGS, rows, markdown)
+    if gif is not None and film is not None:
+        from ship_trl.view.film import write_gif
+
+        entry, env, episode = film
+        write_gif(
+            gif, entry.case, entry.world, episode, env.rasteriser, f"case {entry.case.name}, {entry.label}"
+        )
+        sys.stdout.write(f"{gif}\n")
+    return wrong
+
+
+def keep(entry: Entry, sailed: list[Episode], folder: Path) -> None:
+    """Keep episodes as demonstrations."""
+    from ship_trl.policies.demonstrations import write_demonstration
+
+    for episode in sailed:
+        ended = episode.episode_return, episode.outcome
+        write_demonstration(folder, entry.case, entry.world, episode.actions.tolist(), ended, entry.label)
+
+
+def row(entry: Entry, sailed: list[Episode], reached: float, best: float) -> list[str]:
+    """Make the row of one policy: means over its episodes, that of their returns is `reached`."""
+    ends = [episode.outcome for episode in sailed]
+    often = {end: ends.count(end) for end in ("goal", "collision", "timeout") if end in ends}
+    ended = (
+        ends[0] if len(often) == 1 else ", ".join(f"{end} {n / len(ends):.0%}" for end, n in often.items())
+    )
+    apart = sum(episode.dcpa for episode in sailed) / len(sailed)
+    return [
+        entry.case.name,
+        entry.label,
+        f"{reached:.1f}",
+        f"{reached / best:.0%}" if best > 0 and reached > 0 else "-",
+        ended,
+        f"{apart:.0f}" if math.isfinite(apart) else "-",
+        f"{sum(episode.length for episode in sailed) / len(sailed):.0f}",
+        "" if entry.claimed is None else f"{entry.claimed:.1f}",
+    ]

@@ -1,0 +1,75 @@
+"""The help of the whole command line; imports nothing but the standard library."""
+
+from __future__ import annotations
+
+from ship_trl.config.paths import group_names
+
+HELP_FLAGS = {"--help", "-h"}
+# Each is a module of `ship_trl.cli` with a function `main`.
+VERBS = {
+    "watch": "roll out policies in a window",
+    "record": "the same as GIF, MP4, PNG frames or a chart of paths; no screen needed",
+    "play": "steer a ship yourself",
+    "evaluate": "what policies reach: networks, random, the planner's, your own",
+    "cases": "the cases, their similarity, which source and arm for a target, a picture",
+    "results": "a table of finished runs, their learning curves",
+    "explain": "what a network has learned to see, on one page",
+    "export": "a network as an ONNX file",
+    "study": "every figure and control of the paper over seeds",
+    "report": "the report of a study, from its runs or its tables",
+    "ask": "any contrast of a study's arms",
+    "keep": "a study as tables small enough to commit, and back",
+    "layers": "how alike the layers of a study's networks are",
+    "pretrain": "train the bundled networks anew",
+}
+
+
+HELP = """\
+ship_trl: transfer reinforcement learning in ship collision avoidance.
+
+  python -m ship_trl +pair=high method=finetune layers=3
+  python -m ship_trl source=3 target=2 method=feature_extraction layers=2
+  python -m ship_trl target=4 method=scratch seed=1
+  python -m ship_trl -m +pair=high,low +arm=scratch,FE3,FT3,FTW seed=0,1,2
+
+What to run
+  +pair=NAME            {pairs}; or any two cases:
+  source=CASE           {cases}, or a YAML file
+  target=CASE           the same
+  method=METHOD         scratch, feature_extraction, finetune (default)
+  layers=N              1 to 4 conv layers (as many as the network has), or all (finetune only)
+  +arm=NAME             method and layers at once: {arms}
+  source_file=FILE      take the source network from a safetensors file
+  source=pretrained     the trained network that comes with us, of the pair's source or the most similar case
+  source_weights=NAME   learned; controls: random (has learned nothing), permuted (learned, then shuffled)
+  demonstrations=FOLDER put episodes that somebody sailed into the replay first (docs/demonstrations.md)
+  seed=N                0 by default
+
+How
+  profile=NAME          {profiles} (default quick)
+  learn.KEY=VALUE       any value of conf/learn/paper.yaml, as learn.episodes=1000
+  network=NAME          {networks} (default paper)
+  device=cpu|cuda       colour=true|false
+  logger=NAME           csv (always written), wandb, tensorboard, or all
+                        wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
+  output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
+  overwrite=true        replace a finished run of other settings there, or a damaged one
+
+  -m, --multirun        a grid: several values behind a comma
+  +sweep=NAME           look for good settings, by Optuna: {sweeps}
+  objective=NAME        what a sweep maximises: late (greedy return after exploration), final, best
+  --cfg job             print the configuration and stop
+  --hydra-help          what Hydra adds
+
+Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
+{verbs}
+"""
+
+
+def print_help() -> None:
+    """Print the help; imports nothing but the standard library."""
+    values = {
+        key: group_names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles", "networks", "sweeps")
+    }
+    verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
+    print(HELP.format(**values, verbs=verbs), end="")

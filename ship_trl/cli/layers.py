@@ -1,0 +1,20 @@
+"""`python -m ship_trl layers FOLDER TABLE`: how alike the layers of a study's networks are (CKA)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Read the command line, and add the seeds that the table lacks."""
+    parser = make_parser("layers", __doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study's, with its networks")
+    parser.add_argument("table", type=Path, metavar="TABLE", help="a CSV; the seeds that it has are kept")
+    options = parser.parse_args(arguments)
+    with refusals():
+        from ship_trl.explain.study import add_seeds
+
+        add_seeds(options.folder, options.table)

@@ -1,0 +1,67 @@
+"""`python -m ship_trl play target=CASE`: steer a ship yourself, with the keyboard.
+
+The score stands beside that of the best known plan. Every finished episode is kept as a demonstration, with
+which a training can begin (demonstrations=FOLDER). Without a case, it is case 4; with several behind commas,
+C goes to the next. H in the window lists the keys.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+from ship_trl.cli.watch import read_size
+from ship_trl.config.errors import ConfigError
+from ship_trl.sim.cases import Case, load_case, load_world
+
+FASTEST = 20.0
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Read the words, open the window, sail."""
+    parser = make_parser("play", __doc__)
+    parser.add_argument("target", nargs="?", default="target=4", metavar="target=CASE")
+    folder = Path("outputs/demonstrations")
+    parser.add_argument(
+        "--demonstrations", type=Path, default=folder, metavar="FOLDER", help="default: %(default)s"
+    )
+    parser.add_argument("--keep-nothing", action="store_true", help="keep no demonstrations")
+    parser.add_argument("--speed", type=float, default=2.0, metavar="X", help="times as fast as ships sail")
+    parser.add_argument("--size", default="1600x900", metavar="WxH", help="of the window, in pixels")
+    options = parser.parse_args(arguments)
+    with refusals():
+        size = read_size(options.size)
+        if not 0.5 <= options.speed <= FASTEST:
+            raise ConfigError(f"--speed: must be from 0.5 to {FASTEST:g}, got {options.speed:g}")
+        key, equals, names = options.target.partition("=")
+        if key != "target" or not equals:
+            raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE")
+        world = load_world()
+        cases = [load_case(name, world, "target") for name in names.split(",")]
+        play(cases, None if options.keep_nothing else options.demonstrations, options.speed, size)
+
+
+def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, int]) -> None:
+    """Open a window, and sail in it until it is closed.
+
+    Raises:
+        ConfigError: there is no screen.
+    """
+    from ship_trl.run.process import configure_process
+    from ship_trl.viewer.game import Game
+    from ship_trl.viewer.window import NoScreenError, open_window
+
+    configure_process()
+    game = Game(cases, load_world(), folder, speed)
+    try:
+        with open_window(size, "ship_trl") as window:
+            game.run(window)
+    except NoScreenError as error:
+        raise ConfigError(
+            f"no screen ({error}); python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER "
+            "keeps a policy's episodes"
+        ) from None
+    for path in game.kept:
+        sys.stdout.write(f"{path}\n")

@@ -1,0 +1,151 @@
+"""`python -m ship_trl pretrain FOLDER`: train networks of all shipped cases, and keep the best of each.
+
+The rule: of each case, seeds 100 to 104 learn from scratch with profile=quick; the network of the
+highest greedy return is kept, of equals that of the lower seed. It is written in half precision if its
+greedy episode stays the same. Runs that are finished are not repeated.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
+from ship_trl.files.curve import CurveError, read_curve, split
+from ship_trl.files.disk import replacing
+from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.policies.pretrained import CURVES, MANIFEST, Pretrained
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.transfer.casebase import POLICY
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.learn.rollout import Episode
+
+SEEDS = range(100, 105)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Train what is missing, choose, write."""
+    parser = make_parser("pretrain", __doc__)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="where networks and manifest are written")
+    runs = Path("outputs/pretrained")
+    parser.add_argument("--runs", type=Path, default=runs, help="where runs lie (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    cases = sorted(path.stem for path in (conf_dir() / "case").glob("*.yaml"))
+    grid = f"target={','.join(cases)}", "method=scratch", f"seed={','.join(map(str, SEEDS))}"
+    line = [sys.executable, "-m", "ship_trl", "-m", *grid, f"output={options.runs}"]
+    if code := subprocess.run(line, check=False).returncode:
+        sys.exit(code)
+    with refusals():
+        write_networks(options.folder, [options.runs / case / "scratch" for case in cases])
+
+
+def write_networks(folder: Path, cases: list[Path]) -> None:
+    """Keep the best network of each case in `folder`, with a manifest and the curves of all runs.
+
+    Args:
+        folder: made where there is none; what it holds is replaced, the manifest last.
+        cases: folders of the runs, one for each case.
+
+    Raises:
+        ConfigError: a run is missing or not whole.
+        OSError: a file cannot be written.
+    """
+    import pandas as pd
+
+    from ship_trl.run.process import configure_process
+
+    configure_process()
+    folder.mkdir(parents=True, exist_ok=True)
+    kept, runs, curves = [], [], []
+    for place in cases:
+        paths = [place / f"seed={seed}" for seed in SEEDS]
+        found = [read_run(path) for path in paths]
+        for result, training in found:
+            about = {"case": result.target, "seed": result.seed, "config_hash": result.config_hash}
+            runs.append(about | {"best_return": result.best.episode_return})
+            rows = training[["episode", "return"]].round({"return": 2})
+            curves.append(rows.assign(config_hash=result.config_hash))
+        # Of equals the first, which is that of the lower seed.
+        returns = [result.best.episode_return for result, _ in found]
+        best = returns.index(max(returns))
+        one = keep(folder, found[best][0], paths[best] / POLICY)
+        sys.stdout.write(
+            f"case {one.case}: seed {one.seed}, return {one.episode_return:.1f}, "
+            f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
+        )
+        kept.append(one)
+    with replacing(folder / CURVES) as draft:
+        pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
+    manifest = {"networks": [asdict(one) for one in kept], "runs": runs}
+    with replacing(folder / MANIFEST) as draft:
+        draft.write_text(json.dumps(manifest, indent=1) + "\n")
+
+
+def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
+    """Read a run's result and its training episodes.
+
+    Raises:
+        ConfigError: they are not whole.
+    """
+    try:
+        return read_result(run), split(read_curve(run))[0]
+    except (ResultError, CurveError) as error:
+        what = f"{RESULT} {error}" if isinstance(error, ResultError) else error
+        raise ConfigError(f"runs: {run}: {what}") from None
+
+
+def keep(folder: Path, result: Result, weights: Path) -> Pretrained:
+    """Write the network of a run, in half precision if its greedy episode stays the same."""
+    import torch
+
+    from ship_trl.sim.reference import best_known
+    from ship_trl.transfer.layers import save_weights
+
+    world = load_world()
+    case = load_case(result.target, world)
+    file = folder / f"{case.name}.safetensors"
+    about = {"case": case.name, "arm": result.arm, "seed": result.seed, "config_hash": result.config_hash}
+    whole, network = sail(case, weights)
+    dtype = torch.float16
+    save_weights(file, network, about, dtype)
+    if not torch.equal(sail(case, file)[0].actions, whole.actions):
+        dtype = torch.float32
+        save_weights(file, network, about)
+    return Pretrained(
+        case=case.name,
+        fingerprint=case.fingerprint,
+        arm=result.arm,
+        seed=result.seed,
+        config_hash=result.config_hash,
+        episode_return=whole.episode_return,
+        of_best_known=round(whole.episode_return / best_known(case, world).episode_return, 4),
+        outcome=whole.outcome,
+        length=whole.length,
+        dcpa=whole.dcpa if math.isfinite(whole.dcpa) else None,
+        dtype=str(dtype).removeprefix("torch."),
+        sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
+    )
+
+
+def sail(case: Case, weights: Path) -> tuple[Episode, DuelingNetwork]:
+    """Sail the greedy episode of a file's network; returns both."""
+    from ship_trl.learn.rollout import rollout
+    from ship_trl.policies.named import load_with_network
+    from ship_trl.sim.env import ShipEnv
+
+    env = ShipEnv(case, load_world())
+    policy, network = load_with_network(str(weights), env)
+    return rollout(env, policy)[0], network

@@ -1,0 +1,28 @@
+"""A table on the terminal, in a file or as Markdown."""
+
+from __future__ import annotations
+
+import sys
+
+from rich.console import Console
+from rich.table import Column, Table
+
+# Of a table that goes into a file or a pipe.
+FILE_WIDTH = 200
+
+
+def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> None:
+    """Print a table."""
+    if markdown:
+        lines = (headings, ["---"] * len(headings), *rows)
+        sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
+        return
+    # What tells the rows apart is never cut, however narrow the terminal is.
+    first = Column(headings[0], no_wrap=True, min_width=max(len(row[0]) for row in rows))
+    table = Table(first, *headings[1:])
+    for row in rows:
+        table.add_row(*row)
+    console = Console(highlight=False, markup=False)
+    if not console.is_terminal:
+        console.width = FILE_WIDTH
+    console.print(table)

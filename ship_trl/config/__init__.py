@@ -1,0 +1,1 @@
+"""Types, values and checks of a configuration. No torch."""

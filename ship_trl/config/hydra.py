@@ -1,0 +1,57 @@
+"""Errors of Hydra in one line: the key, and what is allowed there."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import typing
+
+from ship_trl.config.paths import conf_dir, group_names
+
+# What Hydra finds only if an extra is installed.
+EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
+
+
+# Begins what the parser of Hydra's overrides says.
+GRAMMAR = (
+    "mismatched input|token recognition error|no viable alternative|extraneous input|missing "
+    "|LexerNoViableAltException"
+)
+
+
+def explain_hydra(error: Exception) -> str:
+    """One line for an error of Hydra's: the key, and what is allowed there."""
+    text = str(error)
+    if found := re.match(r"(?:In '.*?': )?Could not find '([\w-]+)/(.*?)'", text):
+        group, name = found.groups()
+        if group == "hydra":
+            kind, _, name = name.partition("/")
+            group = f"hydra/{kind}"
+        if name in EXTRAS:
+            return f"{group}: {name} is not installed; ship_trl[{EXTRAS[name]}] brings it"
+        allowed = group_names(group)
+        return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
+    if found := re.match(
+        r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text
+    ):
+        key = found.group(1).rstrip(".")
+        if (conf_dir() / key).is_dir():
+            return f"{key}: write +{key}=NAME; allowed: {group_names(key)}"
+        return f"{key}: {allowed_keys(key)}"
+    text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
+    if re.match(GRAMMAR, text):
+        # A value that holds what Hydra's grammar takes for its own, as seed=0 in a path.
+        return f"overrides: {text}; quote such a value twice: \"KEY='VALUE'\""
+    return f"overrides: {text}"
+
+
+def allowed_keys(key: str) -> str:
+    """Say what may stand where an unknown `key` was given."""
+    from ship_trl.config.types import Config
+
+    place: type = Config
+    for part in key.split(".")[:-1]:
+        hints = typing.get_type_hints(place)
+        if dataclasses.is_dataclass(hints.get(part)):
+            place = hints[part]
+    return f"unknown key; allowed here: {', '.join(f.name for f in dataclasses.fields(place))}"

@@ -1,0 +1,1 @@
+"""What lies on disk: atomic writes, files from outside, results and curves. No torch."""

@@ -1,0 +1,93 @@
+"""A run's learning curve: `curve.csv` written and read, and its moving mean. No torch."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ship_trl.files.disk import read_file
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CURVE = "curve.csv"
+# A line is a training episode, or a greedy evaluation in columns of its own.
+COLUMNS = (
+    "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
+    "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa",
+)  # fmt: skip
+# No curve has a first line of more bytes; of one with many columns pandas would take minutes.
+LONGEST = 1000
+# What a line is, once it is read.
+TRAINING, GREEDY = "training", "greedy"
+# Both kinds have these; only training has an exploration rate.
+SHARED = ("return", "outcome", "dcpa")
+TYPES = {"episode": "int64", "epsilon": "float64", "return": "float64", "outcome": "str", "dcpa": "float64"}
+
+
+class CurveError(Exception):
+    """A curve that is not whole; its text says what is wrong, in a few words."""
+
+
+def read_curve(folder: Path) -> pd.DataFrame:
+    """Read the curve of a run's folder, in the order of the file.
+
+    Returns:
+        A row for each training episode and greedy evaluation: `kind` (`TRAINING` or `GREEDY`), `episode`
+        (of an evaluation: after how many), `epsilon`, `return` (raw, undiscounted), `outcome` (goal,
+        collision or timeout) and `dcpa` (metres; NaN without target ships).
+
+    Raises:
+        CurveError: the file is missing, cut short, or another program's.
+    """
+    import pandas as pd
+
+    types = TYPES | {f"{GREEDY}_{name}": TYPES[name] for name in SHARED}
+    try:
+        data = read_file(folder / CURVE)
+        if len(data.partition(b"\n")[0]) > LONGEST:
+            raise ValueError
+        # Without `index_col` a line too long would move its columns by one.
+        with np.errstate(invalid="raise"):  # of an infinite episode pandas would make some whole number
+            lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
+    except FileNotFoundError:
+        raise CurveError(f"{CURVE} is missing") from None
+    except (OSError, ValueError, ArithmeticError):
+        raise CurveError(f"{CURVE} cannot be read") from None
+    if not data.endswith(b"\n"):
+        raise CurveError(f"{CURVE} ends within a line")
+    trained = lines["return"].notna()
+    if (trained == lines[f"{GREEDY}_return"].notna()).any():
+        raise CurveError(f"{CURVE} has a line that is neither an episode nor an evaluation")
+    rows = lines[["episode", "epsilon"]].assign(kind=np.where(trained, TRAINING, GREEDY))
+    for name in SHARED:
+        rows[name] = lines[name].where(trained, lines[f"{GREEDY}_{name}"])
+    return rows
+
+
+def split(rows: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Give the training episodes and the greedy evaluations."""
+    return rows[rows["kind"] == TRAINING], rows[rows["kind"] == GREEDY]
+
+
+def write_curve(folder: Path, rows: pd.DataFrame) -> None:
+    """Write rows as `read_curve` gives them; of `COLUMNS` what they have."""
+    trained = rows["kind"] == TRAINING
+    lines = rows[["episode", "epsilon"]].assign(
+        **{name: rows[name].where(trained) for name in SHARED},
+        **{f"{GREEDY}_{name}": rows[name].mask(trained) for name in SHARED},
+    )
+    lines.to_csv(folder / CURVE, index=False, lineterminator="\n")
+
+
+def moving_mean(values: ArrayLike, window: int) -> NDArray[np.float64]:
+    """Mean of each value and those before it, at most `window` in all: [..., N] to [..., N]."""
+    numbers = np.asarray(values, dtype=np.float64)
+    sums = np.cumsum(np.pad(numbers, [(0, 0)] * (numbers.ndim - 1) + [(1, 0)]), axis=-1)
+    ends = np.arange(1, numbers.shape[-1] + 1)
+    starts = np.maximum(0, ends - window)
+    return np.asarray((sums[..., ends] - sums[..., starts]) / (ends - starts))

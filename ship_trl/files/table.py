@@ -1,0 +1,61 @@
+"""Tables that may be a stranger's: CSV, read row by row, and refused in one line."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.disk import read_file
+
+Cells = dict[str, str]
+Row = TypeVar("Row")
+
+
+def read_table(
+    path: Path, columns: Sequence[str], make: Callable[[Cells], Row], most: int, given_as: str, kind: str
+) -> list[Row]:
+    """Read a table that has these columns, and may have others.
+
+    Args:
+        path: of the file.
+        columns: that it must have.
+        make: makes a row of its cells, which are words; raises ValueError where they are of none.
+        most: bytes that it may have.
+        given_as: the option or argument that named it.
+        kind: what it should be, as "a table of layers".
+
+    Raises:
+        ConfigError: it cannot be read, or is no such table.
+    """
+    try:
+        return [make(cells) for cells in rows(read_file(path, most), columns)]
+    except OSError as error:
+        raise ConfigError(f"{given_as}: {path} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ConfigError(f"{given_as}: {path} is not {kind}: {error}") from None
+
+
+def rows(data: bytes, columns: Sequence[str]) -> list[Cells]:
+    """Take a table apart.
+
+    Raises:
+        ValueError: it is none, lacks a column, or has one twice.
+    """
+    table = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+    try:
+        missing = [name for name in columns if name not in (table.fieldnames or ())]
+        found = list(table)
+    except csv.Error as error:
+        raise ValueError(str(error)) from None
+    if len(set(table.fieldnames or ())) < len(table.fieldnames or ()):
+        raise ValueError("it has a column twice")
+    if missing:
+        raise ValueError(f"it has no column {missing[0]!r}")
+    # What is missing in a row is None, and what is too much stands under None.
+    if any(None in row or None in row.values() for row in found):
+        raise ValueError("a row has more or fewer cells than there are columns")
+    return found

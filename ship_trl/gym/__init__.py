@@ -1,0 +1,19 @@
+"""The same world for Gymnasium, one ship or many.
+
+    import gymnasium
+    env = gymnasium.make("ship_trl.gym:ShipCollision-v0", case="4")
+
+Gymnasium imports the module before the colon, which registers the name. After `import ship_trl.gym` the name
+alone is enough. Gymnasium 1.0 and later reads no entry points of packages, so one of the two is needed.
+"""
+
+import gymnasium
+
+from ship_trl.gym.env import ENV_ID
+
+if ENV_ID not in gymnasium.registry:
+    gymnasium.register(
+        ENV_ID,
+        entry_point="ship_trl.gym.env:ShipCollisionEnv",
+        vector_entry_point="ship_trl.gym.vector:ShipCollisionVectorEnv",
+    )

@@ -1,0 +1,1 @@
+"""What makes the learner fast on a CPU, behind the interfaces of `ship_trl.learn`."""

@@ -1,0 +1,94 @@
+"""Frames cut into the windows that differ from a background, for `incremental` and `inference`."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ship_trl.config.network import WORD, Geometry, cut_by_words, linear_from
+from ship_trl.learn.fast import incremental_kernels as kernels
+
+# Matrix products are prepared anew for each shape; rounded, there are few shapes.
+ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
+
+
+class Rows(NamedTuple):
+    """A batch of B frames, as the layers that are still to come need it.
+
+    `values` [R, C] are activations, or windows of pixels; `indices` has an entry for each conv
+    layer to come: int32 [T, K], the rows that each of its T windows holds, or None where the rows
+    are its windows already. Rows are numbered as if those of the background came first, even
+    where they are left out.
+    """
+
+    values: Tensor
+    indices: tuple[Tensor | None, ...]
+
+
+class Cutter:
+    """Cuts frames into windows: uint8 [B, C, 84, 84] to the `Rows` of conv1.
+
+    Args:
+        background: the picture that most frames resemble, uint8 [C, 84, 84].
+        dtype: of the windows, whose values are 0 to 1.
+        geometry: of the network's conv layers, as `cut_by_words` says.
+    """
+
+    def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
+        if not cut_by_words(geometry):
+            raise ValueError(f"geometry: the first of several layers must be cut by words, got {geometry}")
+        self.dtype = dtype
+        # Layers of rows. After them each frame is a row.
+        self.layers = geometry[: linear_from(geometry)]
+        self.linear = len(geometry) - len(self.layers)
+        self.sides = [layer.side for layer in self.layers]
+        _, kernel, stride, _ = geometry[0]
+        self._mark_pixels = kernels.marking(kernel // WORD, stride // WORD)
+        self._cut_pixels = kernels.cutting(kernel, stride)
+        background = background.contiguous()
+        self.background_words = background.view(torch.int32).numpy()
+        self.worth = as_numpy((torch.arange(256) / 255.0).to(dtype))
+        windows = background.unfold(1, kernel, stride).unfold(2, kernel, stride)
+        windows = windows.permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
+        self.background_windows = (windows / 255.0).to(dtype)
+
+    def __call__(self, frames: Tensor, background: bool = True) -> Rows:
+        """Find what differs from the background, and where it lies.
+
+        Without `background`, windows of the background itself are left out.
+        """
+        batch, sides = frames.shape[0], self.sides
+        frames = frames.contiguous()
+        touched = [np.empty((batch, side, side), np.bool_) for side in sides]
+        tables = [np.empty((batch, side * side), np.int32) for side in sides]
+        # The number of the first row that is kept.
+        base = [0 if background else side * side for side in sides]
+        self._mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
+        rows = [kernels.number(touched[0], tables[0])]
+        for n, (_, kernel, stride, _) in enumerate(self.layers[1:], 1):
+            kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
+            rows.append(kernels.number(touched[n], tables[n]))
+        windows = torch.zeros(rounded(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
+        if background:
+            windows[: len(self.background_windows)] = self.background_windows
+        self._cut_pixels(frames.numpy(), tables[0], sides[0], self.worth, as_numpy(windows), base[0])
+        indices: list[Tensor | None] = [None]
+        for n, (_, kernel, stride, below) in enumerate(self.layers[1:], 1):
+            index = np.zeros((rounded(rows[n] - base[n]), kernel * kernel), np.int32)
+            kernels.index_windows(tables[n - 1], below, tables[n], sides[n], kernel, stride, index, base[n])
+            indices.append(torch.from_numpy(index))
+        return Rows(windows, (*indices, torch.from_numpy(tables[-1]), *[None] * (self.linear - 1)))
+
+
+def rounded(rows: int) -> int:
+    """Up to the next multiple of `ROUND_ROWS`; the rows added are zero and nobody refers to them."""
+    step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
+    return -(-rows // step) * step
+
+
+def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
+    """View the same memory as an array; NumPy knows no bfloat16, so its bits as uint16."""
+    return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()

@@ -1,0 +1,87 @@
+"""A network on a few frames at a time, in float32, without learning: for acting and encoding."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ship_trl.learn.fast.changes import rewrites, version
+from ship_trl.learn.fast.cutter import Cutter, Rows
+from ship_trl.learn.fast.incremental import as_matrix, gathered_layer
+from ship_trl.learn.network import DuelingNetwork
+
+
+class CachedInference:
+    """Computes what differs from the background; what that itself gives is remembered.
+
+    Float32, because for so few rows it is as fast as bfloat16, and needs no copies: weights are the
+    network's own.
+
+    Args:
+        network: float32, on the CPU.
+        background: the picture that most frames resemble, uint8 [C, 84, 84].
+        frozen: how many layers, counted from the image, never change.
+    """
+
+    def __init__(self, network: DuelingNetwork, background: Tensor, frozen: int) -> None:
+        self._network, self._frozen = network, frozen
+        self._cut = Cutter(background, torch.float32, network.geometry)
+        self._background_frame = self._cut(background.unsqueeze(0))
+        self._remembered: list[Tensor] = []
+        weights = network.conv_weights()
+        self._weights = [
+            (as_matrix(weight.detach()), bias.detach())
+            for weight, bias in zip(weights[::2], weights[1::2], strict=True)
+        ]
+        self._learning = weights[2 * frozen :]
+        self._version: tuple[int, ...] = ()
+        self._rewrites = rewrites()
+
+    def _forget(self) -> None:
+        """Forget what the layers that learn gave, if they have learned since."""
+        now = version(self._learning)
+        if now != self._version:
+            # A load or a move changes the frozen layers too.
+            del self._remembered[self._frozen if rewrites() == self._rewrites else 0 :]
+            self._version, self._rewrites = now, rewrites()
+
+    @torch.no_grad()
+    def actions(self, frames: Tensor) -> Tensor:
+        """Choose the best actions: uint8 [B, C, 84, 84] to int64 [B]."""
+        rows = self._cut(frames, background=False)
+        return self._network.best(self._advance(rows, len(rows.indices)).values)
+
+    @torch.no_grad()
+    def actions_on(self, features: Tensor) -> Tensor:
+        """Choose the best actions, given what the frozen layers made of frames: [B, K] to int64 [B]."""
+        rows = Rows(features.float(), (None,) * (len(self._weights) - self._frozen))
+        return self._network.best(self._advance(rows, len(rows.indices)).values)
+
+    @torch.no_grad()
+    def encode(self, frames: Tensor) -> Tensor:
+        """Compute the frozen layers, `linear_from` or more: uint8 [B, C, 84, 84] to float32 [B, K]."""
+        values, indices = self._advance(self._cut(frames, background=False), self._frozen)
+        if indices and indices[0] is not None:
+            values = values[indices[0]].flatten(1)
+        return values
+
+    def _advance(self, rows: Rows, layers: int) -> Rows:
+        """Through the next `layers` conv layers."""
+        self._forget()
+        values, indices = rows
+        first = len(self._weights) - len(indices)
+        for n in range(first, first + layers):
+            _, values = gathered_layer(values, indices[n - first], *self._weights[n])
+            if n < len(self._cut.sides):
+                values = torch.cat((self._background_rows(n), values))
+        return Rows(values, indices[layers:])
+
+    def _background_rows(self, layer: int) -> Tensor:
+        """Compute conv layer `layer`, counted from 0, of the background: [S * S, C]."""
+        memory = self._remembered
+        while len(memory) <= layer:
+            n = len(memory)
+            below = memory[-1] if memory else self._background_frame.values
+            _, rows = gathered_layer(below, self._background_frame.indices[n], *self._weights[n])
+            memory.append(rows[: self._cut.sides[n] ** 2])
+        return memory[layer]

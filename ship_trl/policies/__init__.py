@@ -1,0 +1,1 @@
+"""Policies by name: without training, of a file, bundled with the package, or your own."""

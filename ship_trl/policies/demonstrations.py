@@ -1,0 +1,129 @@
+"""Demonstrations: episodes that somebody sailed, kept as one JSON file each. No torch.
+
+The world is deterministic, so that a case and its actions are the whole episode: whoever reads a
+demonstration sails it again. docs/demonstrations.md describes the format.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World, plain
+from ship_trl.files.disk import read_json, writing
+from ship_trl.sim.cases import Case
+
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """One episode.
+
+    `case` names the case and `fingerprint` says what it is; `world` is a digest of the physics; `actions`
+    are indices into table 1, one a step. `episode_return` is raw and undiscounted, `outcome` goal,
+    collision or timeout, `by` who chose the actions.
+    """
+
+    case: str
+    fingerprint: str
+    world: str
+    actions: list[int]
+    episode_return: float
+    outcome: str
+    by: str
+    schema_version: int = SCHEMA_VERSION
+
+
+def digest(world: World) -> str:
+    """Twelve hex digits over the physics and the reward."""
+    return hashlib.sha256(json.dumps(plain(world), sort_keys=True).encode()).hexdigest()[:12]
+
+
+def write_demonstration(
+    folder: Path, case: Case, world: World, actions: Sequence[int], ended: tuple[float, str], by: str
+) -> Path:
+    """Keep an episode as the next `CASE-NUMBER.json` of a folder, which is made; returns the file.
+
+    Args:
+        folder: where demonstrations lie.
+        case: where it was sailed.
+        world: its physics.
+        actions: indices into table 1, one a step.
+        ended: raw return, and goal, collision or timeout.
+        by: who chose the actions.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    given = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
+    draft = folder / f".{case.name}.{os.getpid()}.json"
+    try:
+        with writing(draft):
+            draft.write_text(json.dumps(asdict(given)) + "\n")
+        for number in itertools.count(1):
+            path = folder / f"{case.name}-{number:03d}.json"
+            with suppress(FileExistsError):
+                # Of two processes that want the same number, the second takes the next one.
+                os.link(draft, path)
+                break
+    finally:
+        draft.unlink(missing_ok=True)
+    return path
+
+
+def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstration]:
+    """Read the demonstrations of a case in a folder, by name; those of other cases are passed over.
+
+    Raises:
+        ConfigError: there is none, a file is not whole, or it was sailed in another world.
+    """
+    found = []
+    for path in sorted(folder.glob("*.json")):
+        one = read_demonstration(path, len(world.actions))
+        if one.fingerprint != case.fingerprint:
+            continue
+        if one.world != digest(world):
+            raise ConfigError(f"demonstrations: {path} was sailed in another world (world=)")
+        found.append(one)
+    if not found:
+        raise ConfigError(
+            f"demonstrations: none of case {case.name} in {folder}; python -m ship_trl play keeps some"
+        )
+    return found
+
+
+def read_demonstration(path: Path, actions: int) -> Demonstration:
+    """Read one file, whose actions are below the number of `actions`.
+
+    Raises:
+        ConfigError: it is no demonstration, or not whole.
+    """
+    try:
+        values: Any = read_json(path)
+        if values["schema_version"] != SCHEMA_VERSION:
+            raise ConfigError(f"demonstrations: {path} is of another schema_version than {SCHEMA_VERSION}")
+        one = Demonstration(**values)
+        words = (one.case, one.fingerprint, one.world, one.outcome, one.by)
+        right = (
+            all(type(word) is str and word.isprintable() for word in words)
+            and isinstance(one.actions, list)
+            and one.actions
+        )
+        if not right or not all(type(k) is int and 0 <= k < actions for k in one.actions):
+            raise ValueError
+        if not math.isfinite(one.episode_return):
+            raise ValueError
+    except (OSError, ValueError, TypeError, KeyError, OverflowError):
+        raise ConfigError(f"demonstrations: {path} is no whole demonstration") from None
+    return one

@@ -1,0 +1,141 @@
+"""The words of a command line that name policies and cases; `evaluate`, `watch` and `record` read the same.
+
+POLICY is a word of `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
+folders and `pretrained` bring their target with them; of every other policy `target=CASE` says where it
+sails.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from ship_trl.config.checks import check_world
+from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.types import World
+from ship_trl.files.result import RESULT
+from ship_trl.files.untrusted import read_yaml
+from ship_trl.policies.entry import Entry
+from ship_trl.policies.pretrained import PRETRAINED, find, is_pretrained, networks
+from ship_trl.run.results import collect
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
+
+
+def find_entries(words: list[str], colour: bool) -> list[Entry]:
+    """Read the command line's words: policies, and the cases that they sail in.
+
+    Raises:
+        ConfigError: a word that is neither, a folder without a result, a policy without a case.
+    """
+    # A path may hold an equals sign, as seed=0 does.
+    names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
+    given = [word.split("=", 1) for word in words if word not in names]
+    settings = {word[0]: word[1] for word in given}
+    unknown = sorted(settings.keys() - {"target"})
+    if unknown:
+        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
+    if len(given) > 1:
+        raise ConfigError("target: given twice; allowed: once, with several behind commas")
+    if not names:
+        raise ConfigError("policy: none given; see --help for what is allowed")
+    world = load_world()
+    targets = [load_case(name, world, "target") for name in settings.get("target", "").split(",") if name]
+    entries: list[Entry] = []
+    for name in names:
+        if is_pretrained(name):
+            entries += packaged(name, targets, world)
+        elif Path(name).is_dir():
+            entries += of_folder(Path(name), targets)
+        elif "/" in name and ":" not in name and not Path(name).exists():
+            raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
+        elif not targets:
+            raise ConfigError(
+                f"target: none given for {name}; allowed: target=CASE, or several behind commas"
+            )
+        else:
+            entries += [Entry(name, name, case, world, colour) for case in targets]
+    return entries
+
+
+def packaged(name: str, targets: list[Case], world: World) -> list[Entry]:
+    """Give the networks that come with us, on `targets` or each on its own case, with what they claim.
+
+    Raises:
+        ConfigError: none is of a case that was asked for.
+    """
+    if targets:
+        chosen = [(find(name, case), case) for case in targets]
+    else:
+        named = networks() if name == PRETRAINED else [find(name, None)]
+        # A case of that name in the folder where one works may be another, of which nothing is claimed.
+        chosen = [(one, load_case(one.case, world)) for one in named]
+    entries = []
+    for one, case in chosen:
+        claimed = one.episode_return if one.fingerprint == case.fingerprint else None
+        entries.append(Entry(str(one.file), name, case, world, colour=False, claimed=claimed))
+    return entries
+
+
+def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
+    """Give the networks of all results at and below a folder, each on its own target or on `targets`.
+
+    Raises:
+        ConfigError: there is no result, or its configuration cannot be read.
+    """
+    found: list[Entry] = []
+    whole, broken = collect(folder)
+    for path, error in broken:
+        print_error(f"{path} {error}; left out")
+    for run in whole:
+        result, place = run.result, run.folder
+        world, colour = settings_of(place)
+        cases = targets or [load_case(result.target, world, f"{place / RESULT}: target")]
+        label = f"{result.pair} {result.arm} seed {result.seed}"
+        for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
+            if not (place / file).is_file():
+                print_error(f"{place / file} is not there; left out")
+                continue
+            claimed = None if targets else claim.episode_return
+            name = f"{label}, {key}"
+            found += [Entry(str(place / file), name, case, world, colour, claimed) for case in cases]
+    if not found:
+        raise ConfigError(f"policy: no {RESULT} with its networks at or below {folder}")
+    return found
+
+
+def best_of_folders(entries: list[Entry]) -> list[Entry]:
+    """Leave out the last network of each result; a file that was named stays.
+
+    Raises:
+        ConfigError: of no result the best network is there.
+    """
+    best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
+    if not best:
+        raise ConfigError(f"policy: {entries[0].policy} has no best network beside it")
+    return best
+
+
+def settings_of(folder: Path) -> tuple[World, bool]:
+    """Read the world and the colours of a run from its configuration.
+
+    Raises:
+        ConfigError: there is none, or it cannot be read.
+    """
+    path = folder / CONFIG
+    try:
+        values: Any = read_yaml(path)
+        world: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(World), values.world))
+        check_world(world)
+        return world, bool(values.colour)
+    except ConfigError as error:
+        raise ConfigError(f"policy: {path}: {error}") from None
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"policy: {path}: {explain(error)}") from None
+    except (OSError, AttributeError, ValueError, OverflowError, YAMLError) as error:
+        raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None

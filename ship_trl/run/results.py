@@ -1,0 +1,76 @@
+"""Finished runs at and below a folder. No torch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ship_trl.config.errors import one_line, print_error
+from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.run.plan import DAMAGED
+
+
+@dataclass(frozen=True)
+class Found:
+    """A finished run: its result, its folder, the folder that was asked for, and the part of that it lies in.
+
+    A study has the same pair and arm in several parts.
+    """
+
+    result: Result
+    folder: Path
+    below: Path
+    part: str
+
+    @property
+    def place(self) -> str:
+        """Name the pair, and the part that it lies in if it is not at the top."""
+        return f"{self.part}/{self.result.pair}" if self.part else self.result.pair
+
+
+def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
+    """Read the results below `folder`, in order; those that are not whole by path and what is wrong."""
+    found, broken = [], []
+    for path in sorted(folder.rglob(RESULT)):
+        if path.parent.name.startswith(DAMAGED):
+            continue
+        try:
+            part = one_line("/".join(path.relative_to(folder).parts[:-4]))
+            found.append(Found(read_result(path.parent), path.parent, folder, part))
+        except ResultError as error:
+            broken.append((path, str(error)))
+    return found, broken
+
+
+def without_copies(found: Iterable[Found]) -> list[Found]:
+    """Leave out, and name, each run whose result is that of another one: it is no further seed."""
+    kept: dict[str, list[Found]] = {}
+    for one in found:
+        alike = kept.setdefault(f"{one.place}/{one.result.arm}/{one.result.seed}", [])
+        known = next((other for other in alike if other.result == one.result), None)
+        if known is None:
+            alike.append(one)
+        else:
+            print_error(f"{one.folder} is a copy of {known.folder}; left out")
+    return [one for runs in kept.values() for one in runs]
+
+
+def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
+    """Group runs by folder, part, profile, pair and arm, under the name of their row, by seed."""
+    groups: dict[tuple[str, ...], list[Found]] = {}
+    for one in found:
+        names = (str(one.below), one.part, one.result.profile, one.result.pair, one.result.arm)
+        groups.setdefault(names, []).append(one)
+    several = len({below for below, *_ in groups}) > 1
+    rows: dict[str, list[Found]] = {}
+    for (below, *_, arm), runs in sorted(groups.items()):
+        name = f"{runs[0].place} {arm}"
+        row = rows.setdefault(f"{below}: {name}" if several else name, [])
+        row += sorted(runs, key=lambda one: one.result.seed)
+    return rows
+
+
+def folders_of(found: Iterable[Found]) -> dict[str, list[Path]]:
+    """Give the folders of each group."""
+    return {name: [one.folder for one in runs] for name, runs in grouped(found).items()}

@@ -1,0 +1,33 @@
+"""Says at the end of a sweep which values did best, as overrides to go on with."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig
+from yaml import YAMLError
+
+from ship_trl.config.errors import one_line
+from ship_trl.files.untrusted import read_yaml
+
+# What Hydra's sweepers write.
+RESULTS = "optimization_results.yaml"
+
+
+class BestTrial(Callback):
+    """Prints the best trial of a sweep; nothing of a sweeper that names none."""
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """After the last trial."""
+        path = Path(config.hydra.sweep.dir) / RESULTS
+        try:
+            found: Any = read_yaml(path)
+            params, value = dict(found["best_params"]), float(found["best_value"])
+        except (OSError, YAMLError, KeyError, TypeError, ValueError):
+            # Of several objectives there is no best.
+            return
+        words = " ".join(f"{key}={given}" for key, given in params.items())
+        sys.stdout.write(one_line(f"best trial: {words}, {config.objective} {value:.1f}; {path}") + "\n")

@@ -1,0 +1,96 @@
+"""The command that measures any contrast of a study."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.cli.ask import answers, main
+from ship_trl.study.analysis.statistics import level_of
+from ship_trl.study.analysis.study import Study
+from tests.command import ship_trl
+from tests.study.synthetic import write_study
+from tests.study.test_sensitivity import study_of
+
+# Ten seeds of a study that is begun with ten, looked at after five.
+SCRATCH = np.linspace(0.5, 0.6, 10)
+GAINS = np.array([0.1, -0.1, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3])
+
+
+def test_the_interval_is_of_95_percent() -> None:
+    (found,) = answers(study_of(scratch=SCRATCH, FE1=SCRATCH + GAINS), ["high: FE1 above scratch"])
+    assert found.seeds == 10 and found.differences == pytest.approx(GAINS)
+    assert found.estimate == pytest.approx(level_of(np.array(found.differences), 0.025))
+
+
+def test_seeds_beyond_the_last_look_are_left_out() -> None:
+    nine = study_of(scratch=SCRATCH[:9], FE1=(SCRATCH + GAINS)[:9])
+    planned = type(nine)(nine.records, planned=tuple(range(10)))
+    assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"])] == [5]
+    assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"], seeds=7)] == [7]
+
+
+def test_pairs_with_too_few_seeds_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    both = {**study_of(scratch=SCRATCH, FE1=SCRATCH).records}
+    one = next(iter(both.values()))
+    both[("pairs", "low", "scratch", 0)] = both[("pairs", "low", "FE1", 1)] = one
+    (found,) = answers(Study(both), ["every pair: FE1 above scratch"])
+    assert found.what == "high: FE1 above scratch (area)"
+    said = capsys.readouterr().err
+    assert (
+        said
+        == "ship_trl: every pair: FE1 above scratch: 1 of 2 have less than two seeds in common; left out\n"
+    )
+
+
+def test_a_name_is_written_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_study(tmp_path, seeds=2, pairs=("[red]low",))
+    main([str(tmp_path), "[red]low: FE1 above scratch"])
+    assert "│ [red]low: FE1 above scratch (area) " in capsys.readouterr().out
+
+
+def test_help_has_its_examples_on_lines_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    lines = capsys.readouterr().out.splitlines()
+    assert ended.value.code == 0 and "    every pair: FTW above scratch (early area)" in lines
+
+
+def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
+    write_study(tmp_path, seeds=2, pairs=("high", "low", "lowest"))
+    told = ship_trl(
+        *(str(tmp_path), "every pair: FTW above scratch", "low: FE1 sooner than FE2 (time)"),
+        folder=tmp_path,
+        verb="ask",
+    ).stdout
+    rows = [line.split("│")[1].strip() for line in told.splitlines() if line.startswith("│")]
+    pairs = [f"{pair}: FTW above scratch (area)" for pair in ("high", "low", "lowest")]
+    assert rows == [*pairs, "low: FE1 sooner than FE2 (time)"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["high: FE9 above scratch"], "question: no arm 'FE9' in high"),
+        (["high: FE1 above scratch", "--seeds", "3"], "--seeds: must be from 1 to 2"),
+        (["high: FE1 above scratch", "--seeds", "1"], "question: 'high: FE1 above scratch' needs two seeds"),
+    ],
+)
+def test_what_cannot_be_told_is_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    write_study(tmp_path, seeds=2)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), *arguments])
+    said = capsys.readouterr().err
+    assert ended.value.code == 1 and said.startswith(f"ship_trl: {told}") and said.count("\n") == 1
+
+
+def test_a_folder_without_runs_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), "high: FE1 above scratch"])
+    assert ended.value.code == 1
+    assert (
+        capsys.readouterr().err
+        == f"ship_trl: folder: no finished run below {tmp_path}; python -m ship_trl study makes some\n"
+    )

@@ -1,0 +1,52 @@
+"""The command that shows the cases: Table 2, a picture, and which source a target should take."""
+
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from ship_trl.cli.cases import main
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.transfer.casebase import CaseBase
+from tests.command import ROOT, ship_trl
+
+
+def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
+    done = ship_trl(folder=tmp_path, verb="cases")
+    for pair, value in (("high", "0.83"), ("low", "0.45"), ("lowest", "0.42")):
+        assert any(pair in row and value in row for row in done.stdout.splitlines())
+    assert (tmp_path / "outputs/cases.png").stat().st_size > 20_000
+
+
+def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
+    done = ship_trl("--target", "new", folder=tmp_path, verb="cases")
+    line = "python -m ship_trl source=2 target=new method=feature_extraction layers=3"
+    assert line in done.stdout.splitlines()
+    with Image.open(tmp_path / "outputs/case_new.png") as picture:
+        assert picture.height < 400  # of this case alone
+    assert not (tmp_path / "outputs/cases.png").exists()
+    case, place = load_case("2", load_world()), tmp_path / "run"
+    place.mkdir()
+    for name in ("policy.safetensors", "config.yaml"):
+        (place / name).write_text("")
+    base = CaseBase(tmp_path / "a base")
+    base.retain(case, "FTW-from-1", 3, "abc", {"best": {"return": 80.0}}, place)
+    done = ship_trl("--target", "new", "--case-base", "a base", folder=tmp_path, verb="cases")
+    policy = "a base/2/FTW-from-1/seed=3-abc/policy.safetensors"
+    assert f"{line} 'source_file={policy}'" in done.stdout.splitlines()
+    assert "(FTW-from-1, seed 3, greedy return 80.0)" in done.stdout
+    done = ship_trl("--target", "banana", folder=tmp_path, verb="cases", code=1)
+    assert done.stderr.startswith("ship_trl: --target: no case banana; allowed: 1, 2")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("line", [["--no-picture"], ["--picture", "a.png"]])
+def test_the_picture_of_a_target_goes_where_it_is_asked_to(line: list[str], tmp_path: Path) -> None:
+    main(["--target", "new", *line])
+    assert [path.name for path in tmp_path.rglob("*.png")] == (["a.png"] if "--picture" in line else [])
+
+
+@pytest.mark.skipif(not (ROOT / ".gitignore").exists(), reason="no checkout")
+def test_pictures_of_the_cases_change_no_file_of_the_checkout() -> None:
+    kept = [line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("!/outputs/")]
+    assert kept and not any("case" in line for line in kept)

@@ -1,0 +1,291 @@
+"""The real commands in a process of their own."""
+
+import csv
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from hydra.errors import HydraException
+
+from ship_trl.config.hydra import explain_hydra
+from ship_trl.config.types import Precision
+from ship_trl.learn.backend import computing
+from tests.command import ROOT, files, ship_trl
+
+SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the main command was run once, at smoke size."""
+    folder = tmp_path_factory.mktemp("trained")
+    done = ship_trl(*SMOKE, folder=folder)
+    assert "case 1 -> case 2, FT3, seed 0" in done.stdout
+    return folder
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; sys.argv = ['ship_trl', '--help']\n"
+        "from ship_trl.__main__ import main; main()\n"
+        "assert not {'torch', 'hydra', 'omegaconf', 'pygame', 'wandb'} & set(sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "+pair=high method=finetune layers=3" in done.stdout
+    assert "FE1, FE1-permuted, FE1-random, FE2," in done.stdout
+    # All commands of the top level, and no other.
+    _, _, others = done.stdout.partition("Other commands: ")
+    told = {name for line in others.splitlines()[1:] for name in line[:24].replace(",", " ").split()}
+    files = [p for p in (ROOT / "ship_trl").glob("*.py") if '__name__ == "__main__"' in p.read_text()]
+    packages = [p.parent for p in (ROOT / "ship_trl").glob("*/__main__.py")]
+    assert told == {path.stem for path in (*files, *packages)} - {"__main__"}
+
+
+@pytest.mark.precision
+def test_main_command_leaves_a_whole_result(trained: Path) -> None:
+    outputs = trained / "outputs/smoke"
+    for run in ("1/scratch/seed=0", "high/FT3/seed=0"):
+        assert sorted(p.name for p in (outputs / run).iterdir()) == [
+            "config.yaml", "curve.csv", "curve.png", "episode.gif", "policy.safetensors",
+            "policy_last.safetensors", "result.json",
+        ]  # fmt: skip
+    result = json.loads((outputs / "high/FT3/seed=0/result.json").read_text())
+    assert (result["arm"], result["source"], result["target"], result["episodes"]) == ("FT3", "1", "2", 6)
+    assert result["best_known_return"] == pytest.approx(83.9, abs=0.01)
+    # The child saw the same switch.
+    assert f"torch.{result['precision']}" == str(computing(Precision.auto, torch.device("cpu")))
+    assert result["backend"] == "incremental"
+    with (outputs / "high/FT3/seed=0/curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(r["episode"]) for r in rows if r["return"]] == [1, 2, 3, 4, 5, 6]
+    greedy = {int(r["episode"]): float(r["greedy_return"]) for r in rows if r["greedy_return"]}
+    assert list(greedy) == [0, 3, 6]
+    assert result["best"]["return"] == max(greedy.values()) == greedy[result["best"]["episode"]]
+    assert result["final"]["return"] == greedy[6] and result["before"]["return"] == greedy[0]
+    assert len(result["draws"]) == 3
+    hidden = {p.name for p in trained.rglob(".*")}
+    assert hidden <= {".locks", ".plans"}  # no half-made entry is left
+
+
+def test_second_run_takes_the_retained_source(trained: Path) -> None:
+    done = ship_trl(*SMOKE, "layers=2", folder=trained)
+    assert "source: outputs/smoke/case_base/1/scratch/seed=0-" in done.stdout
+    entries = sorted(
+        str(p.relative_to(trained / "outputs/smoke/case_base")) for p in trained.rglob("entry.json")
+    )
+    assert [entry.split("/")[:2] for entry in entries] == [
+        ["1", "scratch"],
+        ["2", "FT2-from-1"],
+        ["2", "FT3-from-1"],
+    ]
+
+
+def test_finished_run_is_shown_not_trained_again(trained: Path) -> None:
+    before = files(trained / "outputs/smoke/high/FT3")
+    done = ship_trl(*SMOKE, folder=trained)
+    assert "holds this run already" in done.stdout
+    assert files(trained / "outputs/smoke/high/FT3") == before
+
+
+@pytest.mark.precision
+def test_same_seed_same_bytes(trained: Path, tmp_path: Path) -> None:
+    ship_trl(*SMOKE, folder=tmp_path)
+    for name in ("curve.csv", "policy.safetensors", "policy_last.safetensors", "episode.gif"):
+        for run in ("1/scratch/seed=0", "high/FT3/seed=0"):
+            mine, other = (folder / "outputs/smoke" / run / name for folder in (trained, tmp_path))
+            assert mine.read_bytes() == other.read_bytes(), (run, name)
+
+
+@pytest.mark.precision
+def test_frozen_layers_are_the_source_s_bytes(trained: Path) -> None:
+    from safetensors import safe_open
+
+    ship_trl("profile=smoke", "+pair=high", "+arm=FE3", folder=trained)
+    base = next((trained / "outputs/smoke/case_base/1/scratch").iterdir()) / "policy.safetensors"
+    last = trained / "outputs/smoke/high/FE3/seed=0/policy_last.safetensors"
+    with safe_open(base, "pt") as source, safe_open(last, "pt") as target:
+        for key in list(source.keys()):
+            same = bool((source.get_tensor(key) == target.get_tensor(key)).all())
+            assert same == key.startswith(("conv1", "conv2", "conv3")), key
+
+
+def test_a_random_source_is_copied_and_frozen(tmp_path: Path) -> None:
+    from safetensors.torch import load_file
+    from torch import Generator
+
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.run.plan import make_run
+    from tests.config.test_config import composed
+
+    line = ("+pair=high", "+arm=FE3-random", "profile=smoke")
+    ship_trl(*line, folder=tmp_path)
+    folder = tmp_path / "outputs/smoke/high/FE3-random/seed=0"
+    assert json.loads((folder / "result.json").read_text())["source_network"] == "random"
+    assert not (tmp_path / "outputs/smoke/1").exists()
+    drawn = DuelingNetwork(1, 7, Generator().manual_seed(make_run(composed(*line)).stream("random source")))
+    for key, value in load_file(folder / "policy_last.safetensors").items():
+        same = bool((value == drawn.state_dict()[key]).all())
+        assert same == key.startswith(("conv1", "conv2", "conv3")), key
+
+
+def test_a_permuted_source_is_the_learned_one_shuffled(trained: Path) -> None:
+    from safetensors.torch import load_file
+    from torch import Generator
+
+    from ship_trl.run.plan import make_run
+    from ship_trl.transfer.layers import permuted
+    from tests.config.test_config import composed
+
+    line = ("+pair=high", "+arm=FE2-permuted", "profile=smoke")
+    ship_trl(*line, folder=trained)
+    folder = trained / "outputs/smoke/high/FE2-permuted/seed=0"
+    learned = trained / json.loads((folder / "result.json").read_text())["source_network"]
+    assert learned.parent.parent.name == "scratch"  # of the case base
+    generator = Generator().manual_seed(make_run(composed(*line)).stream("permuted source"))
+    shuffled = permuted(load_file(learned), generator)
+    for key, value in load_file(folder / "policy_last.safetensors").items():
+        assert bool((value == shuffled[key]).all()) == key.startswith(("conv1", "conv2")), key
+
+
+def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:
+    # Of other settings, so that its folder is taken.
+    taken = trained / "outputs/smoke/1/scratch/seed=3"
+    ship_trl("profile=smoke", "target=1", "method=scratch", "seed=3", "learn.episodes=2", folder=trained)
+    before = files(taken)
+    done = ship_trl("-m", "profile=smoke", "target=1", "method=scratch", "seed=1,3,2", folder=trained, code=1)
+    assert "seed=3 holds a finished run of other settings" in done.stderr
+    assert "Traceback" not in done.stderr and files(taken) == before
+    for seed in (1, 2):
+        assert (trained / f"outputs/smoke/1/scratch/seed={seed}/result.json").is_file()
+    curves = [(trained / f"outputs/smoke/1/scratch/seed={seed}/curve.csv").read_bytes() for seed in (0, 1, 2)]
+    assert len(set(curves)) == 3
+
+
+def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
+    done = ship_trl("-m", *SMOKE[:2], "+arm=FE3,FT3", folder=tmp_path)
+    assert "Joblib" in done.stdout
+    assert sum(line.endswith(" of 2: case 1, scratch, seed 0") for line in done.stdout.splitlines()) == 1
+    for place, arm in enumerate(("FE3", "FT3"), 1):
+        assert f"{place} of 2: case 1 -> case 2, {arm}, seed 0: best" in done.stdout
+        assert (tmp_path / f"outputs/smoke/high/{arm}/seed=0/result.json").is_file()
+    assert len(list((tmp_path / "outputs/smoke/case_base/1/scratch").glob("seed=0-*"))) == 1
+
+
+def test_wandb_runs_offline_and_are_grouped(tmp_path: Path) -> None:
+    ship_trl("-m", *SMOKE[:2], "+arm=scratch,FT1", "logger=wandb", folder=tmp_path)
+    runs = sorted((tmp_path / "outputs/smoke/wandb").glob("offline-run-*"))
+    assert len(runs) == 3  # scratch, the source of FT1, FT1
+    assert all(list(run.glob("run-*.wandb")) for run in runs)
+
+
+def test_a_network_of_ones_own_is_one_file(tmp_path: Path) -> None:
+    (tmp_path / "conf/network").mkdir(parents=True)
+    (tmp_path / "conf/network/mine.yaml").write_text("conv: [[6, 7, 3], [8, 5, 2], [10, 11, 1]]\nhidden: 9\n")
+    line = ("--config-dir", "conf", "network=mine", "profile=smoke", "+pair=high")
+    ship_trl(*line, "method=feature_extraction", "layers=3", folder=tmp_path)
+    result = tmp_path / "outputs/smoke/high/FE3/seed=0/result.json"
+    assert json.loads(result.read_text())["arm"] == "FE3"
+
+
+@pytest.mark.long
+def test_a_network_of_five_layers_learns_is_transferred_and_sails(tmp_path: Path) -> None:
+    from safetensors.torch import load_file
+
+    small = ("network=five", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30")
+    ship_trl(*small, "target=1", "method=scratch", folder=tmp_path)
+    source = tmp_path / "outputs/smoke/1/scratch/seed=0/policy.safetensors"
+    shown = ship_trl(str(source), "target=1", folder=tmp_path, verb="evaluate").stdout
+    assert "policy.safetensors" in shown
+    # The same source is found in the case base; all five layers are copied, and stay.
+    done = ship_trl(*small, "+pair=high", "method=feature_extraction", "layers=5", folder=tmp_path)
+    assert "source: outputs/smoke/case_base/1/scratch/seed=0-" in done.stdout
+    folder = tmp_path / "outputs/smoke/high/FE5/seed=0"
+    learned, last = load_file(source), load_file(folder / "policy_last.safetensors")
+    for key, value in last.items():
+        assert torch.equal(value, learned[key]) == key.startswith("conv"), key
+    # A folder's networks reach what their result claims, or the command fails.
+    ship_trl(str(folder), folder=tmp_path, verb="evaluate")
+    (tmp_path / "five.safetensors").write_bytes(source.read_bytes())
+    line = ("profile=smoke", "+pair=high", "layers=3", "source_file=five.safetensors")
+    refused = ship_trl(*line, folder=tmp_path, code=1).stderr
+    assert "is of another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused
+    assert refused.count("\n") == 1
+
+
+def test_a_case_of_ones_own_is_one_file(tmp_path: Path) -> None:
+    (tmp_path / "conf/case").mkdir(parents=True)
+    text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")
+    (tmp_path / "conf/case/mine.yaml").write_text(text)
+    # One that has the name of a shipped case is taken for it, and that is told.
+    (tmp_path / "conf/case/2.yaml").write_text(text)
+    told = ship_trl("profile=smoke", "source=mine", "target=2", "layers=1", folder=tmp_path).stdout
+    assert (tmp_path / "outputs/smoke/mine/scratch/seed=0/result.json").is_file()
+    assert told.count("case 2: conf/case/2.yaml, not the one of this name that comes with us") == 1
+    assert told.count("not the one of this name") == 1
+
+
+REFUSED = {
+    "": "pair: none given",
+    "+pair=banana layers=3": "pair: no banana; allowed: high, low, lowest",
+    "pair=high layers=3": "pair: write +pair=NAME; allowed: high, low, lowest",
+    "+arm=FE9": "arm: no FE9; allowed: FE1,",
+    "hydra/launcher=banana": "hydra/launcher: no banana; allowed: ray_cluster",
+    "+sweep=banana": "sweep: no banana; allowed: learning_rate",
+    "profile=banana": "profile: no banana; allowed: paper, quick, smoke",
+    "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all with method=finetune, got 5",
+    "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch, got 2",
+    "network=six target=1 method=scratch": "network: no six; allowed: five, paper",
+    "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
+    "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
+    "+pair=high layers=[": "overrides: no viable alternative",
+    "source=1 target=2 layers=1 source_file=a/seed=0/b": "overrides: mismatched input '='",
+    "--config-dir=broken target=1 method=scratch network=broken": "config: not YAML: while parsing",
+    "+pair=high layers=3 device=cuda": "device: no CUDA device",
+    "+pair=high layers=3 hydra/job_logging=[[1]]": "overrides: Hydra cannot read them (",
+    "target=1 method=scratch ~network.conv.0": "overrides: Hydra cannot read them (",
+    "+pair=high layers=3 learn..lr": "overrides: ",
+    "+pair=high layers=3 learn=null": "overrides: Config group override must be a string or a list",
+    "target=broken.yaml method=scratch": "broken.yaml: goal: missing",
+    "+pair=high layers=3 source_file=pickle.safetensors": "source_file: pickle.safetensors is not a whole",
+    "+pair=high layers=3 output=taken": "output: taken is not a folder that can be written",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) -> None:
+    if "device=cuda" in line and torch.cuda.is_available():
+        line = "+pair=high layers=3 device=cuda:99"
+    (tmp_path / "taken").write_text("mine")
+    (tmp_path / "pickle.safetensors").write_bytes(pickle.dumps({"conv1.weight": 1}))
+    (tmp_path / "broken/network").mkdir(parents=True)
+    (tmp_path / "broken/network/broken.yaml").write_text("conv: [[8, 8, 4]\nhidden: 3\n")
+    (tmp_path / "broken.yaml").write_text(
+        "start: [0.0, 0.0]\nheading: 90.0\nideal_path: any\ntarget_ships: []\n"
+    )
+    before = files(tmp_path)
+    done = ship_trl(*line.split(), folder=tmp_path, code=1)
+    assert done.stdout == ""
+    assert done.stderr.startswith(f"ship_trl: {REFUSED[line]}")
+    assert done.stderr.count("\n") == 1
+    assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("plugin", "extra"), [("sweeper/optuna", "optuna"), ("launcher/submitit_slurm", "slurm")]
+)
+def test_a_plugin_that_is_not_installed_is_named_with_its_extra(plugin: str, extra: str) -> None:
+    kind, name = plugin.split("/")
+    error = HydraException(f"In 'sweep/learning_rate': Could not find 'hydra/{plugin}'\n\nAvailable options")
+    assert explain_hydra(error) == f"hydra/{kind}: {name} is not installed; ship_trl[{extra}] brings it"
+
+
+@pytest.mark.parametrize("flags", [["--pair=high"], ["--multirum", "target=1"], ["--config-dir"]])
+def test_an_unknown_flag_is_one_line(flags: list[str], tmp_path: Path) -> None:
+    said = ship_trl(*flags, folder=tmp_path, code=1).stderr
+    assert said.startswith("ship_trl: ") and said.count("\n") == 1 and "without dashes" in said
+    assert not list(tmp_path.iterdir())

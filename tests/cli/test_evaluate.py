@@ -1,0 +1,233 @@
+"""`python -m ship_trl evaluate`: any policy on any case, and whether a folder holds what it claims."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from ship_trl.cli.evaluate import main
+from tests.command import ROOT, ship_trl
+
+LINE = [
+    *("target=2", "method=scratch", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30"),
+    "learn.jumpstart_draws=0",
+]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("evaluate")
+    ship_trl(*LINE, "output=runs", folder=folder)
+    return folder / "runs"
+
+
+def table(capsys: pytest.CaptureFixture[str], *words: str) -> list[list[str]]:
+    main([*words, "--markdown"])
+    lines = capsys.readouterr().out.splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    with pytest.raises(SystemExit) as left:
+        main(list(words))
+    assert left.value.code == 1
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 1 and told.startswith("ship_trl: ")
+    return told
+
+
+def test_policies_without_training(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = table(capsys, "random", "keep_course", "best_known", "target=1,4")
+    assert [row[:2] for row in rows] == [
+        [c, p] for p in ("random", "keep_course", "best_known") for c in "14"
+    ]
+    kept = {row[0]: row[2:] for row in rows if row[1] == "keep_course"}
+    assert kept["1"][:3] == ["83.9", "100%", "goal"] and kept["4"][2] == "collision"
+    best = [row for row in rows if row[1] == "best_known"]
+    assert [row[3] for row in best] == ["100%", "100%"] and best[1][5] == "45"
+
+
+def test_many_episodes_are_their_mean(capsys: pytest.CaptureFixture[str]) -> None:
+    ((*_, ended, _, _, _),) = table(capsys, "random", "target=2", "--episodes", "60")
+    assert sum(int(part.split()[1].rstrip("%")) for part in ended.split(",")) in range(99, 102)
+    assert table(capsys, "random", "target=2") != table(capsys, "random", "target=2", "--seed", "1")
+
+
+def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = table(capsys, str(trained))
+    assert [row[1] for row in rows] == ["2 scratch seed 0, best", "2 scratch seed 0, final"]
+    assert all(row[0] == "2" and row[2] == row[-1] for row in rows)
+    network = trained / "2" / "scratch" / "seed=0" / "policy.safetensors"
+    assert table(capsys, str(network), "target=2")[0][2] == rows[0][2]
+    # On another case nothing is claimed.
+    assert table(capsys, str(trained), "target=1")[0][-1] == ""
+
+
+def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = trained / "2" / "scratch" / "seed=0" / "result.json"
+    whole = path.read_text()
+    try:
+        claims = json.loads(whole)
+        claims["best"]["return"] += 1.0
+        path.write_text(json.dumps(claims))
+        assert "1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best" in refused(
+            capsys, str(trained)
+        )
+    finally:
+        path.write_text(whole)
+
+
+def test_of_a_folder_with_a_damaged_network_the_others_are_sailed(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "runs"
+    shutil.copytree(trained, copy)
+    network = copy / "2" / "scratch" / "seed=0" / "policy.safetensors"
+    network.write_bytes(network.read_bytes()[:1000])
+    with pytest.raises(SystemExit) as left:
+        main([str(copy), "--markdown"])
+    told = capsys.readouterr()
+    assert left.value.code == 1 and "2 scratch seed 0, final" in told.out and "best |" not in told.out
+    first, last = told.err.splitlines()
+    assert str(network) in first and first.endswith("; left out")
+    assert last.endswith("1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best cannot be read")
+    # One that was named must be right.
+    assert str(network) in refused(capsys, str(network), "random", "target=2")
+
+
+OWN = """
+import torch
+
+def always(env, seed):
+    def policy(step):
+        return step.set("action", torch.full(env.batch_size, 3))
+    return policy
+
+def looking(env, seed):
+    def policy(step):
+        assert step["pixels"].shape == (*env.batch_size, 1, 84, 84)
+        return step.set("action", step["pixels"].flatten(1).sum(-1) % 7)
+    return policy
+"""
+
+
+def test_a_policy_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "own.py"
+    file.write_text(OWN)
+    rows = table(capsys, f"{file}:always", f"{file}:looking", "keep_course", "target=2")
+    assert rows[0][2:] == rows[2][2:] and rows[1][2:] != rows[2][2:]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        (
+            "step.set('action', torch.full(env.batch_size, 3.0))",
+            "writes action float32 [1]; allowed: int64 [1] from",
+        ),
+        (
+            "step.set('action', torch.full(env.batch_size, 7))",
+            "writes action [7]; allowed: int64 [1] from 0 to 6",
+        ),
+        (
+            "step.set('action', torch.full(env.batch_size, -1))",
+            "writes action [-1]; allowed: int64 [1] from 0 to 6",
+        ),
+        (
+            "step.set('action', torch.zeros(*env.batch_size, 1, dtype=int))",
+            "writes action int64 [1, 1]; allowed: int64 [1]",
+        ),
+        ("torch.full(env.batch_size, 3)", "must give its tensordict back, with `action` in it"),
+        ("step.exclude('action')", "must give its tensordict back, with `action` in it"),
+    ],
+)
+@pytest.mark.parametrize("module", [False, True])
+def test_an_action_that_is_none_is_one_line(
+    module: bool, written: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "own.py"
+    act = f"def act(step):\n        return {written}"
+    made = (
+        "act"
+        if not module
+        else "type('Own', (torch.nn.Module,), {'forward': lambda self, step: act(step)})()"
+    )
+    file.write_text(
+        f"import torch\n\ndef wrong(env, seed):\n    {act}\n    return {made}\n\nnothing = lambda *_: None\n"
+    )
+    told = refused(capsys, f"{file}:wrong", "target=2")
+    assert f"policy: {file}:wrong {said}" in told and told.count("\n") == 1
+    assert f"policy: {file}:nothing gives None; allowed: a function" in refused(
+        capsys, f"{file}:nothing", "target=2"
+    )
+
+
+def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = tmp_path / "plan.gif"
+    table(capsys, "random", "best_known", "target=2", "--gif", str(film))
+    with Image.open(film) as picture:
+        assert getattr(picture, "n_frames", 0) > 30
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("random", "target: none given for random"),
+        ("target=2", "policy: none given"),
+        ("nobody target=2", "policy: no nobody; allowed: random, keep_course, best_known, pretrained, a"),
+        ("random target=99", "target: no case 99"),
+        ("random seed=3 target=2", "seed: unknown key; allowed here: target"),
+        ("none.safetensors target=2", "policy: no file none.safetensors"),
+        ("none.py:name target=2", "policy: none.py:name cannot be imported"),
+        ("math:nothing target=2", "policy: math has no function nothing"),
+        ("random target=2 --episodes 0", "--episodes: must be at least 1"),
+        ("random target=2 --gif no/where.gif", "--gif: no folder"),
+        ("random target=2 --gif film.mp4", "--gif: must be a name that ends with .gif"),
+        ("random target=2 --seed 99999999999999999999", "--seed: must be from 0"),
+        ("random target=2 target=4", "target: given twice"),
+        ("./mine:policy target=2", "policy: ./mine:policy cannot be imported"),
+        (":policy target=2", "policy: :policy cannot be imported"),
+        (
+            "broken.py:policy target=2",
+            "policy: broken.py:policy cannot be imported: NameError: name",
+        ),
+        (". target=2", "policy: no result.json with its networks at or below ."),
+    ],
+)
+def test_what_is_wrong_is_said(
+    words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.py").write_text("nothing\n")
+    assert said in refused(capsys, *words.split())
+
+
+def test_help_knows_no_torch() -> None:
+    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", "evaluate", "--help"]
+    done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
+    assert "target=CASE" in done.stdout and " torch\n" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("max_steps: 9223372036854775807", "world.max_steps: must be at most"),
+        ("dt: 1" + "0" * 400, "is not a configuration: int too large"),
+        ("dt: *nothing", "no alias (*nothing) is allowed"),
+    ],
+)
+def test_a_world_that_no_run_has_is_refused(
+    change: str, said: str, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "copy"
+    (run,) = [path.parent for path in trained.rglob("result.json")]
+    shutil.copytree(run, folder)
+    key = change.split(":")[0]
+    lines = (folder / "config.yaml").read_text().splitlines()
+    lines = [f"  {change}" if line.strip().startswith(f"{key}:") else line for line in lines]
+    (folder / "config.yaml").write_text("\n".join(lines))
+    assert said in refused(capsys, str(folder))

@@ -1,0 +1,128 @@
+"""A network as ONNX does what it does in torch, on a whole episode and on any batch."""
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+
+import onnxruntime
+import pytest
+import torch
+from torch import Generator, Tensor
+
+from ship_trl.cli import export
+from ship_trl.cli.export import compare, main
+from ship_trl.config.errors import ConfigError
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.rollout import Episode
+from ship_trl.transfer.layers import save_weights
+from tests.command import ship_trl
+from tests.learn.networks import network
+
+EPISODE = Episode(
+    states=torch.zeros(3, 4),
+    actions=torch.tensor([2, 5]),
+    q_values=torch.full((2, 7), 10.0),
+    rewards=torch.zeros(2),
+    goal=True,
+    collision=False,
+    dcpa=100.0,
+)
+
+
+def saved(path: Path, channels: int = 1, name: str = "paper") -> DuelingNetwork:
+    """A network that has learned nothing, as a file."""
+    made = network(name, channels)
+    save_weights(path, made, {"config_hash": "0123456789ab", "episode": 5})
+    return made
+
+
+def values(path: Path, pixels: Tensor) -> Tensor:
+    """What onnxruntime computes."""
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    return torch.from_numpy(session.run(["action_value"], {"pixels": pixels.numpy()})[0])
+
+
+def test_the_command_exports_and_checks_on_an_episode(tmp_path: Path) -> None:
+    made = saved(tmp_path / "policy.safetensors")
+    said = ship_trl("policy.safetensors", "q.onnx", "target=4", folder=tmp_path, verb="export").stdout
+    assert "q.onnx: case 4, policy.safetensors; pixels uint8 [batch, 1, 84, 84] -> action_value" in said
+    assert "checked in onnxruntime on an episode of " in said and "the same actions" in said
+    for batch in (1, 5):
+        pixels = torch.randint(
+            256, (batch, 1, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(1)
+        )
+        torch.testing.assert_close(values(tmp_path / "q.onnx", pixels), made(pixels).detach())
+    session = onnxruntime.InferenceSession(tmp_path / "q.onnx", providers=["CPUExecutionProvider"])
+    about = session.get_modelmeta().custom_metadata_map
+    assert (about["case"], about["config_hash"], about["episode"]) == ("4", "0123456789ab", "5")
+    assert len(json.loads(about["actions"])) == 7
+    assert {path.name for path in tmp_path.iterdir()} == {"policy.safetensors", "q.onnx"}
+
+
+def test_colours_and_other_layers_are_exported(tmp_path: Path) -> None:
+    made = saved(tmp_path / "five.safetensors", channels=3, name="five")
+    main(["five.safetensors", "five.onnx", "target=2", "--colour"])
+    pixels = torch.randint(256, (3, 3, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(2))
+    torch.testing.assert_close(values(tmp_path / "five.onnx", pixels), made(pixels).detach())
+
+
+def test_a_model_that_does_not_pass_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved(tmp_path / "policy.safetensors")
+    (tmp_path / "q.onnx").write_text("mine")
+    sail = export.onnx_policy
+
+    def other(path: Path, env: object) -> object:
+        policy = sail(path, env)  # type: ignore[arg-type]
+        return lambda step: policy(step).set("action", (step["action"] + 1) % 7)
+
+    monkeypatch.setattr(export, "onnx_policy", other)
+    with pytest.raises(SystemExit):
+        main(["policy.safetensors", "q.onnx", "target=4"])
+    assert "ship_trl: onnxruntime: acts differently on an episode of" in capsys.readouterr().err
+    assert (tmp_path / "q.onnx").read_text() == "mine" and len(list(tmp_path.iterdir())) == 2
+
+
+def test_episodes_are_alike_within_rounding() -> None:
+    assert EPISODE.q_values is not None
+    near = dataclasses.replace(EPISODE, q_values=EPISODE.q_values + 5e-4)
+    assert "on an episode of 2 steps: the same actions" in compare(EPISODE, near)
+    for change in (2e-3, float("nan")):
+        with pytest.raises(
+            ConfigError, match=r"^onnxruntime: Q-values of up to 10 differ by .*, allowed 1.0e-03"
+        ):
+            compare(EPISODE, dataclasses.replace(EPISODE, q_values=EPISODE.q_values + change))
+    with pytest.raises(ConfigError, match=r"^onnxruntime: acts differently on an episode of 2 steps"):
+        compare(EPISODE, dataclasses.replace(EPISODE, actions=torch.tensor([2, 4])))
+
+
+REFUSED = {
+    "policy.safetensors q.pt target=4": "file: must be a name that ends with .onnx, got q.pt",
+    "policy.safetensors none/q.onnx target=4": "file: no folder ",
+    "policy.safetensors q.onnx": "target: none given for policy.safetensors; allowed: target=CASE",
+    "policy.safetensors q.onnx target=2,4": "policy: policy.safetensors has several results or cases;",
+    "random q.onnx target=4": "policy: random has no network; allowed: a result folder or a safetensors file",
+    "nowhere.safetensors q.onnx target=4": "policy: no file nowhere.safetensors",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_wrong_input_is_one_line(line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved(tmp_path / "policy.safetensors")
+    with pytest.raises(SystemExit) as ended:
+        main(line.split())
+    said = capsys.readouterr().err
+    assert ended.value.code == 1 and said.startswith(f"ship_trl: {REFUSED[line]}") and said.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["policy.safetensors"]
+
+
+def test_a_missing_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    saved(tmp_path / "policy.safetensors")
+    monkeypatch.setitem(sys.modules, "onnxscript", None)
+    with pytest.raises(SystemExit):
+        main(["policy.safetensors", "q.onnx", "target=4"])
+    assert capsys.readouterr().err == "ship_trl: onnxscript is not installed; ship_trl[onnx] brings it\n"

@@ -1,0 +1,115 @@
+"""`python -m ship_trl record`: films and charts without a screen."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from ship_trl.cli.record import best_of_folders, main
+from ship_trl.config.errors import ConfigError
+from tests.cli.test_watch import refused
+from tests.command import ship_trl
+from tests.viewer.shown import entry
+
+
+def picture(path: str | Path) -> NDArray[np.uint8]:
+    with Image.open(path) as opened:
+        return np.asarray(opened).copy()
+
+
+def test_a_film_and_a_chart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(
+        [
+            "keep_course",
+            "random",
+            "--compare",
+            "target=4",
+            "--output",
+            "film.gif",
+            "--trajectories",
+            "paths.png",
+            "--fps",
+            "5",
+        ]
+    )
+    assert capsys.readouterr().out.splitlines() == ["film.gif", "paths.png"]
+    with Image.open("film.gif") as film:
+        assert film.size == (1280, 720) and getattr(film, "n_frames", 0) > 10
+    assert picture("paths.png").shape[1] > 500
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.gif", "paths.png"]
+
+
+def test_frames_of_several_policies_come_one_after_the_other() -> None:
+    line = "target=4 --fps 1 --speed 10 --size 640x360"
+    for words, folder in (("keep_course", "one"), ("random", "other"), ("keep_course random", "both")):
+        main([*words.split(), *line.split(), "--output", folder])
+    one, other, both = (
+        [np.asarray(Image.open(path)) for path in sorted(Path(name).iterdir())]
+        for name in ("one", "other", "both")
+    )
+    assert len(both) == len(one) + len(other) > 4
+    assert all((a == b).all() for a, b in zip(both, one + other, strict=True))
+
+
+def test_looks_change_the_film() -> None:
+    line = ["keep_course", "target=4", "--fps", "1", "--speed", "10", "--size", "640x360", "--output"]
+    main([*line, "plain"])
+    for look in ("absolute", "to-scale"):
+        main([*line, look, f"--{look}"])
+        first, second = (picture(f"{name}/00001.png") for name in ("plain", look))
+        assert (first != second).any()
+
+
+def test_of_a_result_its_best_network_is_shown() -> None:
+    best = replace(entry(), policy="a/policy.safetensors", label="a scratch seed 0, best")
+    last = replace(entry(), policy="a/policy_last.safetensors", label="a scratch seed 0, final")
+    named = replace(entry(), policy="a/policy_last.safetensors", label="a/policy_last.safetensors")
+    assert best_of_folders([best, last, named]) == [best, named]
+    with pytest.raises(ConfigError, match=r"a/policy_last\.safetensors has no best network beside it"):
+        best_of_folders([last])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("random target=2", "--output: none given"),
+        ("random target=2 --output no/film.gif", "--output: no folder"),
+        ("random target=2 --output film.avi", "--output: must end with .gif or .mp4, or be a folder"),
+        ("random target=2 --output there", "--output: there is there already"),
+        ("random target=2 --trajectories no/chart.png", "--trajectories: no folder"),
+        ("random target=2 --trajectories chart.pdf", "--trajectories: must be a name that ends with .png"),
+        ("random target=1,2 --trajectories chart.png", "--trajectories: one case, got 1, 2"),
+        ("random target=2 --output film.gif --fps 0.1", "--fps: must be from 1 to 60"),
+        ("random target=2 --output film.gif --fps 0", "--fps: must be from 1 to 60"),
+        ("random target=2 --output film.gif --speed 0", "--speed: must be from 0.1"),
+        ("random target=2 --output film.gif --size 1x1", "--size: must be WIDTHxHEIGHT"),
+        ("random target=2 --output film.gif --seed -1", "--seed: must be from 0"),
+        ("random target=2 --output film.gif --compare", "--compare: needs two policies"),
+        ("random --output film.gif", "target: none given for random"),
+    ],
+)
+def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("there").mkdir()
+    Path("there/kept").touch()
+    assert said in refused(capsys, main, *words.split())
+    assert [path.name for path in Path().iterdir()] == ["there"]
+
+
+def test_an_mp4_needs_an_extra_and_even_numbers(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["random", "target=2", "--output", "film.mp4", "--size", "641x360"]
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "imageio_ffmpeg", None)
+        assert "--output: an MP4 needs imageio-ffmpeg" in refused(capsys, main, *line)
+    pytest.importorskip("imageio_ffmpeg")
+    assert "--size: an MP4 needs even numbers" in refused(capsys, main, *line)
+
+
+def test_the_command(tmp_path: Path) -> None:
+    done = ship_trl("keep_course", "target=1", "--trajectories", "one.png", folder=tmp_path, verb="record")
+    assert done.stdout == "one.png\n" and done.stderr == ""

@@ -1,0 +1,188 @@
+"""The table of finished runs."""
+
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from ship_trl.cli.results import main
+from ship_trl.files.curve import GREEDY, TRAINING, write_curve
+from ship_trl.files.result import write_result
+from ship_trl.run.results import collect
+from tests.a_result import a_result, an_evaluation
+
+
+def write(folder: Path, seed: int, best: float, outcome: str = "goal") -> None:
+    place = folder / f"4/scratch/seed={seed}"
+    place.mkdir(parents=True)
+    score = an_evaluation(best, outcome)
+    made = a_result(
+        pair="4", arm="scratch", target="4", seed=seed, best=score, final=score, best_known_return=40.0
+    )
+    write_result(place, made)
+
+
+def test_one_row_for_each_arm_with_its_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    write(tmp_path, 10, 20.0)
+    write(tmp_path, 2, -300.0, "collision")
+    main([str(tmp_path), "--markdown"])
+    rows = capsys.readouterr().out.splitlines()
+    assert (
+        rows[2] == "| 4 scratch | 0 2 10 | 40.0 | 30.0 -300.0 20.0 | - | 2 of 3 | 30.0 -300.0 20.0 | 2 of 3 |"
+    )
+
+
+def test_share_is_of_the_worst_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    write(tmp_path, 1, 20.0)
+    main([str(tmp_path), "--markdown", "--arm", "scratch"])
+    assert "| at least 50% | 2 of 2 |" in capsys.readouterr().out
+
+
+def test_a_broken_result_is_named_and_the_rest_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, 0, 30.0)
+    for name, text in (("cut", '{"pair": '), ("foreign", "[1]"), ("other", "{}")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "result.json").write_text(text)
+    found, broken = collect(tmp_path)
+    assert len(found) == 1 and len(broken) == 3
+    main([str(tmp_path), "--markdown"])
+    said = capsys.readouterr()
+    assert said.err.count("; left out") == 3 and "4 scratch" in said.out
+
+
+def test_a_copy_is_no_further_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    shutil.copytree(tmp_path / "4", tmp_path / "4 again")
+    # The same seed on another machine, say, may end otherwise.
+    write(tmp_path / "other", 0, 20.0)
+    (tmp_path / "other/4").rename(tmp_path / "4 elsewhere")
+    main([str(tmp_path), "--markdown"])
+    said = capsys.readouterr()
+    assert "| 4 scratch | 0 0 | 40.0 | 30.0 20.0 |" in said.out
+    copies = [tmp_path / f"{name}/scratch/seed=0" for name in ("4 again", "4")]
+    assert said.err == f"ship_trl: {copies[0]} is a copy of {copies[1]}; left out\n"
+    # Two folders that are compared may hold the same run.
+    main([str(tmp_path / "4"), str(tmp_path / "4 again"), "--markdown"])
+    assert capsys.readouterr().out.count("scratch | 0 |") == 2
+
+
+def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 10.0)
+    write(tmp_path / "reuse/epsilon_low", 0, 20.0)
+    write(tmp_path / "reuse/epsilon_1", 0, 30.0)
+    aside = tmp_path / "4/scratch/damaged-1-seed=1"
+    write(tmp_path, 1, 40.0)
+    (tmp_path / "4/scratch/seed=1").rename(aside)
+    main([str(tmp_path), "--markdown"])
+    rows = [row.split(" | ")[:4] for row in capsys.readouterr().out.splitlines()[2:5]]
+    assert rows == [
+        ["| 4 scratch", "0", "40.0", "10.0"],
+        ["| reuse/epsilon_1/4 scratch", "0", "40.0", "30.0"],
+        ["| reuse/epsilon_low/4 scratch", "0", "40.0", "20.0"],
+    ]
+
+
+def test_of_a_study_that_is_kept_as_tables_the_report_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "runs.csv").touch()
+    with pytest.raises(SystemExit):
+        main([str(tmp_path)])
+    said = capsys.readouterr().err
+    assert f"python -m ship_trl report {tmp_path} reads them" in said and said.count("\n") == 1
+
+
+def test_an_empty_folder_is_one_line_and_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main([str(tmp_path)])
+    assert caught.value.code == 1
+    assert capsys.readouterr().err.startswith("ship_trl: folder: no finished run below")
+
+
+def write_rows(folder: Path, seed: int, rows: list[tuple[str, int, float]]) -> None:
+    """A learning curve of rows kind, episode and return."""
+    table = pd.DataFrame(rows, columns=["kind", "episode", "return"])
+    write_curve(folder / f"4/scratch/seed={seed}", table.assign(epsilon=0.1, outcome="goal", dcpa=60.0))
+
+
+def test_curves_of_two_folders_are_drawn_beside_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one", "two"):
+        write(tmp_path / name, 0, 30.0)
+        rows = [(GREEDY, 0, -300.0), (TRAINING, 1, -250.0), (TRAINING, 2, 10.0), (GREEDY, 2, 20.0)]
+        write_rows(tmp_path / name, 0, rows)
+    write(tmp_path / "two", 1, 20.0)  # without a learning curve
+    one, two, picture = (str(tmp_path / name) for name in ("one", "two", "both.png"))
+    main([one, two, "--markdown", "--picture", picture])
+    said = capsys.readouterr()
+    assert f"| {one}: 4 scratch | 0 |" in said.out and f"| {two}: 4 scratch | 0 1 |" in said.out
+    assert said.err.count("\n") == 1 and "seed=1: curve.csv is missing; left out" in said.err
+    assert Path(picture).read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_a_curve_there_is_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    with pytest.raises(SystemExit) as caught:
+        main([str(tmp_path), "--picture", str(tmp_path / "none.png")])
+    assert caught.value.code == 1
+    assert "picture: no learning curve to draw" in capsys.readouterr().err
+    assert not (tmp_path / "none.png").exists()
+
+
+def curve(folder: Path, seed: int, greedy: list[float]) -> None:
+    """A run with so many greedy evaluations."""
+    write(folder, seed, 30.0)
+    numbered = list(enumerate(greedy, 1))
+    rows = [row for n, value in numbered for row in ((TRAINING, n, -10.0), (GREEDY, n, value))]
+    write_rows(folder, seed, rows)
+
+
+def test_a_picture_is_a_png(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), "--picture", str(tmp_path / "curves.xyz")])
+    assert ended.value.code == 1 and not (tmp_path / "curves.xyz").exists()
+    assert capsys.readouterr().err.startswith("ship_trl: argument --picture: must be a name")
+
+
+def test_two_folders_are_tested_against_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for seed in range(4):
+        curve(tmp_path / "a", seed, [seed, seed + 2.0])
+        curve(tmp_path / "b", seed, [seed + 50.0, seed + 52.0])
+        curve(tmp_path / "c", seed, [seed + 0.5, seed + 1.5])
+    main([str(tmp_path / "a"), str(tmp_path / "b"), "--markdown", "--test"])
+    # Of the 70 ways to part eight runs, two part them so far: 2/70.
+    assert "| 4 scratch | 1.0 2.0 3.0 4.0 | 51.0 52.0 53.0 54.0 | 0.03 |" in capsys.readouterr().out
+    main([str(tmp_path / "a"), str(tmp_path / "c"), "--markdown", "--test"])
+    assert "| 4 scratch | 1.0 2.0 3.0 4.0 | 1.0 2.0 3.0 4.0 | 1.00 |" in capsys.readouterr().out
+
+
+def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    curve(tmp_path, 0, [1.0])
+    with pytest.raises(SystemExit) as caught:
+        main([str(tmp_path), "--test"])
+    assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--picture", "--csv"])
+def test_a_file_that_cannot_be_written_is_one_line(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: object) -> None:
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr("ship_trl.cli.results.picture", full)
+    monkeypatch.setattr("ship_trl.cli.results.write_numbers", full)
+    write(tmp_path, 0, 30.0)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path), option, "file.png"])
+    assert ended.value.code == 1
+    assert capsys.readouterr().err == "ship_trl: file.png: No space left on device\n"

@@ -1,0 +1,44 @@
+"""The real command in a process of its own."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+# As long as real ones, for wandb refuses others; no file and no word of a command may hold them.
+KEYS = {"WANDB_API_KEY": "a1b2c3d4e5" * 4, "RAY_AUTH_TOKEN": "f6e7d8c9" * 8}
+
+
+def environment() -> dict[str, str]:
+    """Of a command: this checkout, one thread, a terminal of fixed width."""
+    found = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
+    found.pop("HYDRA_FULL_ERROR", None)
+    return found
+
+
+def ship_trl(
+    *arguments: str, folder: Path, verb: str = "", code: int = 0, first: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """Run `python -m ship_trl VERB ...` in `folder`, after lines of Python, and check its exit code."""
+    program = ["-m", "ship_trl"]
+    if first:
+        then = (
+            "import runpy, sys; sys.argv[0] = 'ship_trl'; runpy.run_module('ship_trl', run_name='__main__')"
+        )
+        program = ["-c", f"{first}\n{then}"]
+    done = subprocess.run(
+        [sys.executable, *program, *([verb] if verb else []), *arguments],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=900,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Read every file below a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}

@@ -1,0 +1,270 @@
+"""Every group of conf/ composes, and every wrong value is refused with its key and what is allowed."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+
+from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import BFLOAT16, Config, Method, plain
+from ship_trl.run.plan import make_run
+from ship_trl.study.plan.config import to_study
+
+HIGH = ["+pair=high", "method=finetune", "layers=3"]
+
+
+def composed(*overrides: str) -> Config:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        values = compose("config", list(overrides))
+    assert isinstance(values, DictConfig)
+    return to_config(values)
+
+
+def options(group: str) -> list[str]:
+    return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+
+
+def test_the_main_line_says_what_it_says() -> None:
+    config = composed(*HIGH)
+    assert (config.source, config.target, config.method, config.layers) == ("1", "2", Method.finetune, 3)
+    assert (config.label, config.arm, config.profile, config.output) == ("high", "FT3", "quick", "outputs")
+
+
+@pytest.mark.parametrize("pair", options("pair"))
+def test_every_pair_composes(pair: str) -> None:
+    config = composed(f"+pair={pair}", "layers=all")
+    assert config.label == pair and config.arm == "FTW"
+    assert make_run(config).source is not None
+
+
+@pytest.mark.parametrize("arm", options("arm"))
+def test_every_arm_composes(arm: str) -> None:
+    config = composed("+pair=low", f"+arm={arm}")
+    assert config.arm == arm
+
+
+@pytest.mark.parametrize("case", options("case"))
+def test_every_case_composes(case: str) -> None:
+    config = composed(f"target={case}", "method=scratch")
+    assert config.label == case and make_run(config).target.name == case
+
+
+@pytest.mark.parametrize("profile", options("profile"))
+def test_every_profile_composes(profile: str) -> None:
+    assert composed(*HIGH, f"profile={profile}").profile == profile
+
+
+@pytest.mark.parametrize("network", options("network"))
+def test_every_network_composes_with_each_number_of_layers(network: str) -> None:
+    count = len(composed(*HIGH, f"network={network}").network.conv)
+    for method, arm in (("finetune", "FT"), ("feature_extraction", "FE")):
+        for n in range(1, count + 1):
+            line = ("+pair=high", f"network={network}", f"method={method}", f"layers={n}")
+            assert composed(*line).arm == f"{arm}{n}"
+        with pytest.raises(ConfigError, match=rf"^layers: must be 1, .*{count}.* got {count + 1}$"):
+            composed(*line[:3], f"layers={count + 1}")
+
+
+def test_whole_numbers_will_do_for_actions() -> None:
+    whole, real = (
+        composed(*HIGH, f"world.actions={rows}") for rows in ("[[10,0.1],[5,0]]", "[[10.0,0.1],[5.0,0.0]]")
+    )
+    assert whole == real and all(type(v) is float for row in whole.world.actions for v in row)
+    assert make_run(whole).config_hash == make_run(real).config_hash
+
+
+@pytest.mark.parametrize("group", ["world", "learn"])
+def test_every_other_group_composes(group: str) -> None:
+    for name in options(group):
+        composed(*HIGH, f"{group}={name}")
+
+
+@pytest.mark.parametrize("launcher", options("hydra/launcher"))
+def test_every_launcher_composes(launcher: str) -> None:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        line = [*HIGH, f"hydra/launcher={launcher}"]
+        chosen = compose("config", line, return_hydra_config=True).hydra.launcher
+    classes = {"slurm": "SlurmLauncher", "slurm_local": "LocalLauncher"}
+    assert chosen._target_.endswith(classes.get(launcher, "RayLauncher"))
+
+
+def test_every_group_is_covered() -> None:
+    groups = {str(path.parent.relative_to(conf_dir())) for path in conf_dir().glob("*/**/*.yaml")}
+    assert groups == {
+        "pair",
+        "arm",
+        "case",
+        "profile",
+        "world",
+        "learn",
+        "network",
+        "sweep",
+        "hydra/launcher",
+    }
+
+
+@pytest.mark.parametrize("sweep", options("sweep"))
+def test_every_sweep_composes(sweep: str) -> None:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        found = compose("config", [*HIGH, f"+sweep={sweep}"], return_hydra_config=True)
+    sweeper = found.hydra.sweeper
+    assert sweeper._target_.endswith("OptunaSweeper") and sweeper.direction == "maximize"
+    assert found.hydra.mode is RunMode.MULTIRUN
+    for key in sweeper.params:
+        assert OmegaConf.select(found, key) is not None, key
+
+
+def test_any_two_cases_are_a_pair() -> None:
+    config = composed("source=3", "target=2", "layers=1")
+    assert config.label == "3-2" and config.pair is None
+
+
+def test_config_survives_yaml() -> None:
+    config = composed(*HIGH)
+    assert to_config(OmegaConf.create(plain(config))) == config
+
+
+WRONG = {
+    "": "pair: none given",
+    "layers=3": "pair: none given",
+    "+pair=high": "layers: none given; give layers=1, 2, 3, 4 or all with method=finetune, or +arm=NAME,",
+    "+pair=high layers=0": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=banana": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=2.5": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high layers=true": "layers: must be 1, 2, 3, 4 or all",
+    "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4 with",
+    "+pair=high method=feature_extraction": "layers: none given; give layers=1, 2, 3, 4 with method=feature",
+    "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
+    "+pair=high method=scratch source_file=x": "source_file: must be left out with method=scratch",
+    "+pair=high method=scratch source_weights=random": "source_weights: must be learned with method=scratch",
+    "+pair=high method=scratch source_weights=permuted": "source_weights: must be learned with",
+    "+pair=high layers=3 source_file=x source_weights=random": "source_weights: must be learned or",
+    "+pair=high layers=3 source=pretrained source_weights=random": "source_weights: must be left out",
+    "+pair=high layers=3 source=pretrained source_file=x": "source_file: must be left out with source=",
+    "+pair=high layers=3 source_weights=banana": "source_weights: Invalid value 'banana', expected one of [",
+    "target=2 layers=2": "source: must be a case",
+    "+pair=high method=banana layers=2": "method: Invalid value 'banana', expected one of [scratch,",
+    "+pair=high layers=3 logger=banana": "logger: Invalid value 'banana', expected one of [csv, wandb,",
+    "+pair=high layers=3 objective=banana": "objective: Invalid value 'banana', expected one of [late,",
+    "+pair=high layers=3 wandb.mode=banana": "wandb.mode: Invalid value 'banana', expected one of",
+    "+pair=high layers=3 learn.loss=l3": "learn.loss: Invalid value 'l3', expected one of [l2, huber]",
+    "+pair=high layers=3 learn.precision=fp8": "learn.precision: Invalid value 'fp8', expected one of [auto,",
+    "+pair=high layers=3 learn.backend=fast": "learn.backend: Invalid value 'fast', expected one of [auto,",
+    "+pair=high layers=3 learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
+    "+pair=high layers=3 device=tpu": "device: must be cpu or cuda, got tpu",
+    "+pair=high layers=3 seed=-1": "seed: must be at least 0",
+    "+pair=high layers=3 seed=one": "seed: Value 'one' of type 'str' could not be converted to Integer",
+    "+pair=high layers=3 learn.episodes=-5": "learn.episodes: must be at least 1, got -5",
+    "+pair=high layers=3 learn.episodes=0": "learn.episodes: must be at least 1",
+    "+pair=high layers=3 learn.num_envs=0": "learn.num_envs: must be at least 1",
+    "+pair=high layers=3 learn.batch_size=0": "learn.batch_size: must be at least 1",
+    "+pair=high layers=3 learn.replay_size=8": "learn.batch_size: must be at most learn.replay_size=8",
+    "+pair=high layers=3 learn.update_every=0": "learn.update_every: must be at least 1",
+    "+pair=high layers=3 learn.evaluate_every=0": "learn.evaluate_every: must be at least 1",
+    "+pair=high layers=3 learn.warmup_steps=-1": "learn.warmup_steps: must be at least 0",
+    "+pair=high layers=3 learn.jumpstart_draws=-1": "learn.jumpstart_draws: must be at least 0, got -1",
+    "+pair=high layers=3 learn.jumpstart_draws=all": "learn.jumpstart_draws: Value 'all'",
+    "+pair=high layers=3 learn.lr=0": "learn.lr: must be above 0",
+    "+pair=high layers=3 learn.lr=nan": "learn.lr: must be above 0, got nan",
+    "+pair=high layers=3 learn.lr_end=0": "learn.lr_end: must be above 0",
+    "+pair=high layers=3 learn.reward_scale=-1": "learn.reward_scale: must be above 0",
+    "+pair=high layers=3 learn.gamma=1.1": "learn.gamma: must be from 0 to 1",
+    "+pair=high layers=3 learn.tau=0": "learn.tau: must be above 0",
+    "+pair=high layers=3 learn.tau=2": "learn.tau: must be from 0 to 1",
+    "+pair=high layers=3 learn.epsilon_start=2": "learn.epsilon_start: must be from 0 to 1",
+    "+pair=high layers=3 learn.epsilon_end=-1": "learn.epsilon_end: must be from 0 to 1",
+    "+pair=high layers=3 learn.epsilon_fraction=0": "learn.epsilon_fraction: must be above 0",
+    "+pair=high layers=3 world.dt=0": "world.dt: must be above 0",
+    "+pair=high layers=3 world.max_steps=0": "world.max_steps: must be above 0",
+    "+pair=high layers=3 world.max_steps=1000000": "world.max_steps: must be at most 1000 (the planner's",
+    "+pair=high layers=3 world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be a list of [v in m/s,",
+    "+pair=high layers=3 world.safe_distance=inf": "world.safe_distance: must be above 0, got inf",
+    "+pair=high layers=3 world.reward.goal=nan": "world.reward.goal: must be a finite number",
+    "+pair=high layers=3 world.actions=[[1.0]]": "world.actions: must be a list of [v in m/s,",
+    "+pair=high layers=3 world.actions=[1.0,0.0]": "world.actions[0]: must be a list, got 1.0",
+    "+pair=high layers=3 world.actions=[[fast,0]]": "world.actions[0]: Value 'fast' (str)",
+    "+pair=high layers=3 world.actions=[]": "world.actions: must be a list of",
+    "+pair=high layers=3 +typo=3": "typo: unknown key; allowed here: pair, source, target",
+    "+pair=high layers=3 +learn.typo=3": "learn.typo: unknown key; allowed here: episodes,",
+    "+pair=high layers=3 +world.reward.typo=3": "world.reward.typo: unknown key; allowed here: goal,",
+    "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5 or all with method=finetune, got 6",
+    "+pair=high layers=3 network.conv=[]": "network.conv: must be at least one [filters, kernel, stride]",
+    "+pair=high layers=3 network.conv=[[8,84]]": "network.conv[0]: must be [filters, kernel, stride], each",
+    "+pair=high layers=3 network.conv=[[8,8,0],[8,20,1]]": "network.conv[0]: must be [filters, kernel,",
+    "+pair=high layers=3 network.conv=[[-8,8,4],[8,20,1]]": "network.conv[0]: must be [filters, kernel,",
+    "+pair=high layers=3 network.conv=[[8,8.5,4]]": "network.conv[0]: Value 8.5 (float)",
+    "+pair=high layers=3 network.conv=8": "network.conv: must be a list of lists, got 8",
+    "+pair=high layers=3 network.conv=[8,8,4]": "network.conv[0]: must be a list, got 8",
+    "+pair=high layers=3 network.conv=[[8,8,4],[8,21,1]]": "network.conv[1]: the kernel must be 20, to cover",
+    "+pair=high layers=3 network.conv=[[8,85,4],[8,1,1]]": "network.conv[0]: the kernel must be at most 84",
+    "+pair=high layers=3 network.conv=[[8,8,4],[8,19,1]]": "network.conv[1]: the kernel must be 20, to cover",
+    "+pair=high layers=3 network.conv=[???]": "network.conv[0]: missing; a value is needed",
+    "+pair=high layers=3 network.conv=${nothing}": "network.conv: ",
+    "+pair=high layers=3 network.hidden=0": "network.hidden: must be 1 to 4096, got 0",
+    "+pair=high layers=3 network.conv=[[99999999,8,4]]": "network.conv[0]: at most 4096 filters are allowed",
+    "+pair=high layers=3 +network.typo=3": "network.typo: unknown key; allowed here: conv, hidden",
+    "+pair=high layers=2 learn.backend=incremental network.conv=[[8,6,3],[8,27,1]]": "learn.backend: must be",
+    "+pair=high layers=3 ~learn.lr": "learn.lr: missing",
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_wrong_values_are_refused(line: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        composed(*line.split())
+    message = str(caught.value)
+    assert message.startswith(WRONG[line])
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("logger", ["tensorboard", "all"])
+def test_tensorboard_is_refused_where_it_is_not_installed(
+    logger: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    composed(*HIGH, f"logger={logger}")
+    monkeypatch.setitem(sys.modules, "tensorboard", None)
+    composed(*HIGH, "logger=wandb")
+    message = rf"^logger: {logger} needs TensorBoard; ship_trl\[tensorboard\] brings it$"
+    with pytest.raises(ConfigError, match=message):
+        composed(*HIGH, f"logger={logger}")
+    with pytest.raises(ConfigError, match=message):
+        to_study([f"logger={logger}"])
+
+
+def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for value in ("on", "off", ""):
+        monkeypatch.setenv(BFLOAT16, value)
+        composed(*HIGH)
+    monkeypatch.setenv(BFLOAT16, "no")
+    with pytest.raises(ConfigError, match=r"^SHIP_TRL_BFLOAT16: must be on or off, got no$"):
+        composed(*HIGH)
+
+
+UNRUNNABLE = {
+    "target=9 method=scratch": "target: no case 9; allowed: 1, 2, 3, 4, 5, 6, new, ship, or a path",
+    "source=9 target=1 layers=1": "source: no case 9; allowed: 1,",
+    "target=1 method=scratch world.max_steps=35": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
+    "target=1 method=scratch world.dt=0.1": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
+    "+pair=high layers=3 source_file=nowhere": "source_file: no file nowhere",
+}
+
+
+@pytest.mark.parametrize("line", UNRUNNABLE)
+def test_what_is_not_there_is_refused(line: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        make_run(composed(*line.split()))
+    assert str(caught.value).startswith(UNRUNNABLE[line])
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    place = tmp_path / "taken"
+    place.write_text("mine")
+    with pytest.raises(ConfigError, match=r"output: .*taken is not a folder that can be written"):
+        make_run(composed(*HIGH, f"output={place}"))
+    assert place.read_text() == "mine"

@@ -1,0 +1,75 @@
+"""Which layers a network may have, and the maps that they give."""
+
+import pytest
+import torch
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import cut_by_words, geometry, linear_from, load_network, others
+from ship_trl.config.types import PICTURE, Network
+
+
+def sizes(conv: list[list[int]]) -> list[int]:
+    """Sides of the maps, by torch's own layers."""
+    found, x = [], torch.zeros(1, 1, PICTURE, PICTURE, device="meta")
+    for filters, kernel, stride in conv:
+        x = torch.nn.Conv2d(x.shape[1], filters, kernel, stride, device="meta")(x)
+        found.append(x.shape[-1])
+    return found
+
+
+@given(
+    layers=st.lists(st.tuples(st.integers(1, 4), st.integers(1, 20), st.integers(1, 8)), max_size=6),
+    last=st.integers(1, 4),
+)
+def test_sides_are_those_of_torch(layers: list[tuple[int, int, int]], last: int) -> None:
+    conv, side = [], PICTURE
+    for filters, kernel, stride in layers:
+        assume(kernel <= side)
+        conv.append([filters, kernel, stride])
+        side = sizes(conv)[-1]
+    conv.append([last, side, 1])
+    found = geometry(Network(conv, 1))
+    assert [layer.side for layer in found] == sizes(conv)
+    assert [layer.below for layer in found] == [PICTURE, *sizes(conv)[:-1]]
+    # From there on all maps are of one place, and no layer before it, but for the first, sees a whole map.
+    flat = linear_from(found)
+    assert all(layer.side == 1 and layer.whole for layer in found[flat:])
+    assert not any(layer.whole for layer in found[1:flat])
+
+
+@pytest.mark.parametrize(("name", "sides"), [("paper", [20, 9, 7, 1]), ("five", [20, 9, 7, 5, 1])])
+def test_shipped_networks(name: str, sides: list[int]) -> None:
+    layers = geometry(load_network(name))
+    assert [layer.side for layer in layers] == sides
+    assert linear_from(layers) == len(layers) - 1 and cut_by_words(layers)
+
+
+def test_the_papers_network_is_that_of_section_3_5() -> None:
+    network = load_network()
+    assert network == Network([[32, 8, 4], [64, 4, 2], [64, 3, 1], [200, 7, 1]], 200)
+    # What was written down before there were others says nothing of it.
+    assert others(network) is None
+    five = load_network("five")
+    assert others(five) == {"conv": five.conv, "hidden": five.hidden}
+
+
+@pytest.mark.parametrize(
+    ("conv", "cut"),
+    [
+        ([[8, 8, 4], [8, 20, 1]], True),
+        ([[8, 12, 8], [8, 10, 1]], True),
+        ([[8, 84, 4], [8, 1, 1]], True),
+        ([[8, 84, 4]], False),
+        ([[8, 6, 4], [8, 20, 1]], False),
+        ([[8, 8, 2], [8, 39, 1]], False),
+    ],
+)
+def test_what_is_cut_by_words(conv: list[list[int]], cut: bool) -> None:
+    assert cut_by_words(geometry(Network(conv, 1))) == cut
+
+
+def test_a_wrong_network_is_refused_by_name() -> None:
+    with pytest.raises(ConfigError, match=r"^network.conv\[1\]: the kernel must be 20, to cover"):
+        geometry(Network([[8, 8, 4], [8, 7, 1]], 1))

@@ -1,0 +1,63 @@
+"""Files that matter are written beside and renamed."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config.paths import conf_dir
+from ship_trl.files.disk import read_file, read_json, replacing
+
+
+def test_conf_is_the_checkout_s() -> None:
+    assert conf_dir() == Path(__file__).parents[2] / "conf"
+
+
+def test_every_test_works_in_an_empty_folder() -> None:
+    assert not list(Path.cwd().iterdir())
+
+
+def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("old")
+    with replacing(path) as draft:
+        draft.write_text("new")
+        assert path.read_text() == "old" and draft.parent == path.parent and draft.suffix == path.suffix
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("old")
+
+    def fail() -> None:
+        with replacing(path) as draft:
+            draft.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_what_is_no_file_is_not_waited_for(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    with pytest.raises(OSError, match="is no file") as raised:
+        read_file(path)
+    assert raised.value.filename == str(path)
+
+
+def test_json_that_lies_too_deep_is_an_error_of_its_value(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    path.write_text("[" * 200_000)
+    with pytest.raises(ValueError, match="nested too deep"):
+        read_json(path)

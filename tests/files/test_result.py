@@ -1,0 +1,82 @@
+"""What a result is: written and read the same, older ones too, and refused by the key that is wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ship_trl.files.result import SCHEMA_VERSION, ResultError, from_json, read_result, write_result
+from tests.a_result import a_result, an_evaluation
+
+
+@given(
+    number=st.floats(allow_nan=False, allow_infinity=False),
+    layers=st.one_of(st.none(), st.integers(1, 4), st.just("all")),
+    dcpa=st.one_of(st.none(), st.floats(0, 1e6)),
+    draws=st.lists(st.floats(-1e6, 1e6), max_size=3),
+)
+def test_it_is_read_as_it_was_written(number: float, layers: Any, dcpa: Any, draws: list[float]) -> None:
+    score = an_evaluation(number)
+    made = a_result(layers=layers, best=score, draws=draws, best_known_return=number)
+    object.__setattr__(score, "dcpa", dcpa)
+    assert from_json(json.loads(json.dumps(made.to_json()))) == made
+
+
+def test_a_file_holds_what_it_says(tmp_path: Path) -> None:
+    write_result(tmp_path, a_result())
+    assert read_result(tmp_path) == a_result()
+    values = json.loads((tmp_path / "result.json").read_text())
+    assert values["schema_version"] == SCHEMA_VERSION and values["best"]["return"] == 10.0
+
+
+def test_an_older_result_is_read_and_named_as_older() -> None:
+    values = a_result(draws=[1.0]).to_json()
+    values["recipe"] = values.pop("config_hash")
+    for key in ("schema_version", "algorithm_version", "draws", "precision", "backend", "random_return"):
+        del values[key]
+    found = from_json(values)
+    assert found.config_hash == "0123456789ab" and found.schema_version == 1
+    assert (found.draws, found.precision, found.random_return, found.algorithm_version) == ([], None, None, 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"pair": None}, "holds no text in pair"),
+        ({"seed": "0"}, "holds no whole number in seed"),
+        ({"seed": True}, "holds no whole number in seed"),
+        ({"best_known_return": "80"}, "holds no number in best_known_return"),
+        ({"best_known_return": float("inf")}, "holds no number in best_known_return"),
+        ({"seconds": 10**400}, "holds no number in seconds"),
+        ({"draws": [1.0, "2"]}, "holds no list of numbers in draws"),
+        ({"best": 3}, "has no best"),
+        ({"best": {"return": 1.0}}, "has no best.outcome"),
+        ({"best": {"outcome": "goal"}}, "has no best.return"),
+        ({"schema_version": SCHEMA_VERSION + 1}, f"has schema_version {SCHEMA_VERSION + 1}; up to"),
+        ({"schema_version": "2"}, "holds no whole number in schema_version"),
+        ({"seed": 2**63}, "holds no whole number in seed"),
+    ],
+)
+def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(ResultError, match=said):
+        from_json(a_result().to_json() | change)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "cannot be read"),
+        ("[" * 100_000, "cannot be read"),
+        ("[1]", "not a result"),
+        ("{}", "has no pair"),
+    ],
+)
+def test_what_is_no_result_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ResultError, match="is missing"):
+        read_result(tmp_path)
+    (tmp_path / "result.json").write_text(text)
+    with pytest.raises(ResultError, match=said):
+        read_result(tmp_path)

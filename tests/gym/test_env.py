@@ -1,0 +1,74 @@
+"""Gymnasium's and Stable-Baselines3's own checks, and a training of each."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3 import DQN
+from stable_baselines3.common.env_checker import check_env as check_sb3
+
+from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.render import Rasteriser
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_gymnasium_accepts_it(colour: bool) -> None:
+    env = ShipCollisionEnv(case="4", colour=colour, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*render modes.*|.*spec is None.*")
+        check_env(env, skip_render_check=False)
+    assert env.observation_space.shape == (84, 84, 3 if colour else 1)
+
+
+def test_it_is_made_by_name() -> None:
+    env = gymnasium.make(f"ship_trl.gym.env:{ENV_ID}", case="3", reward_scale=0.01)
+    observation, info = env.reset(seed=1)
+    assert observation.shape == (84, 84, 1) and info["dcpa"] == float("inf")
+    total, steps, terminated, truncated = 0.0, 0, False, False
+    while not (terminated or truncated):
+        observation, reward, terminated, truncated, info = env.step(np.int64(3))
+        total, steps = total + float(reward), steps + 1
+    assert (steps, terminated, truncated, info["collision"]) == (19, True, False, True)
+    assert total == pytest.approx(-2.855, abs=1e-3)
+
+
+def test_pictures_for_people() -> None:
+    env = ShipCollisionEnv(case="4", render_mode="rgb_array")
+    env.reset()
+    picture = env.render()
+    assert picture is not None and picture.shape == (600, 600, 3) and picture.std() > 5
+
+
+def test_a_window_opens_and_closes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = ShipCollisionEnv(case="4", render_mode="human")
+    env.reset()
+    env.step(np.int64(0))
+    import pygame
+
+    surface = pygame.display.get_surface()
+    assert surface is not None and surface.get_size() == (600, 600)
+    env.close()
+    assert not pygame.display.get_init()
+
+
+def test_stable_baselines3_trains_on_it_unchanged() -> None:
+    env = gymnasium.make(ENV_ID, case="2")
+    check_sb3(env.unwrapped, warn=True)
+    model = DQN("CnnPolicy", env, buffer_size=300, learning_starts=40, train_freq=4, batch_size=8, seed=0)
+    before = next(model.q_net.parameters()).clone()
+    model.learn(120)
+    assert not bool((before == next(model.q_net.parameters())).all())
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_it_shows_what_the_network_sees_channels_last(colour: bool) -> None:
+    env, world = ShipCollisionEnv(case="4", colour=colour), load_world()
+    env.reset()
+    observation, _, _, _, info = env.step(np.int64(0))
+    picture = Rasteriser(load_case("4", world), world, colour=colour)(torch.from_numpy(info["state"]))
+    assert np.array_equal(np.moveaxis(observation, -1, 0), picture.numpy())

@@ -1,0 +1,111 @@
+"""The vector environment is N of the single ones."""
+
+import re
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
+from ship_trl.gym.vector import ShipCollisionVectorEnv
+from tests.command import ROOT, environment
+
+
+def pair(count: int, case: str, colour: bool = False) -> tuple[ShipCollisionVectorEnv, SyncVectorEnv]:
+    single = lambda: ShipCollisionEnv(case, colour=colour, reward_scale=0.5)  # noqa: E731
+    singles = SyncVectorEnv([single] * count, autoreset_mode=AutoresetMode.SAME_STEP)
+    return ShipCollisionVectorEnv(count, case, colour=colour, reward_scale=0.5), singles
+
+
+def alike(got: object, wanted: object) -> None:
+    """Equal arrays, in dictionaries of any depth, whatever their types are called."""
+    if isinstance(wanted, dict):
+        assert isinstance(got, dict)
+        for key in wanted:
+            # Masks of what every row has are of no use to anybody.
+            if not (key.startswith("_") and np.asarray(wanted[key]).all()):
+                alike(got[key], wanted[key])
+    elif isinstance(wanted, np.ndarray) and wanted.dtype == object:
+        for one, other in zip(np.asarray(got), wanted, strict=True):
+            assert (one is None) == (other is None) and np.array_equal(one, other)
+    else:
+        np.testing.assert_array_equal(np.asarray(got), np.asarray(wanted))
+
+
+@pytest.mark.parametrize(("case", "colour"), [("1", False), ("4", False), ("6", True)])
+def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool) -> None:
+    ours, singles = pair(5, case, colour)
+    assert ours.single_observation_space == singles.single_observation_space
+    assert ours.observation_space == singles.observation_space
+    assert ours.single_action_space == singles.single_action_space
+    for got, wanted in zip(ours.reset(seed=1), singles.reset(seed=1), strict=True):
+        alike(got, wanted)
+    draws, ended = np.random.default_rng(3), 0
+    for _ in range(220):
+        actions = draws.integers(7, size=5)
+        # One ship goes straight, so that episodes end at different times.
+        actions[0] = 3
+        got, wanted = ours.step(actions), singles.step(actions)
+        for one, other in zip(got[:4], wanted[:4], strict=True):
+            alike(one, other)
+        ends = wanted[2] | wanted[3]
+        infos = dict(wanted[4])
+        if ends.any():
+            ended += int(ends.sum())
+            # Of rows that go on, Gymnasium's final info holds zeros and ours the present.
+            final = infos.pop("final_info")
+            for key in ("state", "goal", "collision", "dcpa"):
+                alike(got[4]["final_info"][key][ends], final[key][ends])
+            alike(got[4]["_final_info"], ends)
+        alike(got[4], infos)
+    assert ended > 5
+
+
+def test_what_was_returned_stays_as_it_was() -> None:
+    envs = ShipCollisionVectorEnv(3, "4")
+    first, _ = envs.reset()
+    kept = first.copy()
+    _, _, _, _, infos = envs.step(np.array([0, 3, 6]))
+    assert np.array_equal(first, kept)
+    # And what is done to it does not reach the ships.
+    mine, other = ShipCollisionVectorEnv(3, "4"), infos["state"].copy()
+    mine.reset()
+    infos["state"][:], infos["dcpa"][:] = 0.0, 0.0
+    mine.step(np.array([0, 3, 6]))
+    _, _, _, _, after = envs.step(np.array([1, 1, 1]))
+    _, _, _, _, wanted = mine.step(np.array([1, 1, 1]))
+    assert np.array_equal(after["state"], wanted["state"]) and np.array_equal(after["dcpa"], wanted["dcpa"])
+    assert not np.array_equal(after["state"], other)
+
+
+def test_it_is_made_by_name() -> None:
+    envs = gymnasium.make_vec(ENV_ID, num_envs=4, vectorization_mode="vector_entry_point", case="2")
+    observation, _ = envs.reset(seed=1)
+    assert observation.shape == (4, 84, 84, 1) and observation.std() > 0
+    assert isinstance(envs.unwrapped, ShipCollisionVectorEnv)
+
+
+def test_the_documents_line_needs_nothing_before_it() -> None:
+    text = (ROOT / "docs/library.md").read_text()
+    (name,) = re.findall(r"^    (name = .*)$", text, re.MULTILINE)
+    (line,) = re.findall(r"^    (envs = gymnasium\.make_vec.*)$", text, re.MULTILINE)
+    code = f"import gymnasium\n{name}\n{line}\nprint(envs.reset()[0].shape, gymnasium.make(name).spec.id)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=300
+    )
+    assert done.stdout.strip() == f"(64, 84, 84, 1) {ENV_ID}", done.stderr
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(ValueError, match="num_envs is 0"):
+        ShipCollisionVectorEnv(0)
+    with pytest.raises(ConfigError, match="nowhere"):
+        ShipCollisionVectorEnv(2, "nowhere")
+    with pytest.raises(IndexError, match="no such action"):
+        ShipCollisionVectorEnv(2).step(np.array([0, 7]))
+    with pytest.raises(ValueError, match="2 actions"):
+        ShipCollisionVectorEnv(2).step(np.array([0, 1, 2]))

@@ -1,0 +1,115 @@
+"""Episodes that somebody sailed: written, read again, put into a replay, refused where they are not right."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.policies.demonstrations import Demonstration, read_demonstrations, write_demonstration
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.reference import best_known
+from tests.command import ship_trl
+
+WORLD = load_world()
+CASE = load_case("4", WORLD)
+LINE = (
+    *("target=4", "method=scratch", "profile=smoke", "learn.episodes=4", "learn.warmup_steps=40"),
+    "learn.jumpstart_draws=0",
+)
+
+
+def kept(folder: Path, episode_return: float | None = None) -> Path:
+    """Keep the planner's plan of case 4, with its own return or another one."""
+    plan = best_known(CASE, WORLD)
+    ended = plan.episode_return if episode_return is None else episode_return, "goal"
+    return write_demonstration(folder, CASE, WORLD, plan.actions, ended, "planner")
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    first, second = kept(tmp_path / "demos"), kept(tmp_path / "demos")
+    assert (first.name, second.name) == ("4-001.json", "4-002.json")
+    one, other = read_demonstrations(tmp_path / "demos", CASE, WORLD)
+    assert one == other and isinstance(one, Demonstration)
+    plan = best_known(CASE, WORLD)
+    assert (one.actions, one.episode_return, one.by) == (plan.actions, plan.episode_return, "planner")
+
+
+def test_a_number_is_taken_once(tmp_path: Path) -> None:
+    """Also of a case whose name is a pattern of file names."""
+    plan = best_known(CASE, WORLD)
+    case = dataclasses.replace(CASE, name="my[1]")
+    for _ in range(3):
+        write_demonstration(tmp_path, case, WORLD, plan.actions, (plan.episode_return, "goal"), "planner")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"my[1]-00{k}.json" for k in (1, 2, 3)]
+    (tmp_path / "my[1]-002.json").unlink()
+    again = write_demonstration(tmp_path, case, WORLD, plan.actions, (1.0, "goal"), "planner")
+    assert again.name == "my[1]-002.json"
+
+
+def test_those_of_other_cases_are_passed_over(tmp_path: Path) -> None:
+    kept(tmp_path)
+    with pytest.raises(ConfigError, match="demonstrations: none of case 2 in"):
+        read_demonstrations(tmp_path, load_case("2", WORLD), WORLD)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"actions": [7]}, "is no whole demonstration"),
+        ({"actions": [True]}, "is no whole demonstration"),
+        ({"actions": []}, "is no whole demonstration"),
+        ({"actions": 3}, "is no whole demonstration"),
+        ({"episode_return": float("nan")}, "is no whole demonstration"),
+        ({"episode_return": "much"}, "is no whole demonstration"),
+        ({"episode_return": 10**400}, "is no whole demonstration"),
+        ({"by": None}, "is no whole demonstration"),
+        ({"further": 1}, "is no whole demonstration"),
+        ({"schema_version": 2}, "is of another schema_version than 1"),
+        ({"world": "x"}, "was sailed in another world"),
+    ],
+)
+def test_a_file_that_is_not_right_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
+    path = kept(tmp_path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json {told}"):
+        read_demonstrations(tmp_path, CASE, WORLD)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", "\0", "3"])
+def test_a_file_cut_short_is_refused(tmp_path: Path, text: str) -> None:
+    kept(tmp_path).write_text(text)
+    with pytest.raises(ConfigError, match="is no whole demonstration"):
+        read_demonstrations(tmp_path, CASE, WORLD)
+
+
+def test_a_training_begins_with_them(tmp_path: Path) -> None:
+    """The command that keeps them, and a run whose first update may see them."""
+    ship_trl("best_known", "target=4", "--demonstrations", "demos", folder=tmp_path, verb="evaluate")
+    told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path)
+    assert "case 4, scratch-demonstrations" in told.stdout
+    ship_trl(*LINE, "output=runs", folder=tmp_path)
+    arms = [tmp_path / "runs" / "4" / arm / "seed=0" for arm in ("scratch-demonstrations", "scratch")]
+    hashes = {json.loads((arm / "result.json").read_text())["config_hash"] for arm in arms}
+    assert len(hashes) == 2
+    # The same exploration, and other updates.
+    curves = [(arm / "curve.csv").read_text().splitlines() for arm in arms]
+    assert curves[0][1] == curves[1][1] and curves[0][-1] != curves[1][-1]
+
+
+def test_one_that_does_not_sail_as_it_says_is_refused(tmp_path: Path) -> None:
+    kept(tmp_path / "demos", episode_return=500.0)
+    told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path, code=1)
+    assert (
+        "demonstrations: number 1 of case 4 in demos says a return of 500.00 and sails to one of"
+        in told.stderr
+    )
+    assert not (tmp_path / "runs" / "4").exists()
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    told = ship_trl(*LINE, "demonstrations=nowhere", folder=tmp_path, code=1)
+    assert told.stderr == (
+        "ship_trl: demonstrations: none of case 4 in nowhere; python -m ship_trl play keeps some\n"
+    )

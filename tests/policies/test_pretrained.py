@@ -1,0 +1,134 @@
+"""The networks that come with the package are what their manifest says, and runs begin with them."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+import ship_trl as package
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
+from ship_trl.learn.rollout import rollout
+from ship_trl.policies import pretrained
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.reference import best_known
+from tests.cli.test_evaluate import refused, table
+from tests.command import ROOT, ship_trl
+
+WORLD = load_world()
+SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "learn.jumpstart_draws=0")
+
+
+def test_there_is_one_for_each_shipped_case_and_it_is_the_manifests() -> None:
+    cases = {path.stem for path in (conf_dir() / "case").glob("*.yaml")}
+    assert {one.case for one in pretrained.networks()} == cases
+    for one in pretrained.networks():
+        assert hashlib.sha256(one.file.read_bytes()).hexdigest() == one.sha256
+        assert one.fingerprint == load_case(one.case, WORLD).fingerprint
+        assert {str(value.dtype) for value in load_file(one.file).values()} == {f"torch.{one.dtype}"}
+
+
+def test_every_score_is_reached(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = {row[0]: row for row in table(capsys)}
+    assert set(rows) == {one.case for one in pretrained.networks()}
+    for one in pretrained.networks():
+        _, _, reached, share, outcome, _, length, claimed = rows[one.case]
+        assert reached == claimed == f"{one.episode_return:.1f}"
+        assert (share, outcome, length) == (f"{one.of_best_known:.0%}", one.outcome, str(one.length))
+
+
+def test_a_score_that_is_not_reached_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manifest = pretrained.read()
+    manifest["networks"][0]["episode_return"] += 1.0
+    (tmp_path / pretrained.MANIFEST).write_text(json.dumps(manifest))
+    one = manifest["networks"][0]["case"]
+    (tmp_path / f"{one}.safetensors").write_bytes((pretrained.NETWORKS / f"{one}.safetensors").read_bytes())
+    monkeypatch.setattr(pretrained, "NETWORKS", tmp_path)
+    pretrained.networks.cache_clear()
+    try:
+        assert "1 of 1 do not reach what is claimed of them" in refused(capsys, f"pretrained:{one}")
+    finally:
+        pretrained.networks.cache_clear()
+
+
+def test_the_best_run_of_each_case_was_chosen() -> None:
+    runs = pretrained.read()["runs"]
+    for one in pretrained.networks():
+        of_case = [run for run in runs if run["case"] == one.case]
+        assert [run["seed"] for run in of_case] == list(range(100, 105))
+        # Of equals the first.
+        best = max(of_case, key=lambda run: run["best_return"])
+        assert (best["seed"], best["config_hash"]) == (one.seed, one.config_hash)
+        assert one.episode_return == pytest.approx(best["best_return"], abs=1e-3)
+
+
+def test_the_curves_are_those_of_the_runs() -> None:
+    hashes = {run["config_hash"] for run in pretrained.read()["runs"]}
+    rows = pretrained.training_returns(hashes)
+    assert set(rows["config_hash"]) == hashes
+    assert set(rows.groupby("config_hash").size()) == {600}
+    assert pretrained.training_returns({"another"}).empty
+
+
+def test_a_policy_in_one_line() -> None:
+    case = load_case("4", WORLD)
+    episode = rollout(ShipEnv(case, WORLD), package.load_policy("4"))[0]
+    (told,) = [one for one in pretrained.networks() if one.case == "4"]
+    assert episode.episode_return == pytest.approx(told.episode_return)
+    elsewhere = rollout(ShipEnv(load_case("2", WORLD), WORLD), package.load_policy("4", case="2"))[0]
+    assert torch.equal(elsewhere.states[0], torch.tensor([0.0, 0.0, torch.pi / 2, 0.0]))
+    best = rollout(ShipEnv(case, WORLD), package.load_policy("best_known", case="4"))[0]
+    assert best.episode_return == pytest.approx(best_known(case, WORLD).episode_return)
+    with pytest.raises(ConfigError, match="case: none given"):
+        package.load_policy("random")
+
+
+def test_a_case_of_ones_own_has_none() -> None:
+    Path("mine.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
+    with pytest.raises(
+        ConfigError, match="policy: no trained network of case mine comes with us; allowed: 1, "
+    ):
+        pretrained.find("pretrained", load_case("mine.yaml", WORLD))
+    # The same case by another name is the same.
+    Path("same.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text())
+    assert pretrained.find("pretrained", load_case("same.yaml", WORLD)).case == "4"
+
+
+def test_a_changed_case_of_a_shipped_name_is_sailed_and_nothing_claimed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    changed = tmp_path / "conf/case/4.yaml"
+    changed.parent.mkdir(parents=True)
+    changed.write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
+    claims = {row[0]: row[7] for row in table(capsys)}
+    assert claims["4"] == "" and all(claim for case, claim in claims.items() if case != "4")
+    told = refused(capsys, "pretrained", "target=4")
+    assert "case 4 is not here as the trained network knows it; allowed: pretrained:4" in told
+
+
+def test_a_run_begins_with_one(tmp_path: Path) -> None:
+    told = ship_trl("+pair=high", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
+    assert "case 1 -> case 2, FT3-pretrained" in told.stdout
+    folder = tmp_path / "runs" / "high" / "FT3-pretrained" / "seed=0"
+    assert json.loads((folder / "result.json").read_text())["source_network"] == "pretrained:1"
+    # No source was trained.
+    assert not (tmp_path / "runs" / "1").exists()
+
+
+def test_without_a_pair_the_most_similar_case_is_the_source(tmp_path: Path) -> None:
+    told = ship_trl("target=4", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
+    assert "case 3 -> case 4, FT3-pretrained" in told.stdout
+
+
+def test_a_network_of_other_layers_is_refused(tmp_path: Path) -> None:
+    line = ("+pair=high", "source=pretrained", *SMOKE, "colour=true", "output=runs")
+    told = ship_trl(*line, folder=tmp_path, code=1)
+    assert told.stderr.startswith("ship_trl: source: ") and "another architecture" in told.stderr
+    assert not (tmp_path / "runs" / "high").exists() and ROOT.is_dir()

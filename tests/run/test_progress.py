@@ -1,0 +1,121 @@
+"""Plain lines of progress: when, how long is left, and on what a process waits."""
+
+import re
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from filelock import FileLock
+from rich.console import Console
+
+from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.run import console
+from ship_trl.run.progress import Lines, in_words
+from ship_trl.study.launch import progress
+from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan.jobs import plan_jobs
+from tests.run.test_tracking import SAILED
+from tests.study.commands import SMALL
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(5.2, "5 s"), (600, "10 min"), (9000, "2 h 30 min")])
+def test_times_in_words(seconds: float, words: str) -> None:
+    assert in_words(seconds) == words
+
+
+def test_a_line_is_due_early_and_then_every_so_much() -> None:
+    now = [0.0]
+    lines, said = Lines(0.05, clock=lambda: now[0]), {}
+    for episode in range(1, 601):
+        now[0] += 1.0 if episode <= 30 else 2.0  # the first learn nothing
+        if (left := lines.due(episode / 600)) is not None:
+            said[episode] = left
+    assert list(said) == [1, *range(30, 601, 30)]
+    assert said[1] == "" and said[60] == ", about 18 min left" and said[570] == ", about 60 s left"
+    assert said[600] == ""
+
+
+def test_lines_are_apart_and_measure_what_was_done_since_they_began() -> None:
+    now = [0.0]
+    lines = Lines(0.01, first=0.5, begun=0.5, apart=60.0, clock=lambda: now[0])
+    assert lines.due(0.5) is None
+    now[0] = 60.0
+    assert lines.due(0.6) == ", about 4 min left"
+    now[0] = 100.0
+    assert lines.due(0.7) is None
+
+
+def events(episodes: int) -> Iterator[Finished | Evaluated]:
+    yield Evaluated(0, 0, SAILED)
+    for episode in range(1, episodes + 1):
+        yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, None)
+
+
+def test_a_run_without_a_terminal_says_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len(list(console.progress("made", 100, events(100)))) == 101
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
+    assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
+
+
+def test_a_run_of_a_grid_says_whose_lines_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    list(console.progress("made", 100, events(100), "3 of 40"))
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(",")[0] for line in lines] == [
+        f"3 of 40: made: episode {k} of 100" for k in (25, 50, 75, 100)
+    ]
+
+
+def test_a_terminal_has_a_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with (tmp_path / "screen").open("w+") as screen:
+        monkeypatch.setattr(console, "console", Console(file=screen, force_terminal=True, width=100))
+        list(console.progress("made", 100, events(100)))
+        screen.seek(0)
+        said = screen.read()
+    assert "100/100" in said and "episode" not in said
+
+
+def test_a_process_says_on_what_it_waits(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "SHORT_WAIT", 0.05)
+    monkeypatch.setattr(console, "LONG_WAIT", 0.1)
+    place = tmp_path / "run.lock"
+
+    def wait() -> None:
+        with console.held(FileLock(place), "case 1, scratch, seed 0"):
+            console.say("mine")
+
+    waiting = threading.Thread(target=wait)
+    with FileLock(place):
+        waiting.start()
+        time.sleep(0.5)
+    waiting.join(10)
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert last == "mine" and len(lines) >= 2
+    start = "waiting for another process that is at case 1, scratch, seed 0 (0 s so far; "
+    assert all(line == f"{start}{place})" for line in lines)
+    with console.held(FileLock(place), "nothing"):  # free again
+        assert capsys.readouterr().out == ""
+
+
+def test_a_study_without_a_terminal_says_lines(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "APART", 0.0)
+    config = to_study([*SMALL, f"output={tmp_path}"])
+    jobs = plan_jobs(config)
+    with progress.Display(jobs, config, episodes=10) as display:
+        display.show()
+        place = jobs[0].folder(tmp_path)
+        place.mkdir(parents=True)
+        (place / "curve.csv").write_text("episode\n5,30\n")
+        display.show()
+        display.show()
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == f"0 of {len(jobs)} runs done, 0% of all; now starting"
+    job = jobs[0]
+    assert second.startswith(f"0 of {len(jobs)} runs done, {0.5 / len(jobs):.0%} of all, about ")
+    assert second.endswith(f"; now {job.label} {job.arm} {job.seed}")

@@ -1,0 +1,146 @@
+"""The first Ctrl-C or SIGTERM asks, a second Ctrl-C does not."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from ship_trl.run.stop import Stop, StoppedError
+from ship_trl.study.launch.progress import last_episode
+from tests.command import environment
+
+
+@pytest.fixture(autouse=True)
+def heeded() -> Iterator[None]:
+    """Heed Ctrl-C, which a process in the background may have been told to ignore."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_asks(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with Stop() as stop:
+        signal.raise_signal(number)
+    assert stop.asked is number
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_ctrl_c_acts_at_once() -> None:
+    with Stop():
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_what_a_launcher_sends_after_a_ctrl_c_is_no_second_one() -> None:
+    with Stop() as stop:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert stop.asked is signal.SIGINT
+
+
+def test_a_signal_that_was_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with Stop() as stop:
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert stop.asked is None
+
+
+def test_a_pool_can_send_what_was_said() -> None:
+    error = pickle.loads(pickle.dumps(StoppedError("stopped", signal.SIGTERM)))
+    assert (str(error), error.number) == ("stopped", signal.SIGTERM)
+
+
+def test_outside_the_main_thread_it_changes_nothing() -> None:
+    before, seen = signal.getsignal(signal.SIGTERM), []
+
+    def work() -> None:
+        with Stop() as stop:
+            seen.append((stop.asked, signal.getsignal(signal.SIGTERM)))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [(None, before)]
+
+
+def test_a_process_ends_as_one_that_the_signal_killed() -> None:
+    code = "import signal; from ship_trl.run.stop import die_of; print('last words'); die_of(signal.SIGTERM)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=os.environ
+    )
+    assert (done.returncode, done.stdout) == (-signal.SIGTERM, "last words\n")
+
+
+def all_of(child: subprocess.Popen[str], number: signal.Signals) -> None:
+    """As a terminal's Ctrl-C reaches all processes of a grid."""
+    os.killpg(child.pid, number)
+
+
+def first(child: subprocess.Popen[str], number: signal.Signals) -> None:
+    os.kill(child.pid, number)
+
+
+def first_of_a_container(child: subprocess.Popen[str], number: signal.Signals) -> None:
+    """As `docker stop` does."""
+    (inside,) = Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()
+    os.kill(int(inside), number)
+
+
+CONTAINER = ("unshare", "--pid", "--fork", "--mount-proc")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("send", "number", "grid", "code"),
+    [
+        (all_of, signal.SIGINT, "-m", 130),
+        (all_of, signal.SIGINT, "hydra.mode=MULTIRUN", 130),
+        (all_of, signal.SIGTERM, "-m", -signal.SIGTERM),
+        (first, signal.SIGTERM, "-m", -signal.SIGTERM),
+        (first_of_a_container, signal.SIGTERM, "-m", 143),
+    ],
+)
+def test_a_grid_writes_its_checkpoints_first(
+    send: Callable[[subprocess.Popen[str], signal.Signals], None],
+    number: signal.Signals,
+    grid: str,
+    code: int,
+    tmp_path: Path,
+) -> None:
+    inside = CONTAINER if send is first_of_a_container else ()
+    if inside and subprocess.run([*inside, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("no right to make a container")
+    line = ("target=4", "method=scratch", "profile=smoke", "learn.episodes=3000", "seed=0,1", "output=out")
+    child = subprocess.Popen(
+        [*inside, sys.executable, "-m", "ship_trl", grid, *line, "hydra.launcher.n_jobs=2"],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    runs = [tmp_path / f"out/4/scratch/seed={seed}" for seed in (0, 1)]
+    until = time.monotonic() + 300
+    while not all(last_episode(run / "curve.csv") > 0 for run in runs) and time.monotonic() < until:
+        time.sleep(0.1)
+    send(child, number)
+    said, _ = child.communicate(timeout=60)
+    assert child.returncode == code, said
+    for run in runs:
+        assert (run / "checkpoint/1.safetensors").is_file(), said

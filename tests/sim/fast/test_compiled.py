@@ -1,0 +1,142 @@
+"""The compiled loops do what the torch code does."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ship_trl.sim.cases import TargetShip, load_case, load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.fast.compiled import CompiledStep
+from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.transition import Transition
+
+WORLD = load_world()
+NAMES = ("1", "2", "4", "6", "new")
+MOTION = {name: Transition(load_case(name, WORLD), WORLD, torch.device("cpu")) for name in NAMES}
+COMPILED = {name: CompiledStep(motion) for name, motion in MOTION.items()}
+DRAW = {
+    (name, colour): Rasteriser(load_case(name, WORLD), WORLD, colour=colour)
+    for name in NAMES
+    for colour in (False, True)
+}
+
+
+def states(count: int, seed: int) -> torch.Tensor:
+    """Places all over the picture and beyond it, any heading, whole steps."""
+    generator = torch.Generator().manual_seed(seed)
+    spread = torch.tensor([1600.0, 1600.0, 4 * math.pi, 61.0])
+    state = torch.rand(count, 4, generator=generator) * spread - torch.tensor(
+        [800.0, 500.0, 2 * math.pi, 0.0]
+    )
+    state[:, 3].floor_()
+    return state
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_step_is_the_reference_step(name: str) -> None:
+    state = states(20_000, 1)
+    # Half of them near the target ships and the goal, where the outcome turns.
+    ships = MOTION[name].away(state)[:10_000]
+    if ships.shape[1]:
+        state[:10_000, :2] += ships[:, 0] + torch.randn(10_000, 2) * 40
+    state[:1000, :2] = MOTION[name].goal + torch.randn(1000, 2) * 40
+    action = torch.randint(7, (20_000,))
+    wanted, got = MOTION[name](state, action), COMPILED[name](state, action)
+    torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=2e-4)
+    torch.testing.assert_close(got.reward, wanted.reward, rtol=1e-5, atol=2e-3)
+    torch.testing.assert_close(got.apart, wanted.apart, rtol=1e-5, atol=1e-3)
+    # Where distance or angle lies on the edge itself, rounding may decide.
+    for flag in ("goal", "collision", "truncated"):
+        assert (getattr(got, flag) != getattr(wanted, flag)).sum() <= 2
+    assert wanted.goal.any() and (wanted.collision.any() or name == "1")
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
+    draw, state = DRAW[name, colour], states(2000, 2)
+    got, wanted = draw(state).int(), draw.reference(state).int().view(2000, -1, 84, 84)
+    away = (got - wanted).abs()
+    assert away.max() <= 1 and (away > 0).float().mean() < 1e-5
+    # A difference of one is rounding; a shape left out would be far more.
+    assert (got != draw.background.int()).flatten(1).any(1).all()
+
+
+@given(seed=st.integers(0, 2**31), count=st.integers(1, 5))
+def test_pictures_do_not_depend_on_their_neighbours(seed: int, count: int) -> None:
+    state = states(count, seed)
+    draw = DRAW["6", False]
+    together = draw(state)
+    assert all(torch.equal(together[n], draw(state[n : n + 1])[0]) for n in range(count))
+
+
+def test_odd_layouts_of_states_are_drawn_alike() -> None:
+    draw, state = DRAW["4", True], states(6, 3)
+    assert torch.equal(draw(state.t().contiguous().t()), draw(state))
+    assert torch.equal(draw(state.view(2, 3, 4)).flatten(0, 1), draw(state))
+    assert torch.equal(draw(state.double()), draw(state))
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-38, 1e-25, 3e-22, 1e-10, 1e-6, 1e-3])
+def test_on_the_goal_itself_the_line_is_a_dot(off: float) -> None:
+    state = torch.tensor([[off, 600.0, 1.0, 5.0]])
+    draw = DRAW["1", False]
+    away = draw(state).int() - draw.reference(state).int().view(1, 1, 84, 84)
+    assert away.abs().max() <= 1
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 2e9])
+def test_what_is_no_place_is_not_drawn(place: int, value: float) -> None:
+    state = torch.zeros(3, 4)
+    state[1, place] = value
+    with pytest.raises(ValueError, match="is not finite, or beyond 1e9"):
+        DRAW["4", False](state)
+    # And nothing of the attempt is left.
+    assert torch.equal(DRAW["4", False](state[:1]), DRAW["4", False](torch.zeros(1, 4)))
+
+
+@pytest.mark.parametrize("far", [2e3, 1e6, 3e8])
+def test_far_away_is_drawn_as_the_reference_does(far: float) -> None:
+    # Multiples of 45 degrees put the line on an axis or a diagonal, wherever rounding puts it.
+    turns = torch.arange(0, 2 * math.pi, math.pi / 40)
+    state = torch.stack([far * turns.cos(), far * turns.sin(), turns * 3, turns], dim=1)
+    draw = DRAW["4", False]
+    away = (draw(state).int() - draw.reference(state).int().view(-1, 1, 84, 84)).abs()
+    assert away.max() <= 1
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-45, -1e-45, 1e-38, math.pi / 2, math.pi, -math.pi / 2])
+def test_a_ship_along_the_pictures_axes_ends_where_it_should(turn: float) -> None:
+    case = replace(load_case("1", WORLD), target_ships=[TargetShip(100.0, 100.0, 0.0, 0.0)])
+    draw, state = Rasteriser(case, WORLD), torch.tensor([[0.0, 0.0, turn, 0.0]])
+    assert (draw(state).int() - draw.reference(state).int().view(1, 1, 84, 84)).abs().max() <= 1
+
+
+@pytest.mark.parametrize("action", [-1, 7])
+def test_an_action_that_is_none_is_refused(action: int) -> None:
+    with pytest.raises(IndexError, match="no such action"):
+        COMPILED["1"](states(1, 0), torch.tensor([action]))
+
+
+def test_the_environment_steps_by_the_compiled_loop_on_a_cpu() -> None:
+    env = ShipEnv(load_case("2", WORLD), WORLD, 3)
+    assert isinstance(env._advance, CompiledStep)
+
+
+def test_an_encoder_is_observed_at_every_step_and_start() -> None:
+    def double(state: torch.Tensor) -> torch.Tensor:
+        return state.to(torch.bfloat16) * 2
+
+    env = ShipEnv(load_case("3", WORLD), WORLD, 4, encoders={"features": double})
+    assert env.observation_spec["features"].shape == (4, 4)
+    current = env.reset()
+    for _ in range(30):
+        current["action"] = torch.full((4,), 3)
+        stepped, current = env.step_and_maybe_reset(current)
+        for step in (stepped, stepped["next"], current):
+            assert torch.equal(step["features"], double(step["state"]))

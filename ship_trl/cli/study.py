@@ -11,8 +11,7 @@ from ship_trl.run.progress import in_words
 from ship_trl.run.stop import TerminatedError, unwind_at_sigterm
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
-from ship_trl.study.launch.pace import seconds_per_run
-from ship_trl.study.launch.progress import Display, say
+from ship_trl.study.launch.progress import Display, say, seconds_per_run
 from ship_trl.study.margins import margins
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs

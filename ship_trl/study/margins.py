@@ -40,11 +40,10 @@ def read_margins(path: Path) -> Margins:
         raise ConfigError(f"{path.name}: cannot be read: {' '.join(str(error).split())}") from None
     numbers = {"margin": found.margin}
     for case, gains in found.gains.items():
-        for metric, gain in gains.items():
-            if metric not in METRICS:
-                allowed = ", ".join(METRICS)
-                raise ConfigError(f"{path.name}: gains.{case}: no metric {metric}; allowed: {allowed}")
-            numbers[f"gains.{case}.{metric}"] = gain
+        numbers |= {f"gains.{case}.{metric}": gain for metric, gain in gains.items()}
+        if unknown := sorted(gains.keys() - METRICS.keys()):
+            allowed = ", ".join(METRICS)
+            raise ConfigError(f"{path.name}: gains.{case}: no metric {unknown[0]}; allowed: {allowed}")
     for key, value in numbers.items():
         if not (math.isfinite(value) and value > 0):
             raise ConfigError(f"{path.name}: {key}: must be above 0, got {value}")

@@ -9,13 +9,13 @@ from enum import StrEnum
 import numpy as np
 
 from ship_trl.study.analysis.metrics import TIMES, curve, has_reached, measure
-from ship_trl.study.analysis.power import min_detectable_effect
 from ship_trl.study.analysis.spread import spread_test
 from ship_trl.study.analysis.statistics import (
     LEVEL,
     Estimate,
     Sample,
     estimate_mean,
+    min_detectable_effect,
     p_above,
     p_below,
     p_within,

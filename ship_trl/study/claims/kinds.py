@@ -8,8 +8,7 @@ from itertools import pairwise
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding, measure_levels, measure_spread
 from ship_trl.study.analysis.metrics import METRICS, TIMES
-from ship_trl.study.analysis.places import REUSED
-from ship_trl.study.analysis.study import Places, Study
+from ship_trl.study.analysis.study import REUSED, Places, Study
 from ship_trl.study.plan.arms import SCRATCH, control_arm
 from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, options
 from ship_trl.study.plan.jobs import CONTROLS, PAIRS, Place

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.study.analysis.metrics import METRICS, TIMES
-from ship_trl.study.analysis.places import pairs, places_of
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.study import Study, pairs, places_of
 from ship_trl.study.claims.kinds import Test, comparative, joined, mean_difference, weighted
 from ship_trl.study.plan.jobs import Place
 

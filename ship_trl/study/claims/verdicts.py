@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, Claimed, Finding, Verdict
-from ship_trl.study.analysis.power import seeds_needed
-from ship_trl.study.analysis.statistics import LEVEL, holm, look_level
+from ship_trl.study.analysis.statistics import LEVEL, holm, look_level, seeds_needed
 from ship_trl.study.analysis.study import Study
-from ship_trl.study.claims.conclusions import CONCLUSIONS, OURS
-from ship_trl.study.claims.hypotheses import HYPOTHESES
+from ship_trl.study.claims.hypotheses import CONCLUSIONS, HYPOTHESES, OURS
 from ship_trl.study.claims.kinds import Hypothesis
 
 ALL = [*CONCLUSIONS, *HYPOTHESES]

@@ -117,9 +117,8 @@ def control_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
 
 def first_block_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     """Plan the controls that run with the first block of seeds only."""
-    if block_of(config, seed) > 0:
-        return iter(())
-    return jobs_of_controls(config, seed, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS)
+    if block_of(config, seed) == 0:
+        yield from jobs_of_controls(config, seed, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS)
 
 
 def jobs_of_controls(
@@ -128,14 +127,11 @@ def jobs_of_controls(
     """Plan arms on all pairs, and control pairs on targets for which the study has runs from scratch."""
     if not config.controls:
         return
-    for pair in config.pairs:
-        for arm in arms:
-            yield transfer_job(CONTROLS, pair, arm, seed)
     targets = {read_option("pair", pair)["target"] for pair in config.pairs}
-    for pair, own in pairs.items():
-        if read_option("pair", pair)["target"] in targets:
-            for arm in own:
-                yield transfer_job(CONTROLS, pair, arm, seed)
+    known = {pair: own for pair, own in pairs.items() if read_option("pair", pair)["target"] in targets}
+    for pair, own in (*((pair, arms) for pair in config.pairs), *known.items()):
+        for arm in own:
+            yield transfer_job(CONTROLS, pair, arm, seed)
 
 
 def source_place(config: StudyConfig, case: str) -> tuple[str, str]:

@@ -31,26 +31,18 @@ class BrokenRunError(Exception):
 
 @dataclass(frozen=True)
 class Episodes:
-    """Episodes in order, all [N]; `dcpa` is NaN without target ships."""
+    """Training episodes or greedy evaluations in order, all [N].
 
+    `episode` is the number of training episodes done. `dcpa` is NaN without target ships, `epsilon` NaN for
+    greedy evaluations, of which the first is before training.
+    """
+
+    episode: NDArray[np.int64]
+    epsilon: NDArray[np.float64]
     returns: NDArray[np.float64]
     goal: NDArray[np.bool_]
     collision: NDArray[np.bool_]
     dcpa: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Training(Episodes):
-    """Training episodes, with the exploration rate of each."""
-
-    epsilon: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Greedy(Episodes):
-    """Greedy evaluations, with the number of training episodes before each; the first is before training."""
-
-    episode: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -82,8 +74,8 @@ class Record:
     random: float
     scratch: float
     before: float
-    training: Training
-    greedy: Greedy
+    training: Episodes
+    greedy: Episodes
     computed: dict[str, str]
     draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -119,8 +111,8 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         random=result.random_return,
         scratch=result.scratch.episode_return,
         before=result.before.episode_return,
-        training=Training(**episode_columns(training), epsilon=training["epsilon"].to_numpy()),
-        greedy=Greedy(**episode_columns(greedy), episode=greedy["episode"].to_numpy()),
+        training=to_episodes(training),
+        greedy=to_episodes(greedy),
         computed={key: str(value) for key in COMPUTED if (value := getattr(result, key)) is not None},
         draws=np.array(result.draws, np.float64),
     )
@@ -142,14 +134,16 @@ def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> Non
         raise BrokenRunError(f"{CURVE} holds a value that is no finite number")
 
 
-def episode_columns(rows: pd.DataFrame) -> dict[str, NDArray[Any]]:
-    """Return the columns that training episodes and greedy evaluations share."""
-    return {
-        "returns": rows["return"].to_numpy(),
-        "goal": (rows["outcome"] == "goal").to_numpy(),
-        "collision": (rows["outcome"] == "collision").to_numpy(),
-        "dcpa": rows["dcpa"].to_numpy(),
-    }
+def to_episodes(rows: pd.DataFrame) -> Episodes:
+    """Return the rows of a curve as arrays."""
+    return Episodes(
+        episode=rows["episode"].to_numpy(),
+        epsilon=rows["epsilon"].to_numpy(),
+        returns=rows["return"].to_numpy(),
+        goal=(rows["outcome"] == "goal").to_numpy(),
+        collision=(rows["outcome"] == "collision").to_numpy(),
+        dcpa=rows["dcpa"].to_numpy(),
+    )
 
 
 def read_run(folder: Path, part: str = "") -> Record:

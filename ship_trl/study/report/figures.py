@@ -10,10 +10,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ship_trl.study.analysis.metrics import THRESHOLDS
-from ship_trl.study.analysis.places import pairs
-from ship_trl.study.analysis.study import Study
-from ship_trl.study.report.comparisons import draw_differences, draw_times
-from ship_trl.study.report.curves import draw_pair, draw_reuse
+from ship_trl.study.analysis.study import Study, pairs
+from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse, draw_times
 from ship_trl.study.report.gains import TITLES, draw_gains
 from ship_trl.study.report.layers import draw_layers
 from ship_trl.study.report.panels import EPSILON, REUSE_TITLE, pair_title

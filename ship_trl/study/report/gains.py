@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,8 +13,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from ship_trl.study.analysis.contrasts import Gain, gain
-from ship_trl.study.analysis.places import pairs, places_of
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.study import Study, pairs, places_of
 from ship_trl.study.margins import possible_gain
 from ship_trl.study.plan.arms import CONTROL_ARMS, FE, FT, SCRATCH, WHOLE
 from ship_trl.study.plan.config import NEW_CASE
@@ -114,8 +114,9 @@ def draw_gains(study: Study, metric: str, width: float) -> Figure | None:
         right, bottom = (max(sizes), len(one.rows)) if is_narrow else (len(one.columns), max(rows))
         axis.set(xlim=(-0.5, right - 0.5), ylim=(bottom - 0.5, -0.5))
     shrink = 0.6 if is_narrow else 0.25
-    place = {"location": "bottom", "shrink": shrink, "aspect": 25, "anchor": (0, 1), "pad": 0.02}
-    bar = figure.colorbar(colours, ax=axes, **place)
+    bar = figure.colorbar(
+        colours, ax=axes, location="bottom", shrink=shrink, aspect=25, anchor=(0, 1), pad=0.02
+    )
     bar.ax.tick_params(labelsize=SMALL, length=2, pad=2)
     bar.set_label(note, fontsize=SMALL, loc="left", labelpad=3, linespacing=1.25)
     bar.ax.xaxis.label.set_multialignment("left")
@@ -136,7 +137,7 @@ def describe(seeds: int, has_possible: bool) -> str:
     return words + possible if has_possible else words
 
 
-def luminance(colour: tuple[float, ...]) -> float:
+def luminance(colour: Any) -> float:
     """Return the relative luminance of an RGBA colour."""
     return float(np.dot((0.2126, 0.7152, 0.0722), np.power(colour[:3], 2.2)))
 
@@ -162,7 +163,7 @@ def draw_map(axis: Axes, shown: Map, colours: ScalarMappable, seeds: int) -> Non
         if name in shown.possible:
             text = f"{shown.possible[name]:+.2f}"
             axis.text(x, rows.index(POSSIBLE), text, ha="center", va="center", fontsize=FONT, style="italic")
-    axis.imshow(values, cmap=colours.cmap, norm=colours.norm, aspect="auto")
+    axis.imshow(values, cmap=colours.cmap, clim=colours.get_clim(), aspect="auto")
     axis.set_xticks(range(len(columns)), columns)
     axis.set_yticks(range(len(rows)), [row.replace("-", "\n") for row in rows])
     axis.tick_params(labelsize=FONT, length=0, pad=3, top=False, labeltop=True, labelbottom=False)

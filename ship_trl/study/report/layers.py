@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.places import pairs
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.study import Study, pairs
 from ship_trl.study.plan.arms import WHOLE
 from ship_trl.study.records.layers import OTHER_SEED, SCRATCH, SOURCE, UNTRAINED, Layer
 from ship_trl.study.report.panels import pair_title
@@ -34,16 +33,10 @@ COMPARED = {
 
 def by_seed(rows: list[Layer], layers: list[str]) -> np.ndarray:
     """Return CKA by seed and layer [S, L], of the seeds that have all layers."""
-    found: dict[int, dict[str, float]] = {}
-    for row in rows:
-        found.setdefault(row.seed, {})[row.layer] = row.cka
-    whole = [
-        [numbers[layer] for layer in layers]
-        for _, numbers in sorted(found.items())
-        if set(layers) <= set(numbers)
-    ]
-    kept = np.array(whole, dtype=np.float64).reshape(-1, len(layers))
-    return kept[np.isfinite(kept).all(axis=1)]
+    import pandas as pd
+
+    table = pd.DataFrame(rows, columns=Layer._fields).pivot(index="seed", columns="layer", values="cka")
+    return table.reindex(columns=layers).dropna().to_numpy()
 
 
 def draw_layers(study: Study, width: float) -> Figure | None:

@@ -6,19 +6,18 @@ import base64
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import jinja2
 
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, SPREAD, Finding, Verdict
 from ship_trl.study.analysis.metrics import THRESHOLDS
-from ship_trl.study.analysis.power import min_detectable_effect
-from ship_trl.study.analysis.statistics import Estimate, look_level
+from ship_trl.study.analysis.statistics import Estimate, look_level, min_detectable_effect
 from ship_trl.study.analysis.study import Study
-from ship_trl.study.claims.conclusions import EXPLORATORY
-from ship_trl.study.claims.conclusions import FIGURE as CONCLUSIONS
+from ship_trl.study.claims.hypotheses import EXPLORATORY
+from ship_trl.study.claims.hypotheses import FIGURE as CONCLUSIONS
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.report.figures import Picture
 from ship_trl.study.report.tables import EQUATION, Row
@@ -28,10 +27,6 @@ from ship_trl.study.rules import describe_rules
 Earlier = Mapping[str, tuple[str, str]]
 # Families of claims that are no figure of the paper.
 FAMILIES = {CONCLUSIONS: "Conclusions", EXPLORATORY: "What explains them"}
-ARM_METRICS = (
-    *("area", "area deviation", "transfer ratio", "greedy area", "asymptote", "start", "time", "total time"),
-    *("reached", "fell", "success", "collisions", "best", "DCPA"),
-)
 # The bars of contrasts reach at most this multiple of the largest estimate.
 MAX_REACH = 2.5
 
@@ -47,11 +42,6 @@ class Scale:
         """Return where a value lies, from 0 to 100."""
         inside = min(max(value, self.low), self.high)
         return round(100 * (inside - self.low) / (self.high - self.low), 2)
-
-
-def number(value: Any, digits: int = 2) -> str:
-    """Format a number; other values as they are."""
-    return f"{value:.{digits}f}" if isinstance(value, int | float) else str(value)
 
 
 def interval(found: Estimate) -> str:
@@ -76,66 +66,14 @@ def scale_of(findings: Sequence[Finding]) -> Scale:
     return Scale(low - room, high + room)
 
 
-def contrast_row(answer: Answer, finding: Finding, scale: Scale) -> dict[str, Any]:
-    """Return a contrast as words, and where its bar lies."""
-    seen = [finding.min_detectable(answer.level / claims) for claims in (1, answer.claims)]
-    margin = finding.margin
-    return {
-        "what": finding.what,
-        "claimed": finding.claimed.value,
-        "estimate": f"{finding.estimate.value:+.3f}",
-        "interval": interval(finding.estimate),
-        "p": f"{finding.p:.4f}",
-        "against": f"{finding.adjusted:.3f}",
-        "margin": "" if margin is None else f"{margin:.3f}",
-        "within": "" if margin is None else f"{finding.within:.3f}",
-        "seeds": finding.seeds,
-        "seen": " / ".join(f"{value:.2f}" for value in seen) if isfinite(seen[0]) else "",
-        "beside": "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
-        "verdict": finding.verdict.value,
-        "zero": scale.percent(0.0),
-        "value": scale.percent(finding.estimate.value),
-        "ends": [scale.percent(end) for end in (finding.estimate.low, finding.estimate.high)],
-        "band": [scale.percent(sign * margin) for sign in (-1, 1)] if margin else [],
-    }
-
-
-def families(answers: Sequence[Answer]) -> Iterator[dict[str, Any]]:
-    """Yield each family of claims with all its contrasts; those of a unit share a scale."""
+def families(answers: Sequence[Answer]) -> Iterator[tuple[str, list[Answer], dict[str, Scale]]]:
+    """Yield the title of each family of claims, its claims, and the scales of their contrasts by unit."""
     for figure in dict.fromkeys(answer.hypothesis.figure for answer in answers):
         family = [answer for answer in answers if answer.hypothesis.figure == figure]
         found = [finding for answer in family for finding in answer.findings]
-        if not found:
-            continue
-        scales = {name: scale_of([f for f in found if unit(f) == name]) for name in map(unit, found)}
-        yield {
-            "title": FAMILIES.get(figure, f"Figure {figure}"),
-            "count": len(found),
-            "claims": [
-                {
-                    "name": answer.hypothesis.name,
-                    "verdict": answer.word,
-                    "sentence": answer.hypothesis.sentence,
-                    "contrasts": [contrast_row(answer, f, scales[unit(f)]) for f in answer.findings],
-                }
-                for answer in family
-            ],
-        }
-
-
-def arm_cells(rows: Sequence[Row]) -> list[list[str]]:
-    """Return part, pair, arm and seeds of each arm, then each metric with its interval."""
-    cells = []
-    for row in rows:
-        line = [row["part"], row["pair"], row["arm"], str(row["seeds"])]
-        for name in ARM_METRICS:
-            digits = 0 if name in ("reached", "DCPA") else 2
-            ends = [row.get(f"{name} {end}", "") for end in ("low", "high")]
-            has_ends = all(isinstance(end, float) and isfinite(end) for end in ends)
-            between = f" ({number(ends[0], digits)} to {number(ends[1], digits)})" if has_ends else ""
-            line.append(number(row[name], digits) + between)
-        cells.append(line)
-    return cells
+        if found:
+            scales = {name: scale_of([f for f in found if unit(f) == name]) for name in map(unit, found)}
+            yield FAMILIES.get(figure, f"Figure {figure}"), family, scales
 
 
 def in_a_sentence(answer: Answer) -> str:
@@ -177,20 +115,15 @@ def spread(values: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def claim_row(answer: Answer, earlier: Earlier) -> dict[str, str]:
-    """Return a claim as words, with the verdict of an earlier study and its sentence if it was another."""
-    hypothesis, said = answer.hypothesis, ""
-    if hypothesis.name in earlier:
-        verdict, sentence = earlier[hypothesis.name]
-        of = "" if sentence == hypothesis.sentence else f', of "{sentence}"'
-        said = f" An earlier study, by its own rules{of}: {verdict}."
-    return {
-        "name": hypothesis.name,
-        "figure": hypothesis.figure,
-        "sentence": hypothesis.sentence,
-        "verdict": answer.word,
-        "measured": in_a_sentence(answer) + said,
-    }
+def describe_claim(answer: Answer, earlier: Earlier) -> str:
+    """Say what was measured of a claim, and the verdict of an earlier study on it."""
+    words = in_a_sentence(answer)
+    if answer.hypothesis.name in earlier:
+        verdict, sentence = earlier[answer.hypothesis.name]
+        # The earlier claim may have had another sentence.
+        of = "" if sentence == answer.hypothesis.sentence else f', of "{sentence}"'
+        words += f" An earlier study, by its own rules{of}: {verdict}."
+    return words
 
 
 def describe_intervals(answers: Sequence[Answer], looks: int) -> str:
@@ -209,17 +142,14 @@ def as_markdown(answers: Sequence[Answer], earlier: Earlier, looks: int) -> str:
     """Return all verdicts as Markdown: the level of the intervals, then a table."""
     lines = [describe_intervals(answers, looks), ""]
     lines += ["| claim | verdict | the paper | measured |", "| --- | --- | --- | --- |"]
-    for row in (claim_row(answer, earlier) for answer in answers):
+    for answer in answers:
         # "|" would end the cell, and "<" could begin a tag.
-        words = [row[key].replace("|", "/").replace("<", "&lt;") for key in ("sentence", "measured")]
-        lines.append(f"| {row['name']} | {row['verdict']} | {' | '.join(words)} |")
+        sentence, measured = (
+            words.replace("|", "/").replace("<", "&lt;")
+            for words in (answer.hypothesis.sentence, describe_claim(answer, earlier))
+        )
+        lines.append(f"| {answer.hypothesis.name} | {answer.word} | {sentence} | {measured} |")
     return "\n".join(lines) + "\n"
-
-
-def embed(picture: Picture) -> dict[str, str]:
-    """Return a picture as text; the browser shows its wide or its narrow form."""
-    wide, narrow = (base64.b64encode(data).decode() for data in (picture.wide, picture.narrow))
-    return {"title": picture.title, "caption": picture.caption, "wide": wide, "narrow": narrow}
 
 
 def render(
@@ -256,37 +186,38 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {"interval": interval, "unit": unit, "isfinite": isfinite, "base64": to_base64}
+    environment.filters["describe"] = partial(describe_claim, earlier=earlier)
     levels = [(count, look_level(k, len(study.looks))) for k, count in enumerate(study.looks, 1)]
-    claims = [claim_row(answer, earlier) for answer in answers]
     return environment.get_template("page.html").render(
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
         seeds=len({key[3] for key in study.records}),
         missing=missing,
-        threshold=f"{THRESHOLDS[0]:g}",
+        threshold=THRESHOLDS[0],
         rules=describe_rules(study.plan.rules),
         mixed=[computed[key] for key, counts in study.computed().items() if len(counts) > 1],
         computed=list(computed.values()),
         looks=[
-            {
-                "seeds": count,
-                "level": number(level, 5),
-                "seen": number(min_detectable_effect(count, level), 1) if count >= MIN_SEEDS else "",
-            }
+            (count, level, min_detectable_effect(count, level) if count >= MIN_SEEDS else None)
             for count, level in levels
         ],
         least=MIN_SEEDS,
         intervals=describe_intervals(answers, len(levels)),
-        decided=[row for row, answer in zip(claims, answers, strict=True) if answer.decided],
-        conclusions=[row for row in claims if row["figure"] == CONCLUSIONS],
-        claims=[row for row in claims if row["figure"] != CONCLUSIONS],
-        explored=[claim_row(answer, {}) for answer in explored],
+        decided=[answer for answer in answers if answer.decided],
+        conclusions=[answer for answer in answers if answer.hypothesis.figure == CONCLUSIONS],
+        claims=[answer for answer in answers if answer.hypothesis.figure != CONCLUSIONS],
+        explored=explored,
         families=list(families([*answers, *explored])),
-        arm_columns=("part", "pair", "arm", "seeds", *ARM_METRICS),
-        arms=arm_cells(arms),
-        similar=[row | {key: number(row[key]) for key in ("similarity", "paper")} for row in similar],
+        arms=arms,
+        similar=similar,
         equation=EQUATION,
-        figures=[embed(picture) for picture in pictures],
-        broken=[(str(path), reason) for path, reason in study.broken],
+        pictures=pictures,
+        broken=study.broken,
     )
+
+
+def to_base64(data: bytes) -> str:
+    """Return bytes as base64, for the data of an image in the page."""
+    return base64.b64encode(data).decode()

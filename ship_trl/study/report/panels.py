@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from ship_trl.study.analysis.places import FIGURES, REUSED, SOURCES, pairs, places_of
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.analysis.study import FIGURES, REUSED, SOURCES, Study, pairs, places_of
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_KINDS, FE, FT, WHOLE, control_arm
 from ship_trl.study.plan.jobs import LOW_EPSILON, PAIRS, Place, scratch_place
 from ship_trl.study.report.style import DPI, FONT, NARROW, Look, look_of, style_axis
@@ -73,7 +73,7 @@ def make_panels(study: Study, pair: str, groups: Sequence[Sequence[str]]) -> Ite
 
 def pair_sections(study: Study, pair: str) -> list[Section]:
     """Return panels of one arm each, with its controls: feature extraction, then finetuning."""
-    groups = {
+    groups: dict[str, Sequence[Sequence[str]]] = {
         "feature extraction": [(arm, *(control_arm(arm, kind) for kind in CONTROL_KINDS)) for arm in FE],
         "finetuning": [(arm,) for arm in (*FT, WHOLE)],
     }
@@ -152,10 +152,10 @@ def lay_out(
     ]
     legend_columns = 2 if width == NARROW else max(1, len(handles))
     foot = 0.25 + 0.17 * -(-len(handles) // legend_columns)
-    figure = Figure(figsize=(width, sum(tall) + foot), dpi=DPI[width], layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.03, h_pad=0.03)
+    layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03)
+    figure = Figure(figsize=(width, sum(tall) + foot), dpi=DPI[width], layout=layout)
     parts = figure.subfigures(len(sections), 1, squeeze=False, height_ratios=tall)[:, 0]
-    drawn = []
+    drawn: list[list[Drawn]] = []
     for part, section, count in zip(parts, sections, counts, strict=True):
         part.suptitle(section.heading, x=0.005, ha="left", fontsize=FONT + 1, weight="bold")
         grid = part.subplots(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from ship_trl.study.analysis.measured import gain
+from ship_trl.study.analysis.contrasts import gain
 from ship_trl.study.report.heat_map import (
     ARMS,
     draw_gains,

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from tests.command import ROOT
-from tests.test_packaging import python
+from tests.forked import run_script
 
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
@@ -43,7 +43,8 @@ def test_the_lines_of_python_run(page: str, tmp_path: Path) -> None:
         if line and not line.startswith("    "):
             break
         lines.append(line.removeprefix("    "))
-    told = python("-c", "\n".join(lines), cwd=tmp_path, path=ROOT)
-    assert told.startswith("goal ")
+    (tmp_path / "block.py").write_text("\n".join(lines))
+    ended = run_script(tmp_path / "block.py", folder=tmp_path)
+    assert ended.code == 0 and ended.out.startswith("goal "), ended
     with Image.open(tmp_path / "case4.gif") as film:
         assert film.n_frames > 30  # type: ignore[attr-defined]

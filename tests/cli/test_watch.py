@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.cli.watch import main
-from tests.command import ROOT, environment
+from tests.command import environment
 
 
 def refused(capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], None], *words: str) -> str:
@@ -49,11 +49,3 @@ def test_without_a_screen_record_is_offered(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert said in refused(capsys, main, *words.split())
-
-
-@pytest.mark.parametrize("module", ["watch", "record"])
-def test_help_knows_no_torch(module: str) -> None:
-    line = [sys.executable, "-X", "importtime", "-m", f"ship_trl.{module}", "--help"]
-    done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
-    assert "target=CASE" in done.stdout
-    assert " torch\n" not in done.stderr and " pygame\n" not in done.stderr

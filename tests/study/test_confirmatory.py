@@ -64,7 +64,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     # In a process of its own, which goes by conf/analysis.yaml and not by the tests' margins.
     words = str(FOLDER), "--seeds", str(SEEN), "--output", str(folder)
-    ship_trl(*words, folder=folder, verb="report")
+    ship_trl(*words, folder=folder, verb="report", new_process=True)
     return folder
 
 

@@ -24,7 +24,7 @@ from ship_trl.study.analysis.metrics import METRICS
 from ship_trl.study.analysis.study import read_study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import begun_with, read_plan, write_plan
+from ship_trl.study.plan.manifest import read_manifest, read_plan, write_plan
 from ship_trl.study.records.layers import read_layers
 from ship_trl.study.records.tables import read_tables
 from ship_trl.transfer.casebase import CaseBase
@@ -73,7 +73,7 @@ def records() -> None:
 def study_plan() -> None:
     """Read a study's plan for its report, and plan the study again."""
     with contextlib.suppress(ConfigError):
-        begun_with(Path("study"))
+        read_manifest(Path("study"))
     with contextlib.suppress(ConfigError):
         read_plan(Path("study/study.json"), "folder")
     config = to_study([*STUDY[1:], "output=study"])

@@ -221,7 +221,7 @@ def test_no_word_of_a_file_steers_the_terminal(
     word: str, tmp_path: Path, world: World, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "result.json").write_text(json.dumps(a_result().to_json() | {"pair": word}))
-    with pytest.raises(ResultError, match="holds no text in pair"):
+    with pytest.raises(ResultError, match="pair: must be plain text"):
         read_result(tmp_path)
     # A schema version is quoted.
     (tmp_path / "result.json").write_text(json.dumps({"pair": "", "schema_version": word}))

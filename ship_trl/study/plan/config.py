@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
-from omegaconf import MISSING, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
-from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.shapes import check_shapes
+from ship_trl.config.schema import limit, read_as
 from ship_trl.config.types import Logger, WandbMode
 from ship_trl.run.launchers import check_slurm
 
@@ -41,6 +42,8 @@ LAUNCHERS = {
     "ray_local": "hydra_ray_launcher",
     "ray_cluster": "hydra_ray_launcher",
 }
+# Differences within a seed need two.
+SeedCount = Annotated[int, limit(2)]
 # What a job sets.
 FIXED = (
     *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
@@ -50,33 +53,33 @@ FIXED = (
 
 @dataclass
 class StudyWandb:
-    """The wandb project that a study is, if it is asked for."""
+    """The wandb project of a study."""
 
-    project: str = MISSING
-    mode: WandbMode = MISSING
-    entity: str | None = None
+    project: str
+    mode: WandbMode
+    entity: str | None
 
 
 @dataclass
 class StudyConfig:
-    """What is asked for; values are in conf/study.yaml."""
+    """The configuration of a study; values are in conf/study.yaml."""
 
-    profile: str = MISSING
-    seeds: int | None = None
-    first_seed: int = MISSING
-    block: int = MISSING
-    profile_seeds: dict[str, int] = MISSING
-    pairs: list[str] = MISSING
-    arms: list[str] = MISSING
-    reuse: bool = MISSING
-    controls: bool = MISSING
-    output: str | None = None
-    launcher: str = MISSING
-    processes: int | None = None
-    retries: int = MISSING
-    overrides: list[str] = field(default_factory=list)
-    logger: Logger = MISSING
-    wandb: StudyWandb = MISSING
+    profile: str
+    seeds: SeedCount | None
+    first_seed: Seed
+    block: Positive
+    profile_seeds: dict[str, SeedCount]
+    pairs: list[str]
+    arms: list[str]
+    reuse: bool
+    controls: bool
+    output: str | None
+    launcher: str
+    processes: Positive | None
+    retries: Annotated[int, limit(0)]
+    overrides: list[str]
+    logger: Logger
+    wandb: StudyWandb
 
     @property
     def count(self) -> int:
@@ -106,23 +109,13 @@ def to_study(overrides: list[str]) -> StudyConfig:
         ConfigError: an unknown key, a wrong value, an unknown name.
     """
     try:
-        values = OmegaConf.merge(
-            OmegaConf.structured(StudyConfig),
-            OmegaConf.load(conf_dir() / "study.yaml"),
-            OmegaConf.from_dotlist(overrides),
-        )
-        config: Any = OmegaConf.to_object(values)
-    except OmegaConfBaseException as error:
-        if "is not a ListConfig" in str(error.msg):
-            raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
-        raise ConfigError(explain(error)) from None
-    except (yaml.YAMLError, LookupError, ValueError, ArithmeticError, TypeError, RecursionError):
-        # Of an unclosed bracket in a key, or thousands of digits, OmegaConf makes Python's errors.
+        values = OmegaConf.merge(OmegaConf.load(conf_dir() / "study.yaml"), OmegaConf.from_dotlist(overrides))
+    except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
+        # OmegaConf raises Python's own errors for an unclosed bracket in a key, or thousands of digits.
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
-    # OmegaConf takes an interpolation that leads to anything.
-    check_shapes(StudyConfig, asdict(config))
+    config = read_as(StudyConfig, values)
     check(config)
     return config
 
@@ -133,7 +126,7 @@ def names(group: str) -> list[str]:
 
 
 def check(config: StudyConfig) -> None:
-    """Check names and counts."""
+    """Check names, the launcher, and what several keys say together."""
     one_of("profile", [config.profile], names("profile"))
     one_of("pairs", config.pairs, names("pair"))
     one_of("arms", config.arms, names("arm"))
@@ -142,11 +135,9 @@ def check(config: StudyConfig) -> None:
     plugin = LAUNCHERS[config.launcher]
     if find_spec(f"hydra_plugins.{plugin}") is None:
         extra = config.launcher.split("_")[0]
-        raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
+        raise ConfigError(f"launcher: {missing_extra(config.launcher, extra)}")
     check_slurm(config.launcher, "launcher")
     check_overrides(config)
-    if config.profile_seeds is None:
-        raise ConfigError("profile_seeds: must be a number of seeds for each profile, got None")
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
     control_names = {*CONTROL_PAIRS, *EXPLORING_PAIRS, *CONTROL_ARMS, *EXPLORING_ARMS}
@@ -154,7 +145,8 @@ def check(config: StudyConfig) -> None:
         for name in getattr(config, key):
             if config.controls and name in control_names:
                 raise ConfigError(f"{key}: {name} is one of the controls; allowed: controls=false")
-    check_numbers(config)
+    if config.processes is not None and config.launcher != "joblib":
+        raise ConfigError(f"processes: must be left out with launcher={config.launcher}, which has its own")
     if config.reuse and (REUSED_PAIR not in config.pairs or REUSED_ARM not in config.arms):
         raise ConfigError(
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "
@@ -162,20 +154,8 @@ def check(config: StudyConfig) -> None:
         )
 
 
-def check_numbers(config: StudyConfig) -> None:
-    """Check what is counted."""
-    if config.count < 2:
-        raise ConfigError(f"seeds: must be at least 2, got {config.count}")
-    for key, least in (("first_seed", 0), ("block", 1), ("processes", 1), ("retries", 0)):
-        value = getattr(config, key)
-        if value is not None and value < least:
-            raise ConfigError(f"{key}: must be at least {least}, got {value}")
-    if config.processes is not None and config.launcher != "joblib":
-        raise ConfigError(f"processes: must be left out with launcher={config.launcher}, which has its own")
-
-
 def check_overrides(config: StudyConfig) -> None:
-    """Refuse what makes a run the one it is: it would be the same in all of them."""
+    """Check that the overrides leave alone what tells the study's runs apart."""
     fixed = {*FIXED, *(["learn.epsilon_start"] if config.reuse else [])}
     for line in config.overrides:
         key = line.split("=")[0].lstrip("+~")

@@ -6,6 +6,7 @@ import dataclasses
 import re
 import typing
 
+from ship_trl.config.errors import missing_extra
 from ship_trl.config.paths import conf_dir, group_names
 
 # What Hydra finds only if an extra is installed.
@@ -28,7 +29,7 @@ def explain_hydra(error: Exception) -> str:
             kind, _, name = name.partition("/")
             group = f"hydra/{kind}"
         if name in EXTRAS:
-            return f"{group}: {name} is not installed; ship_trl[{EXTRAS[name]}] brings it"
+            return f"{group}: {missing_extra(name, EXTRAS[name])}"
         allowed = group_names(group)
         return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
     if found := re.match(

@@ -113,7 +113,7 @@ def from_json(values: Any) -> Result:
             Result, {RENAMED.get(key, key): value for key, value in values.items()}, from_json=True
         )
     except ConfigError as error:
-        raise ResultError(f"is damaged: {error}") from None
+        raise ResultError(f"cannot be used: {error}") from None
 
 
 def read_result(folder: Path) -> Result:

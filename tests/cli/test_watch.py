@@ -42,7 +42,7 @@ def test_without_a_screen_record_is_offered(tmp_path: Path) -> None:
         ("random --compare target=2", "--compare: needs two policies, got random alone"),
         ("random target=2 --size 5x5", "--size: must be WIDTHxHEIGHT"),
         ("random target=2 --size large", "--size: must be WIDTHxHEIGHT"),
-        ("random target=2 --seed -1", "--seed: must be from 0"),
+        ("random target=2 --seed -1", "--seed: must be at least 0, got -1"),
         ("random target=2 --fast", "unrecognized arguments: --fast"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
     ],
@@ -53,7 +53,7 @@ def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixt
 
 @pytest.mark.parametrize("module", ["watch", "record"])
 def test_help_knows_no_torch(module: str) -> None:
-    line = [sys.executable, "-X", "importtime", "-m", f"ship_trl.{module}", "--help"]
+    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", module, "--help"]
     done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
     assert "target=CASE" in done.stdout
     assert " torch\n" not in done.stderr and " pygame\n" not in done.stderr

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_output, add_policies, add_seed, make_parser, value_of
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import SHOWN, Entry, sail
@@ -31,8 +31,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Sail, print the table, write the GIF."""
     parser = make_parser("evaluate", __doc__)
     add_policies(parser, [PRETRAINED])
-    count = value_of("--episodes", Positive)
-    parser.add_argument("--episodes", type=count, default=1, metavar="N", help="the table has their means")
+    add_number(parser, "--episodes", Positive, 1, "in parallel; the table has their means")
     add_seed(parser)
     add_output(parser, "--gif", (".gif",), "film the first episode of the last policy")
     parser.add_argument(

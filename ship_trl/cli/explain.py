@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_policies, add_seed, make_parser, value_of
+from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
@@ -33,8 +33,7 @@ def main(arguments: list[str] | None = None) -> None:
         help=f"default: {OUTPUT}",
     )
     add_seed(parser, "of states, untrained networks and resamples")
-    count, help_text = value_of("--episodes", Episodes), "ten states are taken of each (default 120)"
-    parser.add_argument("--episodes", type=count, default=120, metavar="N", help=help_text)
+    add_number(parser, "--episodes", Episodes, 120, "ten states are taken of each (default 120)")
     options = parser.parse_args(arguments)
     with refusals():
         if options.output is None and OUTPUT.is_symlink():

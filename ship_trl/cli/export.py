@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl import __version__
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import replacing

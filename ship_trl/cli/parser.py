@@ -6,6 +6,7 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -52,7 +53,13 @@ def add_policies(parser: Parser, default: Sequence[str] = (), *, is_required: bo
 
 def add_seed(parser: Parser, use: str = "of policies that draw") -> None:
     """Add `--seed`."""
-    parser.add_argument("--seed", type=value_of("--seed", Seed), default=0, metavar="N", help=use)
+    add_number(parser, "--seed", Seed, 0, use)
+
+
+def add_number(parser: Parser, option: str, hint: Any, default: float | None, use: str) -> None:
+    """Add an option whose value is a number of a type with bounds."""
+    read = partial(Reader().read, hint, key=option)
+    parser.add_argument(option, type=read, default=default, metavar="N", help=use)
 
 
 def add_size(parser: Parser, default: str, use: str) -> None:
@@ -64,11 +71,6 @@ def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> 
     """Add the option or argument of a file to write, with one of the suffixes; "" stands for a folder."""
     metavar = "FILE|FOLDER" if "" in suffixes else f"FILE{suffixes[0]}"
     parser.add_argument(name, type=output_of(name, suffixes), metavar=metavar, help=use)
-
-
-def value_of(option: str, hint: Any) -> Callable[[str], Any]:
-    """Return the function that reads the value of an option as a type with bounds."""
-    return lambda text: Reader().read(hint, text, option)
 
 
 def output_of(option: str, suffixes: Sequence[str]) -> Callable[[str], Path]:

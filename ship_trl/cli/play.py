@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_size, make_parser, value_of
+from ship_trl.cli.parser import add_number, add_size, make_parser
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
 from ship_trl.sim.cases import Case, load_case, load_world
@@ -29,8 +29,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--demonstrations", type=Path, default=folder, metavar="FOLDER", help="default: %(default)s"
     )
     parser.add_argument("--keep-nothing", action="store_true", help="keep no demonstrations")
-    speed = value_of("--speed", Speed)
-    parser.add_argument("--speed", type=speed, default=2.0, metavar="X", help="times as fast as real time")
+    add_number(parser, "--speed", Speed, 2.0, "times as fast as real time")
     add_size(parser, "1600x900", "of the window")
     options = parser.parse_args(arguments)
     with refusals():

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_output, add_policies, add_seed, add_size, make_parser, value_of
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
 from ship_trl.cli.watch import FIRST
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
@@ -38,9 +38,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--saliency", action="store_true", help="on which pixels the highest Q depends")
     add_seed(parser)
     add_size(parser, "1280x720", "of the film")
-    rate, speed = value_of("--fps", FrameRate), value_of("--speed", Speed)
-    parser.add_argument("--fps", type=rate, metavar="N", help="frames a second: 10, of an MP4 30")
-    parser.add_argument("--speed", type=speed, default=5.0, metavar="X", help="times as fast as real time")
+    add_number(parser, "--fps", FrameRate, None, "frames a second: 10, of an MP4 30")
+    add_number(parser, "--speed", Speed, 5.0, "times as fast as real time")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         usual = 30.0 if options.output and options.output.suffix == ".mp4" else 10.0

@@ -196,13 +196,13 @@ class Reader:
 def fields_of(schema: Any) -> dict[str, tuple[dataclasses.Field[Any], Any]]:
     """Return the field and the type of each key of a dataclass."""
     hints = typing.get_type_hints(schema, include_extras=True)
-    fields = dataclasses.fields(schema)
+    fields: tuple[dataclasses.Field[Any], ...] = dataclasses.fields(schema)
     return {field.metadata.get("key", field.name): (field, hints[field.name]) for field in fields}
 
 
 def name_of(hint: Any) -> str:
     """Name a type for people."""
-    if dataclasses.is_dataclass(hint):
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return f"a group of {', '.join(fields_of(hint))}"
     if isinstance(hint, type) and issubclass(hint, Enum):
         return f"one of {', '.join(hint.__members__)}"

@@ -46,7 +46,7 @@ BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
 class Method(StrEnum):
-    """How the source's layers are used (section 3.5)."""
+    """How the layers of the source are used (section 3.5)."""
 
     scratch = "scratch"
     feature_extraction = "feature_extraction"
@@ -54,7 +54,7 @@ class Method(StrEnum):
 
 
 class Logger(Enum):
-    """Where a run's numbers go beside `curve.csv`, which is always written."""
+    """Where a run's numbers go besides `curve.csv`, which is always written."""
 
     csv = "csv"
     wandb = "wandb"
@@ -62,12 +62,12 @@ class Logger(Enum):
     all = "all"
 
     def includes(self, other: Logger) -> bool:
-        """Whether the numbers go to `other`, which `all` includes."""
+        """Return whether the numbers go to `other`, which `all` includes."""
         return self in (other, Logger.all)
 
 
 class Objective(Enum):
-    """What of a run a sweeper maximises: a greedy return.
+    """The greedy return of a run that a sweeper maximises.
 
     `late` is the mean of the evaluations after exploration, `final` the last one, `best` the highest.
     """
@@ -78,9 +78,9 @@ class Objective(Enum):
 
 
 class SourceWeights(StrEnum):
-    """What is copied of the source: what it learned or, in a control, weights that hold no features.
+    """The weights that are copied: `learned` ones or, in a control, weights without features.
 
-    `pretrained` is what the network learned that comes with the package.
+    `pretrained` are the weights of a bundled network.
     """
 
     learned = "learned"
@@ -109,7 +109,7 @@ class Reward:
 
 
 class Precision(Enum):
-    """In what the conv layers compute; `auto` is bf16 where the processor multiplies it natively."""
+    """The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively."""
 
     auto = "auto"
     fp32 = "fp32"
@@ -117,7 +117,7 @@ class Precision(Enum):
 
 
 class BackendName(Enum):
-    """What computes the conv layers: whole pictures, or on a CPU what differs from the background."""
+    """How conv layers are computed: whole pictures, or on a CPU only what differs from a background."""
 
     auto = "auto"
     incremental = "incremental"
@@ -125,7 +125,7 @@ class BackendName(Enum):
 
 
 def bfloat16_allowed() -> bool:
-    """Read `SHIP_TRL_BFLOAT16`: `off` makes any machine one that does not multiply bfloat16.
+    """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine.
 
     Raises:
         ConfigError: it is neither `on` nor `off`.
@@ -261,5 +261,5 @@ class Config:
 
 
 def plain(values: Any) -> Any:
-    """Return a config object as plain dicts, lists and words, for JSON, YAML and wandb."""
+    """Return a config object as dicts, lists and single values, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)

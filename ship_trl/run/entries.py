@@ -129,7 +129,7 @@ def settings_of(folder: Path) -> tuple[World, bool]:
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)
-        world = read_as(World, values.world, "world.")
+        world = read_as(World, values.world, key="world")
         check_world(world)
         return world, bool(values.colour)
     except ConfigError as error:

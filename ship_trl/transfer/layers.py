@@ -95,7 +95,7 @@ def saved_network(path: Path, key: str) -> Network:
         about = json.loads(header)
         if "network" not in about:
             return load_network()
-        network = read_as(Network, about["network"], "network.", from_json=True)
+        network = read_as(Network, about["network"], key="network", from_json=True)
         # Before a network is made: a file that promises a large one must be as large.
         maps = shapes.get("conv1.weight", [0, 0])[1]
         for n, layer in enumerate(geometry(network), 1):

@@ -1,4 +1,4 @@
-"""Lists, groups and single values stand where they should, and a complaint says where they do not."""
+"""Values are read as their types, and an error names the key of a wrong one."""
 
 from typing import Any
 
@@ -7,10 +7,13 @@ from omegaconf import OmegaConf
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import plain
+from ship_trl.files.result import Evaluation
 from tests.config.test_config import HIGH, composed
 
 HUGE = 10**400
+EVALUATION = {"return": 3, "outcome": "goal", "length": 4, "dcpa": None, "episode": 0}
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "number": ({"seed": HUGE}, "seed: must be at most 9223372036854775807 in size, got 1000"),
     "digits": (
@@ -58,3 +61,24 @@ def test_what_stands_elsewhere_is_named(name: str) -> None:
 def test_a_value_may_be_an_interpolation() -> None:
     values = plain(composed(*HIGH)) | {"seed": "${learn.batch_size}"}
     assert to_config(OmegaConf.create(values)).seed == values["learn"]["batch_size"]
+
+
+def test_text_of_the_environment_is_converted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("A_SEED", "7")
+    monkeypatch.setenv("A_RATE", "1e-3")
+    values = plain(composed(*HIGH)) | {"seed": "${oc.env:A_SEED}", "colour": "yes", "source": 5}
+    values["learn"]["lr"] = "${oc.env:A_RATE}"
+    config = to_config(OmegaConf.create(values))
+    assert (config.seed, config.learn.lr, config.colour, config.source) == (7, 1e-3, True, "5")
+    monkeypatch.setenv("A_SEED", "seven")
+    with pytest.raises(ConfigError, match=r"^seed: must be a whole number, got seven$"):
+        to_config(OmegaConf.create(values))
+
+
+def test_values_of_json_are_not_converted_and_may_have_more_keys() -> None:
+    found = read_as(Evaluation, EVALUATION | {"later": 1}, from_json=True)
+    assert (found.episode_return, found.dcpa) == (3.0, None) and type(found.episode_return) is float
+    for change in ({"length": 1.0}, {"length": "1"}, {"length": True}, {"outcome": 1}, {"return": None}):
+        (key,) = change
+        with pytest.raises(ConfigError, match=f"^result: {key}: must be"):
+            read_as(Evaluation, EVALUATION | change, "result: ", from_json=True)

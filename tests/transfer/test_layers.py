@@ -156,7 +156,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
-        ('{"network": 3}', "must be a group of conv, hidden, got 3"),
+        ('{"network": 3}', "network: must be a group of conv, hidden, got 3"),
         (
             '{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}',
             "got '${oc.env:HOME}'",

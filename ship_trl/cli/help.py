@@ -42,7 +42,7 @@ What to run
   source_file=FILE      take the source network from a safetensors file
   source=pretrained     the bundled network of the pair's source, or of the most similar case
   source_weights=NAME   learned; controls: random (untrained), permuted (learned, then shuffled)
-  demonstrations=FOLDER preload the replay with recorded episodes (docs/demonstrations.md)
+  demonstrations=FOLDER preload the replay with recorded episodes (docs/tools.md)
   seed=N                0 by default
 
 How

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
 from ship_trl.cli.watch import FIRST
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
 from ship_trl.run.entries import best_of_folders, find_entries
@@ -73,11 +73,24 @@ def check_mp4(size: tuple[int, int]) -> None:
     Raises:
         ConfigError: ffmpeg is missing, or a side is odd.
     """
-    from ship_trl.viewer.film import need_ffmpeg
-
     need_ffmpeg()
     if size[0] % 2 or size[1] % 2:
         raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
+
+
+def need_ffmpeg() -> None:
+    """Refuse an MP4 where it cannot be encoded; neither torch nor pygame is imported for it.
+
+    Raises:
+        ConfigError: imageio-ffmpeg is not installed, or finds no ffmpeg.
+    """
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        missing = missing_extra("imageio-ffmpeg", "film")
+        raise ConfigError(f"--output: an MP4 needs imageio-ffmpeg, a .gif does not; {missing}") from None
 
 
 def need_one_case(entries: list[Entry]) -> None:
@@ -103,12 +116,14 @@ def film(
         ConfigError: a policy is not right, or there are not two to compare.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.dashboard import Look
-    from ship_trl.viewer.film import draw_film, write_film
-    from ship_trl.viewer.playlist import Playlist, sail_show
+    from ship_trl.view.dashboard import Look
+    from ship_trl.view.film import draw_film, write_film
+    from ship_trl.view.window.playlist import Playlist, view_episode
 
     configure_process()
-    acts = [Playlist(entries, compare, seed).shows()] if compare else [[sail_show(e, seed)] for e in entries]
+    acts = [[view_episode(entry, seed)] for entry in entries]
+    if compare:
+        acts = [Playlist(entries, compare, seed).views()]
     write_film(path, draw_film(acts, Look(**look), size, rate, speed), rate)
     sys.stdout.write(f"{path}\n")
 

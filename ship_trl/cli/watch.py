@@ -8,6 +8,8 @@ keys.
 
 from __future__ import annotations
 
+import shlex
+
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
 from ship_trl.config.errors import ConfigError
@@ -27,8 +29,9 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         entries = find_entries(options.words or FIRST, options.colour)
-        words = " ".join([*options.words, *["--compare"] * options.compare])
-        watch(entries, options.compare, options.seed, options.size, words)
+        flags = [*["--compare"] * options.compare, *["--colour"] * options.colour]
+        words = [*(options.words or FIRST), *flags]
+        watch(entries, options.compare, options.seed, options.size, shlex.join(words))
 
 
 def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int], words: str) -> None:
@@ -38,16 +41,16 @@ def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int],
         ConfigError: a policy is not right, or there is no screen.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.playlist import Playlist
-    from ship_trl.viewer.session import Session
-    from ship_trl.viewer.window import NoScreenError, open_window
+    from ship_trl.view.window.display import NoScreenError, open_window
+    from ship_trl.view.window.playlist import Playlist
+    from ship_trl.view.window.session import Session
 
     configure_process()
     # First what is wrong with the policies: without a screen, too, this is what has to be mended.
     session = Session(Playlist(entries, compare, seed))
     try:
-        with open_window(size, "ship_trl") as window:
-            session.run(window)
+        with open_window(size, "ship_trl"):
+            session.run()
     except NoScreenError as error:
         raise ConfigError(
             f"no screen ({error}); python -m ship_trl record {words} --output film.gif makes a film"

@@ -42,9 +42,10 @@ def progress(
 ) -> Iterator[Finished | Evaluated]:
     """Pass events on, and show episodes done, time left, and the last returns meanwhile.
 
-    A terminal has a bar; a file or a pipe gets a line at the first episode and every twentieth of them.
-    The runs of a grid, which share what they write to, say a line with their place and title every quarter.
-    Of a run that goes on, `begun` episodes were sailed before.
+    A terminal shows a bar; a file or pipe gets a line at the first episode and after every twentieth of them.
+    The runs of a grid share the output: each writes a line with its place and title every quarter.
+    A resumed run has `begun` episodes behind it. The warm-up makes no updates, so its pace says nothing
+    about the time left: the estimate begins with the first update.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -57,17 +58,24 @@ def progress(
     lines = Lines(ONE_OF_MANY, share + ONE_OF_MANY, share) if place else Lines(ALONE, share, share)
     start = f"{place}: {title}: " if place else ""
     plain, greedy = bool(place) or not console.is_terminal, ""
+    has_updates = is_measured = False
     with Progress(*columns, console=console, disable=plain) as bar:
-        task = bar.add_task(title, total=episodes, completed=begun, now="", greedy="")
+        task = bar.add_task(title, start=False, total=episodes, completed=begun, now="", greedy="")
         for event in events:
             if isinstance(event, Evaluated):
                 greedy = f"{event.sailed.episode_return:.1f}"
                 bar.update(task, greedy=greedy)
             else:
                 now = f"{event.episode_return:.1f}"
+                if event.loss is not None and not has_updates:
+                    has_updates = True
+                    bar.start_task(task)
                 bar.update(task, completed=event.episode, now=now)
                 if plain and (left := lines.due(event.episode / episodes)) is not None:
+                    left = left if is_measured else ""
                     say(f"{start}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
+                    # The pace of the next line is that since this one.
+                    is_measured = has_updates
             yield event
 
 
@@ -135,5 +143,5 @@ def say_next(result: Result, folder: Path) -> None:
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
         say("  no run from scratch of these settings to compare with; +arm=scratch makes one")
-    say(f"  see it sail: python -m ship_trl watch {folder}")
-    say("  see a ship give way to two others: python -m ship_trl watch pretrained target=4")
+    say(f"  watch it: python -m ship_trl watch {folder}")
+    say("  watch a ship give way to two others: python -m ship_trl watch pretrained target=4")

@@ -208,7 +208,7 @@ def test_what_is_wrong_is_said(
     ("change", "said"),
     [
         ("max_steps: 9223372036854775807", "world.max_steps: must be from 1 to 1000"),
-        ("dt: 1" + "0" * 400, "is not a configuration: int too large"),
+        ("dt: 1" + "0" * 400, "world.dt: must be at most 9223372036854775807 in size"),
         ("dt: *nothing", "no alias (*nothing) is allowed"),
     ],
 )

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
@@ -41,11 +41,8 @@ def main(arguments: list[str] | None = None) -> None:
         metavar="FILE",
         help=f"a report's {TABLE}, to recommend by; default: that of the confirmatory study",
     )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        help="where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png",
-    )
+    picture = "where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png"
+    add_output(parser, "--picture", (".png",), picture)
     parser.add_argument("--no-picture", action="store_true", help="print only")
     options = parser.parse_args(arguments)
     try:

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl import __version__
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
-from ship_trl.config.errors import ConfigError
+from ship_trl.cli.parser import add_output, make_parser
+from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import replacing
 from ship_trl.policies.entry import Entry
@@ -40,23 +40,18 @@ def main(arguments: list[str] | None = None) -> None:
     """Export, check, say what was written."""
     parser = make_parser("export", __doc__)
     parser.add_argument("policy", metavar="POLICY", help="a result folder or a safetensors file")
-    parser.add_argument("file", type=Path, metavar="FILE.onnx", help="what is written")
+    add_output(parser, "file", (".onnx",), "what is written")
     parser.add_argument(
         "target", nargs="?", metavar="target=CASE", help="what it sails; a folder brings its own"
     )
     parser.add_argument("--colour", action="store_true", help="the network of a file sees colours")
     options = parser.parse_args(arguments)
     with refusals():
-        path: Path = options.file
-        if path.suffix != ".onnx":
-            raise ConfigError(f"file: must be a name that ends with .onnx, got {path}")
-        if not path.absolute().parent.is_dir():
-            raise ConfigError(f"file: no folder {path.absolute().parent}")
         for name in NEEDED:
             if importlib.util.find_spec(name) is None:
-                raise ConfigError(f"{name} is not installed; ship_trl[onnx] brings it")
+                raise ConfigError(missing_extra(name, "onnx"))
         words = [options.policy, *([options.target] if options.target else [])]
-        lines = export(find_entry(words, options.colour), path)
+        lines = export(find_entry(words, options.colour), options.file)
     sys.stdout.write("\n".join(lines) + "\n")
 
 

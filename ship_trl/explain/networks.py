@@ -12,8 +12,9 @@ from omegaconf.errors import OmegaConfBaseException
 from torch import Generator
 from yaml import YAMLError
 
-from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.network import load_network
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config, Method, plain
 from ship_trl.explain.rows import Compared, Role
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
@@ -151,13 +152,10 @@ def read_config(path: Path) -> Config:
         "objective": "late",
     }
     try:
-        values = OmegaConf.merge(OmegaConf.structured(Config), older, read_yaml(path))
-        config: Config = OmegaConf.to_object(values)  # type: ignore[assignment]
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{path}: {explain(error)}") from None
-    except (OSError, ValueError, OverflowError, YAMLError) as error:
+        values = OmegaConf.merge(older, read_yaml(path))
+    except (OSError, ValueError, TypeError, OmegaConfBaseException, YAMLError) as error:
         raise ConfigError(f"{path} is not a configuration: {' '.join(str(error).split())}") from None
-    return config
+    return read_as(Config, values, f"{path}: ")
 
 
 def make_untrained(like: DuelingNetwork, generator: Generator) -> list[DuelingNetwork]:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 
-from ship_trl.config.paths import LONGEST_NAME
+from ship_trl.config.paths import MAX_NAME_LENGTH
 from ship_trl.files.disk import read_file, replacing, write_tensors
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ class Checkpoints:
     def of_another(self, config_hash: str) -> bool:
         """Whether there are checkpoints, and another run has noted that they are its own."""
         try:
-            owner = read_file(self.folder / OWNER, most=LONGEST_NAME).decode()
+            owner = read_file(self.folder / OWNER, most=MAX_NAME_LENGTH).decode()
         except (OSError, ValueError):
             return False
         return owner != config_hash and bool(self._newest_first())

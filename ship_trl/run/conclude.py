@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from ship_trl import __version__
-from ship_trl.config.network import others
+from ship_trl.config.network import non_default_network
 from ship_trl.config.types import Method
 from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.learn.rollout import Episode
@@ -92,7 +92,7 @@ def retain(run: Run, result: Result) -> Entry:
     values = result.to_json()
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}
     base = CaseBase(Path(run.config.case_base))
-    network = others(run.config.network)
+    network = non_default_network(run.config.network)
     return base.retain(
         run.target, run.entry_arm, run.config.seed, run.config_hash, scores, run.folder, network
     )

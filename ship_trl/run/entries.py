@@ -11,12 +11,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from ship_trl.config.checks import check_world
-from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import World
 from ship_trl.files.result import RESULT
 from ship_trl.files.untrusted import read_yaml
@@ -130,12 +129,10 @@ def settings_of(folder: Path) -> tuple[World, bool]:
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)
-        world: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(World), values.world))
+        world = read_as(World, values.world, key="world")
         check_world(world)
         return world, bool(values.colour)
     except ConfigError as error:
         raise ConfigError(f"policy: {path}: {error}") from None
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"policy: {path}: {explain(error)}") from None
-    except (OSError, AttributeError, ValueError, OverflowError, YAMLError) as error:
+    except (OSError, AttributeError, ValueError, YAMLError) as error:
         raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None

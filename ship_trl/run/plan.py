@@ -14,7 +14,7 @@ from filelock import FileLock
 from omegaconf import OmegaConf
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import others
+from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Config, Method, SourceWeights, plain
 from ship_trl.files.result import Result, ResultError, read_result
@@ -199,7 +199,7 @@ def hash_of(
         "world": plain(config.world),
         "learn": learn,
     }
-    if (network := others(config.network)) is not None:
+    if (network := non_default_network(config.network)) is not None:
         values["network"] = network
     if demonstrations:
         values["demonstrations"] = [one.actions for one in demonstrations]

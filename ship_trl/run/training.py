@@ -21,7 +21,7 @@ from ship_trl.run.parts import make_parts
 from ship_trl.run.plan import Run
 from ship_trl.run.stop import Stop, StoppedError
 from ship_trl.run.tracking import Tracker
-from ship_trl.sim.cases import in_place_of
+from ship_trl.sim.cases import shadowing_case
 from ship_trl.sim.reference import best_known
 from ship_trl.transfer.casebase import PLANS, POLICY, Entry
 from ship_trl.transfer.layers import save_weights
@@ -39,7 +39,7 @@ def train_run(run: Run, device: torch.device, source: Entry | None, place: str =
     started = time.perf_counter()
     # At once: the planner and the draws before training take their time.
     console.say(f"{place}: {run.title}" if place else run.title)
-    if own := in_place_of(str(run.config.target)):
+    if own := shadowing_case(str(run.config.target)):
         console.say(f"case {run.config.target}: {own}, not the one of this name that comes with us")
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)

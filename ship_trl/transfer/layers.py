@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from safetensors import SafetensorError, safe_open
 from torch import Generator, Tensor
 
-from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import geometry, load_network
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import Network, plain
 from ship_trl.files.disk import replacing, write_tensors
 from ship_trl.learn.network import DuelingNetwork
@@ -96,10 +95,7 @@ def saved_network(path: Path, key: str) -> Network:
         about = json.loads(header)
         if "network" not in about:
             return load_network()
-        if not isinstance(about["network"], dict) or "${" in header:
-            raise ConfigError("network: must hold conv and hidden")
-        values = OmegaConf.merge(OmegaConf.structured(Network), about["network"])
-        network: Any = OmegaConf.to_object(values)
+        network = read_as(Network, about["network"], key="network", from_json=True)
         # Check shapes before allocating: a small file must not claim a large network.
         maps = shapes.get("conv1.weight", [0, 0])[1]
         for n, layer in enumerate(geometry(network), 1):
@@ -108,11 +104,9 @@ def saved_network(path: Path, key: str) -> Network:
             maps = layer.filters
         if shapes.get("shared.weight") != [network.hidden, maps]:
             raise ConfigError("shared.weight is of another shape")
-    except (ValueError, TypeError, RecursionError, OmegaConfBaseException, ConfigError) as error:
-        reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
-        raise ConfigError(f"{key}: {path} is of no network that can be made ({reason})") from None
-    found: Network = network
-    return found
+    except (ValueError, TypeError, RecursionError, ConfigError) as error:
+        raise ConfigError(f"{key}: {path} is of no network that can be made ({error})") from None
+    return network
 
 
 def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:

@@ -79,8 +79,11 @@ def test_of_a_result_its_best_network_is_shown() -> None:
     [
         ("random target=2", "--output: none given"),
         ("random target=2 --output no/film.gif", "--output: no folder"),
-        ("random target=2 --output film.avi", "--output: must end with .gif or .mp4, or be a folder"),
-        ("random target=2 --output there", "--output: there is there already"),
+        (
+            "random target=2 --output film.avi",
+            "--output: must be a name that ends with .gif or .mp4, or a new",
+        ),
+        ("random target=2 --output there", "--output: there exists; must be"),
         ("random target=2 --trajectories no/chart.png", "--trajectories: no folder"),
         ("random target=2 --trajectories chart.pdf", "--trajectories: must be a name that ends with .png"),
         ("random target=1,2 --trajectories chart.png", "--trajectories: one case, got 1, 2"),
@@ -88,7 +91,7 @@ def test_of_a_result_its_best_network_is_shown() -> None:
         ("random target=2 --output film.gif --fps 0", "--fps: must be from 1 to 60"),
         ("random target=2 --output film.gif --speed 0", "--speed: must be from 0.1"),
         ("random target=2 --output film.gif --size 1x1", "--size: must be WIDTHxHEIGHT"),
-        ("random target=2 --output film.gif --seed -1", "--seed: must be from 0"),
+        ("random target=2 --output film.gif --seed -1", "--seed: must be at least 0, got -1"),
         ("random target=2 --output film.gif --compare", "--compare: needs two policies"),
         ("random --output film.gif", "target: none given for random"),
     ],

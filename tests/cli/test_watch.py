@@ -51,7 +51,7 @@ def test_without_a_screen_record_is_offered(
         ("random --compare target=2", "--compare: needs two policies, got random alone"),
         ("random target=2 --size 5x5", "--size: must be WIDTHxHEIGHT"),
         ("random target=2 --size large", "--size: must be WIDTHxHEIGHT"),
-        ("random target=2 --seed -1", "--seed: must be from 0"),
+        ("random target=2 --seed -1", "--seed: must be at least 0, got -1"),
         ("random target=2 --fast", "unrecognized arguments: --fast"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
     ],

@@ -145,7 +145,12 @@ def test_a_shipped_case_by_path_is_the_same_run() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "reason"), [("{}", "has no pair"), ('{"pair": "hi', "cannot be read"), ("", "cannot be read")]
+    ("text", "reason"),
+    [
+        ("{}", "cannot be used: pair: missing; .*"),
+        ('{"pair": "hi', "cannot be read"),
+        ("", "cannot be read"),
+    ],
 )
 def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text: str, reason: str) -> None:
     line = ("target=1", "method=scratch", f"output={tmp_path}")
@@ -174,7 +179,7 @@ def test_another_network_is_another_source_too(monkeypatch: pytest.MonkeyPatch) 
     assert five.source.config.network == five.config.network
     assert five.source.config_hash != paper.source.config_hash
     # Runs that were made before there were other networks keep their hash: nothing is said of the paper's.
-    monkeypatch.setattr("ship_trl.run.plan.others", lambda _: None)
+    monkeypatch.setattr("ship_trl.run.plan.non_default_network", lambda _: None)
     assert run(*HIGH).config_hash == run(*HIGH, "network=five").config_hash == paper.config_hash
 
 

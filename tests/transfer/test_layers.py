@@ -156,10 +156,16 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
-        ('{"network": 3}', "must hold conv and hidden"),
-        ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "must hold conv and hidden"),
+        ('{"network": 3}', "network: must be a group of conv, hidden, got 3"),
+        (
+            '{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}',
+            "got '${oc.env:HOME}'",
+        ),
         ('{"network": {"conv": [[32, 8, 4]]}}', "missing"),
-        ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "could not be converted"),
+        (
+            '{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}',
+            "network.hidden: must be a whole",
+        ),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),
         (json.dumps({"network": plain(FIVE)}), "conv4.weight is of another shape"),
         (json.dumps({"network": {**plain(load_network()), "hidden": 100}}), "shared.weight is of another"),

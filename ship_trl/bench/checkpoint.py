@@ -20,8 +20,10 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.learn.train import Training
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import Parts, make_parts
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.plan import make_run
 from ship_trl.run.process import configure_process
+from ship_trl.run.run import Run
+from ship_trl.run.source import read_source
 from ship_trl.sim.env import ShipEnv
 
 ARMS = ("scratch", "FE3-random", "FE4-random")
@@ -53,7 +55,7 @@ def measure(arm: str, profile: str, repeats: int, stretch: float, folder: Path) 
     """Train in stretches, write a checkpoint after each, and read the last one; returns the line."""
     run = planned(arm, profile, folder)
     run.folder.mkdir(parents=True)
-    parts = make_parts(run, CPU, None)
+    parts = make_parts(run, CPU, read_source(run))
     fill(parts, run)
     journal = Journal(run, parts, time.perf_counter())
     parts.history.add(parts.training.begin(), parts.agent.target_network)
@@ -65,7 +67,7 @@ def measure(arm: str, profile: str, repeats: int, stretch: float, folder: Path) 
         journal.write()
         writes.append(time.perf_counter() - started)
     files = sorted(path.stat().st_size for path in journal.checkpoints.folder.iterdir())
-    again = make_parts(run, CPU, None)
+    again = make_parts(run, CPU, read_source(run))
     started = time.perf_counter()
     Journal(run, again, started).go_on()
     read, write = time.perf_counter() - started, statistics.median(writes)

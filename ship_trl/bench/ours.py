@@ -10,13 +10,14 @@ from torch import Generator, Tensor
 
 from ship_trl.bench.flops import Layer, layers_of
 from ship_trl.bench.work import CASE, CHUNK, CONV_LAYERS, learn_config
+from ship_trl.config.arm import Arm
 from ship_trl.config.types import Learn
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.transfer.layers import Transfer, apply
+from ship_trl.transfer.layers import copy_layers
 
 ARMS = ("scratch", *(f"FE{n}" for n in range(1, CONV_LAYERS + 1)), "FT3")
 
@@ -33,7 +34,7 @@ def network_layers() -> list[Layer]:
 
 def frozen_layers(arm: str) -> int:
     """How many conv layers an arm keeps fixed."""
-    return int(arm[2:]) if arm.startswith("FE") else 0
+    return Arm.parse(arm).frozen_layers
 
 
 class Ours:
@@ -52,12 +53,11 @@ class Ours:
         self.eval_env = ShipEnv(self.case, world, 1)
         self.num_actions = len(world.actions)
         self.network = new_network(0)
-        if arm != "scratch":
-            # Time does not depend on what a source has learned; other random weights stand for it.
-            weights = new_network(1).state_dict()
-            apply(self.network, Transfer(weights, int(arm[2:]), arm.startswith("FE")))
+        # Time does not depend on what a source has learned; other random weights stand for it.
+        copy_layers(self.network, new_network(1).state_dict(), Arm.parse(arm))
         draw = self.eval_env.rasteriser
-        self.agent = Agent(self.network, draw, self.num_actions, self.learn, Generator().manual_seed(2))
+        exploration, frozen = Generator().manual_seed(2), frozen_layers(arm)
+        self.agent = Agent(self.network, draw, self.num_actions, self.learn, exploration, frozen)
         observed = self.agent.observation
         encoders = {observed: self.agent.encode} if observed != "state" else {}
         self.env = ShipEnv(self.case, world, self.learn.num_envs, encoders=encoders)

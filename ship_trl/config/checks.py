@@ -16,11 +16,12 @@ from typing import Any
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
 from ship_trl.config.errors import ConfigError, explain
 from ship_trl.config.limits import check_learn, check_memory, check_sizes
 from ship_trl.config.network import cut_by_words, geometry
 from ship_trl.config.shapes import check_shapes
-from ship_trl.config.types import BackendName, Config, Logger, Method, SourceWeights, World, bfloat16_allowed
+from ship_trl.config.types import BackendName, Config, Logger, World, bfloat16_allowed
 
 # Bytes of a file's name and of a path, beside what a run adds to them.
 LONGEST_NAME, LONGEST_PATH = 200, 3000
@@ -127,10 +128,11 @@ def check(config: Config) -> None:
         f"auto or dense with network.conv={config.network.conv}",
         learn.backend.value,
     )
-    check_memory(config, layers)
     check_logger(config.logger)
     check_names(config)
     check_arm(config)
+    # It asks the arm, which must be one.
+    check_memory(config, layers)
 
 
 def check_world(world: World) -> None:
@@ -209,5 +211,5 @@ def check_arm(config: Config) -> None:
             "or +arm=NAME, which sets both (see --help for the names)"
         )
     known = type(layers) is int and layers in counts
-    whole = layers == "all" and config.method is Method.finetune
+    whole = layers == ALL_LAYERS and config.method is Method.finetune
     require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)

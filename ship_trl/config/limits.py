@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import Geometry, cut_by_words, linear_from
-from ship_trl.config.types import PICTURE, BackendName, Config, Learn, Method, World
+from ship_trl.config.types import PICTURE, BackendName, Config, Learn, World
 
 # With so many the planner's table of returns to come takes 2.3 GB at most.
 MAX_STEPS = 1000
@@ -124,9 +124,9 @@ def check_memory(config: Config, layers: Geometry) -> None:
     at_most(MOST_NUMBERS // maps, "learn.batch_size", learn.batch_size, why)
     kept = STATE_BYTES
     incremental = config.device == "cpu" and learn.backend is not BackendName.dense and cut_by_words(layers)
-    frozen = config.layers if config.method is Method.feature_extraction else 0
+    frozen = config.arm.frozen_layers
     # As `Agent` chooses what is kept.
-    if incremental and type(frozen) is int and linear_from(layers) <= frozen <= len(layers):
+    if incremental and frozen >= linear_from(layers):
         # What frozen layers make of a state before and after, in two bytes a number.
         last = layers[frozen - 1]
         kept += 4 * last.filters * last.side**2

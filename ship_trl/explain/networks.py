@@ -14,7 +14,7 @@ from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.config.network import load_network
-from ship_trl.config.types import Config, Method, plain
+from ship_trl.config.types import Config, plain
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork
@@ -23,12 +23,12 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
-from ship_trl.run.parts import find_transfer
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import read_source
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.casebase import CONFIG
-from ship_trl.transfer.layers import apply
+from ship_trl.transfer.layers import copy_layers
 
 # Networks of drawn weights, beside which every probe is judged.
 UNTRAINED = 3
@@ -119,12 +119,11 @@ def with_origin(entry: Entry, subject: Subject) -> Subject:
         before = DuelingNetwork(
             channels, actions, Generator().manual_seed(run.stream("weights")), config.network
         )
-        transfer = find_transfer(run, before, None)
-        source = None
-        if transfer:
+        found, source = read_source(run), None
+        if found is not None:
             source = copy.deepcopy(before)
-            source.load_state_dict(dict(transfer.weights))
-            apply(before, transfer)
+            source.load_state_dict(dict(found.weights))
+            copy_layers(before, found.weights, run.arm)
         env = ShipEnv(case, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:
@@ -137,11 +136,10 @@ def with_origin(entry: Entry, subject: Subject) -> Subject:
         )
         return dataclasses.replace(subject, source=source)
     layers = before.conv_names
-    if config.method is Method.scratch:
-        copied: tuple[str, ...] = ()
-    else:
-        copied = (*layers, "shared") if config.layers == "all" else layers[: int(config.layers)]
-    frozen = config.method is Method.feature_extraction
+    copied = layers[: run.arm.copied_layers(len(layers))]
+    if run.arm.copies_all:
+        copied = (*copied, "shared")
+    frozen = run.arm.frozen_layers > 0
     return dataclasses.replace(subject, source=source, before=before, copied=copied, frozen=frozen)
 
 

@@ -9,13 +9,13 @@ import torch
 
 from ship_trl import __version__
 from ship_trl.config.network import others
-from ship_trl.config.types import Method
 from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.learn.rollout import Episode
 from ship_trl.run import console
 from ship_trl.run.parts import Parts
-from ship_trl.run.plan import ALGORITHM_VERSION, Run
+from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.run.process import processor_name
+from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.random_policy import random_return
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
@@ -36,7 +36,9 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
     draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
     if parts.origin is not None and (scratch_curves := scratch_returns(run)) is not None:
         returns = [episode.episode_return for episode in finished]
-        draw_transfer(run.folder / console.TRANSFER, config.arm, returns, scratch_curves, known, run.title)
+        draw_transfer(
+            run.folder / console.TRANSFER, config.arm_label, returns, scratch_curves, known, run.title
+        )
     best = history.best.sailed
     write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, run.title)
 
@@ -48,11 +50,11 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
     finished, evaluated, best = history.finished, history.evaluated, history.best
     return Result(
         pair=config.label,
-        source=None if config.method is Method.scratch else str(config.source),
+        source=None if run.arm.is_scratch else str(config.source),
         target=str(config.target),
-        method=config.method.value,
-        layers=config.layers,
-        arm=config.arm,
+        method=run.arm.method.value,
+        layers=run.arm.layers,
+        arm=config.arm_label,
         seed=config.seed,
         profile=config.profile,
         config_hash=run.config_hash,

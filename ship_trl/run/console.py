@@ -72,7 +72,7 @@ def progress(
 
 
 @contextmanager
-def held(lock: FileLock, what: str) -> Iterator[None]:
+def hold(lock: FileLock, what: str) -> Iterator[None]:
     """Hold a lock; while another process holds it, say on what this one waits, once and then every minute."""
     started, wait = time.monotonic(), SHORT_WAIT
     while True:

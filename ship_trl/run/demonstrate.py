@@ -6,7 +6,7 @@ import torch
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.learn.replay import StateReplay
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
 from ship_trl.sim.env import ShipEnv
 
 # Of a raw return: another processor rounds differently.

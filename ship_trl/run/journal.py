@@ -16,7 +16,7 @@ from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.history import to_csv
 from ship_trl.run.parts import Parts
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
 
 
 class Journal:

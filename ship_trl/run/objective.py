@@ -6,7 +6,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Objective
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import Result
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
 
 
 def objective(run: Run, result: Result) -> float:

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import copy
 import hashlib
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import torch
 from torch import Generator
 
-from ship_trl.config.types import Method, SourceWeights
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
-from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.demonstrate import show_demonstrations
 from ship_trl.run.history import History
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
-from ship_trl.transfer.casebase import Entry
-from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted
+from ship_trl.transfer.layers import copy_layers
 
 # So many networks sail side by side before training; each takes 3 MB.
 FLEET = 25
@@ -76,11 +72,11 @@ def probe(dtype: torch.dtype, device: torch.device) -> str:
     return digest.hexdigest()[:8]
 
 
-def make_parts(run: Run, device: torch.device, source: Entry | None) -> Parts:
+def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     """Make them of a run's configuration and its streams of random numbers.
 
     Raises:
-        ConfigError: the source's weights cannot be used, or a demonstration does not end as it says.
+        ConfigError: a demonstration does not end as it says.
     """
     config, learn = run.config, run.config.learn
     # Weights are drawn on the CPU, so that they are the same for every device; the other draws are
@@ -91,12 +87,11 @@ def make_parts(run: Run, device: torch.device, source: Entry | None) -> Parts:
     eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
     actions = len(config.world.actions)
     network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
-    transfer = find_transfer(run, network, source)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))[0]
-    if transfer:
-        apply(network, transfer)
-    agent = Agent(network, draw, actions, learn, streams["exploration"])
+    if source is not None:
+        copy_layers(network, source.weights, run.arm)
+    agent = Agent(network, draw, actions, learn, streams["exploration"], run.arm.frozen_layers)
     encoders = {agent.observation: agent.encode} if agent.observation != "state" else {}
     env = ShipEnv(
         run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
@@ -112,55 +107,20 @@ def make_parts(run: Run, device: torch.device, source: Entry | None) -> Parts:
         draw=draw,
         scratch=scratch,
         draws=find_draws(run, agent, eval_env),
-        origin=None if transfer is None else origin(run, source),
+        origin=None if source is None else source.origin,
     )
-
-
-def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Transfer | None:
-    """Read the source's weights as the run's method asks, or None for scratch."""
-    config = run.config
-    if config.method is Method.scratch:
-        return None
-    if config.source_weights is SourceWeights.random:
-        # A network like the target's before it learns, drawn from a stream of its own.
-        drawn = copy.deepcopy(network)
-        drawn.reset(Generator().manual_seed(run.stream("random source")))
-        return Transfer(drawn.state_dict(), config.layers, config.method is Method.feature_extraction)
-    path, key = source_weights(run, source)
-    weights = load_weights(path, network, key)
-    if config.source_weights is SourceWeights.permuted:
-        weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
-    return Transfer(weights, config.layers, config.method is Method.feature_extraction)
-
-
-def source_weights(run: Run, source: Entry | None) -> tuple[Path, str]:
-    """Find the file of the source network, and the key that a complaint about it names."""
-    if run.pretrained:
-        return run.pretrained.file, "source"
-    if source:
-        return source.policy, "case_base"
-    return Path(str(run.config.source_file)), "source_file"
-
-
-def origin(run: Run, source: Entry | None) -> str:
-    """Say where the weights of a transfer came from."""
-    if run.config.source_weights is SourceWeights.random:
-        return "random"
-    if run.pretrained:
-        return f"{PRETRAINED}:{run.pretrained.case}"
-    return str(source.policy if source else run.config.source_file)
 
 
 def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
     """Greedy returns before training over many draws of what is not copied; one where all is."""
     config = run.config
-    count, layers = config.learn.jumpstart_draws, config.layers or 0
+    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(agent.network.conv_names))
     if count == 0:
         return []
-    if layers == "all":
+    if run.arm.copies_all:
         return [rollout(eval_env, agent.greedy)[0].episode_return]
     env = ShipEnv(
         run.target, config.world, min(count, FLEET), colour=config.colour, device=str(eval_env.device)
     )
     generator = Generator().manual_seed(run.stream("jumpstart"))
-    return jumpstart(env, agent.draw, agent.network, layers, count, generator)
+    return jumpstart(env, agent.draw, agent.network, copied, count, generator)

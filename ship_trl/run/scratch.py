@@ -5,16 +5,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.config.types import Config, Method, SourceWeights
+from ship_trl.config.arm import SCRATCH
+from ship_trl.config.types import Config
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import ResultError, read_result
 from ship_trl.policies import pretrained
-from ship_trl.run.plan import Run, hash_of
+from ship_trl.run.plan import hash_of
+from ship_trl.run.run import Run
 
 
 def scratch_returns(run: Run) -> NDArray[np.float64] | None:
@@ -37,7 +38,7 @@ def sailed_here(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Yield digest and training returns of the runs from scratch below the run's output folder."""
     output = Path(run.config.output)
     for label in sorted({run.config.label, run.target.name}):
-        for folder in sorted((output / label / from_scratch(run, 0).arm).glob("seed=*")):
+        for folder in sorted((output / label / from_scratch(run, 0).arm_label).glob("seed=*")):
             try:
                 result = read_result(folder)
                 if result.config_hash == hash_from_scratch(run, result.seed):
@@ -56,7 +57,4 @@ def hash_from_scratch(run: Run, seed: int) -> str:
 
 def from_scratch(run: Run, seed: int) -> Config:
     """Give the run's configuration without its transfer, with another seed."""
-    without: dict[str, Any] = {"source": None, "source_file": None, "layers": None, "seed": seed}
-    return dataclasses.replace(
-        run.config, method=Method.scratch, source_weights=SourceWeights.learned, **without
-    )
+    return dataclasses.replace(run.config.with_arm(SCRATCH), seed=seed)

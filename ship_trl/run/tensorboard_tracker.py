@@ -15,8 +15,8 @@ from ship_trl.config.types import plain
 from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.run import console
-from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers
+from ship_trl.run.run import Run
 
 
 class TensorboardTracker:
@@ -28,7 +28,7 @@ class TensorboardTracker:
 
         self._folder, self._output = run.folder, run.config.output
         self._writer: Any = SummaryWriter(str(run.folder))
-        values = plain(run.config) | {"arm": run.config.arm, "config_hash": run.config_hash}
+        values = plain(run.config) | {"arm": run.config.arm_label, "config_hash": run.config_hash}
         self._writer.add_text("config", fenced(yaml.safe_dump(values, sort_keys=False)))
 
     def log(self, values: Mapping[str, Any]) -> None:

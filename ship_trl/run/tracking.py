@@ -15,8 +15,8 @@ from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.folder import open_folder
-from ship_trl.run.plan import Run
 from ship_trl.run.rows import row
+from ship_trl.run.run import Run
 from ship_trl.run.tensorboard_tracker import TensorboardTracker
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
 
@@ -59,7 +59,7 @@ class Tracker:
         logger = self._run.config.logger
         # wandb first: it can refuse, and then no file of an earlier run has been touched.
         wandb = begin_wandb(self._run) if logger.includes(Logger.wandb) else None
-        open_folder(self._run, going_on=bool(self._rows))
+        open_folder(self._run, resume=bool(self._rows))
         if wandb is not None:
             wandb.remember()
             self._beside.append(wandb)

@@ -18,16 +18,17 @@ from ship_trl.run.conclude import make_result, retain, write_files
 from ship_trl.run.history import History
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import make_parts
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import Source
 from ship_trl.run.stop import Stop, StoppedError
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.cases import in_place_of
 from ship_trl.sim.reference import best_known
-from ship_trl.transfer.casebase import PLANS, POLICY, Entry
+from ship_trl.transfer.casebase import PLANS, POLICY
 from ship_trl.transfer.layers import save_weights
 
 
-def train_run(run: Run, device: torch.device, source: Entry | None, place: str = "") -> Result:
+def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> Result:
     """Train one network and write everything about it into the run's folder, `result.json` last of its files.
 
     Where a process left a checkpoint of this run, it goes on from there.

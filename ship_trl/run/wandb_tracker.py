@@ -16,8 +16,8 @@ from ship_trl.files.disk import DISK, links, read_file, replacing
 from ship_trl.files.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
-from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers
+from ship_trl.run.run import Run
 
 # Seconds: so long a run waits for a network at its start, and for its upload at its end.
 START, END = 30.0, 120.0
@@ -95,10 +95,10 @@ class WandbTracker:
             id=self._id,
             resume="allow" if mode == "online" else None,
             group=config.wandb.group or config.label,
-            job_type=config.arm,
-            name=f"{config.label}/{config.arm}/seed={config.seed}",
+            job_type=config.arm_label,
+            name=f"{config.label}/{config.arm_label}/seed={config.seed}",
             tags=[config.profile],
-            config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
+            config=plain(config) | {"arm": config.arm_label, "config_hash": run.config_hash},
             reinit="finish_previous",
             settings=wandb.Settings(init_timeout=START, finish_timeout=END, finish_timeout_raises=True),
         )

@@ -85,7 +85,7 @@ def test_a_process_says_on_what_it_waits(
     place = tmp_path / "run.lock"
 
     def wait() -> None:
-        with console.held(FileLock(place), "case 1, scratch, seed 0"):
+        with console.hold(FileLock(place), "case 1, scratch, seed 0"):
             console.say("mine")
 
     waiting = threading.Thread(target=wait)
@@ -97,7 +97,7 @@ def test_a_process_says_on_what_it_waits(
     assert last == "mine" and len(lines) >= 2
     start = "waiting for another process that is at case 1, scratch, seed 0 (0 s so far; "
     assert all(line == f"{start}{place})" for line in lines)
-    with console.held(FileLock(place), "nothing"):  # free again
+    with console.hold(FileLock(place), "nothing"):  # free again
         assert capsys.readouterr().out == ""
 
 

@@ -69,7 +69,7 @@ def measure(arm: str, profile: str, repeats: int, stretch: float, folder: Path) 
     files = sorted(path.stat().st_size for path in journal.checkpoints.folder.iterdir())
     again = make_parts(run, CPU, read_source(run))
     started = time.perf_counter()
-    Journal(run, again, started).go_on()
+    Journal(run, again, started).resume()
     read, write = time.perf_counter() - started, statistics.median(writes)
     return (
         f"{arm:11s} {1e3 * write:4.0f} ms {write / 60:12.2%} {sum(files) / 1e6:9.1f} MB"

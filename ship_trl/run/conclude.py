@@ -1,4 +1,4 @@
-"""What a finished training leaves: a last network, pictures, a result, and a place in the case base."""
+"""Write what a finished training leaves: last network, pictures, result, and case base entry."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from ship_trl.view.transfer import draw_transfer
 
 
 def write_files(run: Run, parts: Parts, known: float) -> None:
-    """Write the last network and the pictures into the run's folder; `known` is the best return known."""
+    """Write the last network and the pictures into the run's folder; `known` is the best known return."""
     history, config = parts.history, run.config
     assert history.best is not None
     finished, evaluated = history.finished, history.evaluated
-    noted = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
-    save_weights(run.folder / POLICY_LAST, parts.agent.target_network, noted)
+    about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
+    save_weights(run.folder / POLICY_LAST, parts.agent.target_network, about)
     greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
     draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
     if parts.origin is not None and (scratch_curves := scratch_returns(run)) is not None:
@@ -44,7 +44,7 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
 
 
 def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
-    """Say what a finished training reached, which took so many seconds."""
+    """Make the result of a training that took `seconds`."""
     history, config = parts.history, run.config
     assert history.best is not None
     finished, evaluated, best = history.finished, history.evaluated, history.best
@@ -83,13 +83,13 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
 
 
 def evaluation(episode: Episode, at: int) -> Evaluation:
-    """Give a greedy episode as numbers; without target ships there is no DCPA."""
+    """Summarise a greedy episode after training episode `at`; without target ships DCPA is None."""
     dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
     return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)
 
 
 def retain(run: Run, result: Result) -> Entry:
-    """Keep a finished run's network in the case base, for later targets (section 4.2)."""
+    """Store a finished run's network in the case base, for later targets (section 4.2)."""
     values = result.to_json()
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}
     base = CaseBase(Path(run.config.case_base))

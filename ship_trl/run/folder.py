@@ -100,7 +100,7 @@ def check_unfinished(run: Run) -> None:
     if unfinished is not None and unfinished.config_hash != run.config_hash:
         reached = f"at episode {unfinished.episode} of {unfinished.episodes}"
         raise TakenError(run.folder, f"an unfinished run {other_settings(run)}, {reached}")
-    if unfinished is None and checkpoints.of_another(run.config_hash):
+    if unfinished is None and checkpoints.has_other_owner(run.config_hash):
         held = f"an unfinished run {other_settings(run)}, whose checkpoints cannot be read"
         raise TakenError(run.folder, held)
 

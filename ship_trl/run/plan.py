@@ -23,23 +23,23 @@ from ship_trl.run.run import Run
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import rank
 
-# Goes up with every change of what a run of the same settings learns (world, network, learner, streams),
-# so that no run of an older program is shown as one of this.
+# Increase it when runs of the same settings learn something else (world, network, learner, streams). Then no
+# result of an older version is shown as one of this version.
 ALGORITHM_VERSION = 2
-# Begins the name of a folder that a study has set aside.
+# Prefix of the name of a folder that a study has set aside.
 DAMAGED = "damaged-"
 
 
 def make_run(config: Config) -> Run:
-    """Load the cases of a checked configuration and find folder, source and hash.
+    """Plan the run of a checked configuration, and its source's run first.
 
     Raises:
-        ConfigError: a case that is not there or not right, a folder that cannot be written, or one
-            that holds a run of other settings or a damaged result.
+        ConfigError: a case is missing or invalid, the folder is not writable, or it holds a run of other
+            settings or a damaged result.
     """
     world = config.world
     target = load_case(str(config.target), world, "target")
-    config = with_source(config, target)
+    config = resolve_pretrained(config, target)
     source, pretrained = None, None
     if not config.arm.is_scratch:
         case = load_case(str(config.source), world, "source")
@@ -64,17 +64,17 @@ def make_run(config: Config) -> Run:
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
-    shown: tuple[Demonstration, ...] = ()
+    demonstrations: tuple[Demonstration, ...] = ()
     if config.demonstrations is not None:
-        shown = tuple(read_demonstrations(Path(config.demonstrations), target, world))
-    digest = hash_of(config, target, source, pretrained, shown)
-    run = Run(config, target, source, folder_of(config), digest, pretrained, shown)
+        demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target, world))
+    digest = hash_of(config, target, source, pretrained, demonstrations)
+    run = Run(config, target, source, folder_of(config), digest, pretrained, demonstrations)
     check_folder(run)
     return run
 
 
-def with_source(config: Config, target: Case) -> Config:
-    """Find which case `source=pretrained` means: that of the pair, else the most similar to the target."""
+def resolve_pretrained(config: Config, target: Case) -> Config:
+    """Replace `source=pretrained` by a case: the source of the pair, else the most similar bundled case."""
     if config.source != PRETRAINED:
         return config
     if config.pair is not None:
@@ -87,8 +87,8 @@ def with_source(config: Config, target: Case) -> Config:
         source = str(OmegaConf.load(pair).source)
     else:
         cases = [load_case(one.case, config.world, "source") for one in networks()]
-        others_than = [case for case in cases if case.fingerprint != target.fingerprint]
-        source = rank(target, others_than, config.world)[0].case.name
+        other_cases = [case for case in cases if case.fingerprint != target.fingerprint]
+        source = rank(target, other_cases, config.world)[0].case.name
     if config.arm.is_scratch:
         # Its folder lies beside the transfers of its grid.
         return dataclasses.replace(config, source=source)
@@ -96,7 +96,7 @@ def with_source(config: Config, target: Case) -> Config:
 
 
 def folder_of(config: Config) -> Path:
-    """`<output>/<pair>/<arm>/seed=<k>`; without a pair, the names of the cases stand for it."""
+    """Return `<output>/<pair>/<arm>/seed=<k>`; without a pair, the names of the cases replace it."""
     return Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
 
 
@@ -107,19 +107,19 @@ def hash_of(
     pretrained: Pretrained | None = None,
     demonstrations: Sequence[Demonstration] = (),
 ) -> str:
-    """Twelve hex digits over all that decides the outcome; names and folders do not."""
+    """Return twelve hex digits of a digest over everything that decides what is learned."""
     origin = source.config_hash if source else None
     if config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
     if config.arm.weights is SourceWeights.random:
         origin = "random"
     elif pretrained is not None:
-        # The name, because the streams of random numbers have it too.
+        # With the name of the case, because the random streams depend on it.
         origin = f"pretrained {Path(str(config.source)).stem} {pretrained.sha256}"
     elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)
-    # The one decides nothing of what is learned, the other rounds differently, as devices do.
+    # Draws do not change what is learned; backends only round differently, as devices do.
     del learn["jumpstart_draws"], learn["backend"]
     values: dict[str, Any] = {
         "algorithm_version": ALGORITHM_VERSION,

@@ -95,7 +95,7 @@ def read_checkpoints(folder: Path) -> None:
     found = []
     for config_hash in (about.config_hash, owner_of(checkpoints.folder)):
         whole, damaged = checkpoints.read(config_hash)
-        checkpoints.of_another(config_hash)
+        checkpoints.has_other_owner(config_hash)
         found.append(whole)
         assert not any("\n" in reason for reason in damaged.values())
     assert any(whole is not None for whole in found)

@@ -97,7 +97,7 @@ def test_processes_are_of_joblib(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_control_composes_and_says_what_it_is() -> None:
     for arm in (*CONTROL_ARMS, *EXPLORING_ARMS):
-        assert composed("+pair=low", f"+arm={arm}").arm == arm
+        assert composed("+pair=low", f"+arm={arm}").arm_label == arm
     for pair, arms in (*CONTROL_PAIRS.items(), *EXPLORING_PAIRS.items()):
         assert set(arms) <= set(names("arm")) and pair in names("pair")
 

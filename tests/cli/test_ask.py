@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.ask import answers, main
-from ship_trl.study.analysis.statistics import level_of
+from ship_trl.study.analysis.statistics import estimate_mean
 from ship_trl.study.analysis.study import Study
 from tests.command import ship_trl
 from tests.study.synthetic import write_study
@@ -20,7 +20,7 @@ GAINS = np.array([0.1, -0.1, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3])
 def test_the_interval_is_of_95_percent() -> None:
     (found,) = answers(study_of(scratch=SCRATCH, FE1=SCRATCH + GAINS), ["high: FE1 above scratch"])
     assert found.seeds == 10 and found.differences == pytest.approx(GAINS)
-    assert found.estimate == pytest.approx(level_of(np.array(found.differences), 0.025))
+    assert found.estimate == pytest.approx(estimate_mean(np.array(found.differences), 0.025))
 
 
 def test_seeds_beyond_the_last_look_are_left_out() -> None:

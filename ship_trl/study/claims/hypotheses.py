@@ -1,20 +1,17 @@
-"""The paper's claims of section 4 as contrasts that are measured; the plan is docs/analysis-plan.md.
-
-A claim has a name (H5a ...), a sentence, and the contrasts that it stands on; positive is as claimed.
-"""
+"""The paper's claims and conclusions, and our own questions, as contrasts (docs/analysis-plan.md)."""
 
 from __future__ import annotations
 
 from ship_trl.study.claims.kinds import (
-    FE,
-    FT,
-    TRANSFERS,
     Hypothesis,
     beats,
     best_source,
     by_path,
     confounded,
+    control,
     each_above_the_last,
+    interaction,
+    itself,
     means,
     network_effect,
     no_more,
@@ -23,13 +20,14 @@ from ship_trl.study.claims.kinds import (
     sooner,
     steady,
 )
+from ship_trl.study.plan.arms import CONTROL_KINDS, FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS
 from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
 
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
 GROWING = ("FT2", "FT3", "FT4", "FTW")
-# Parts of conclusion C4 too.
-EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")]
-FINETUNING_DIPS = [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")]
+# Conclusion C4 has these too.
+EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", SCRATCH, "FE2")]
+FINETUNING_DIPS = [beats("high", SCRATCH, "FT1"), beats("high", "FT2", "FT1")]
 SELF_DIPS = self_dips()
 NO_DIPS = [no_more("low", ("FE1", "FE3"), ("FE2",)), no_more("low", ("FT2",), ("FT1",))]
 HYPOTHESES = [
@@ -43,13 +41,13 @@ HYPOTHESES = [
         "H5a",
         "5",
         "Every arm but FE2 and FT1 beats scratch, and is sooner.",
-        [beats("high", arm, "scratch", metric) for metric in ("area", "time") for arm in NOT_DIPPING],
+        [beats("high", arm, SCRATCH, metric) for metric in ("area", "time") for arm in NOT_DIPPING],
     ),
     Hypothesis(
         "H5b",
         "5",
         "Those arms vary less across seeds.",
-        [steady("high", arm, "scratch") for arm in NOT_DIPPING],
+        [steady("high", arm, SCRATCH) for arm in NOT_DIPPING],
     ),
     Hypothesis("H5c", "5", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
     Hypothesis("H5d", "5", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
@@ -58,7 +56,7 @@ HYPOTHESES = [
         "H5f",
         "5",
         "FTW beats all other arms.",
-        [beats("high", "FTW", arm) for arm in ("scratch", *FE, *FT)],
+        [beats("high", "FTW", arm) for arm in (SCRATCH, *FE, *FT)],
     ),
     Hypothesis(
         "H5g",
@@ -98,7 +96,7 @@ HYPOTHESES = [
         "6",
         "All arms but FE4 beat scratch, and are sooner.",
         [
-            beats("low", arm, "scratch", metric)
+            beats("low", arm, SCRATCH, metric)
             for metric in ("area", "time")
             for arm in TRANSFERS
             if arm != "FE4"
@@ -115,15 +113,15 @@ HYPOTHESES = [
         "H6d",
         "6",
         "FE4 is the worst arm.",
-        [beats("low", arm, "FE4") for arm in ("scratch", *TRANSFERS) if arm != "FE4"],
+        [beats("low", arm, "FE4") for arm in (SCRATCH, *TRANSFERS) if arm != "FE4"],
     ),
     Hypothesis(
         "H6e",
         "6",
         "FTW is best early, from its first greedy evaluation on, and collides less.",
         [
-            *(beats("low", "FTW", arm, "early area") for arm in ("scratch", *FE, *FT)),
-            *(beats("low", "FTW", arm, "start") for arm in ("scratch", *FE, *FT)),
+            *(beats("low", "FTW", arm, "early area") for arm in (SCRATCH, *FE, *FT)),
+            *(beats("low", "FTW", arm, "start") for arm in (SCRATCH, *FE, *FT)),
             means("low", (*FE, *FT), ("FTW",), "early collisions"),
         ],
     ),
@@ -131,13 +129,13 @@ HYPOTHESES = [
         "H6f",
         "6",
         "FT1 reaches the threshold first.",
-        [sooner("low", "FT1", arm) for arm in ("scratch", *TRANSFERS) if arm != "FT1"],
+        [sooner("low", "FT1", arm) for arm in (SCRATCH, *TRANSFERS) if arm != "FT1"],
     ),
     Hypothesis(
         "H7a",
         "7",
         "Arms of one and two layers beat scratch.",
-        [beats("lowest", arm, "scratch") for arm in ("FE1", "FE2", "FT1", "FT2")],
+        [beats("lowest", arm, SCRATCH) for arm in ("FE1", "FE2", "FT1", "FT2")],
     ),
     Hypothesis("H7b", "7", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
     Hypothesis(
@@ -146,7 +144,7 @@ HYPOTHESES = [
         "The score falls as more layers are transferred.",
         [rises("lowest", *FE[::-1]), rises("lowest", *FT[::-1])],
     ),
-    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", "scratch", "FE4")]),
+    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", SCRATCH, "FE4")]),
     Hypothesis(
         "H7e",
         "7",
@@ -158,7 +156,7 @@ HYPOTHESES = [
         "7",
         "FTW falls no more than scratch, and ends lower than FT1 to FT4.",
         [
-            no_more("lowest", ("FTW",), ("scratch",), "dip"),
+            no_more("lowest", ("FTW",), (SCRATCH,), "dip"),
             means("lowest", FT, ("FTW",), "asymptote"),
         ],
     ),
@@ -173,5 +171,88 @@ HYPOTHESES = [
         "9",
         "Case 2 is the best source, each case's network trained on it alone.",
         [best_source(case) for case in (*OTHER_SOURCES, *FURTHER_SOURCES)],
+    ),
+]
+FIGURE, EXPLORATORY = "conclusions", "exploratory"
+# By pair: its target, and the label of that case's transfer to itself.
+ITSELF = {"high": ("2", "self"), "low": ("4", "self4"), "lowest": ("6", "self6")}
+CONCLUSIONS = [
+    Hypothesis(
+        "C1",
+        FIGURE,
+        "There are features: FE3 beats scratch, and frozen layers that have learned nothing.",
+        [beats("high", "FE3", SCRATCH), *(control("high", "FE3", kind) for kind in CONTROL_KINDS)],
+    ),
+    Hypothesis(
+        "C2",
+        FIGURE,
+        "More layers help in pair high and harm in the others; "
+        "extraction beats finetuning in pair high, and loses in the others.",
+        [
+            *(rises("high", *arms) for arms in (FE, FT)),
+            *(rises(pair, *arms[::-1]) for pair in ("low", "lowest") for arms in (FE, FT)),
+            means("high", FE, FT),
+            *(means(pair, FT, FE) for pair in ("low", "lowest")),
+        ],
+    ),
+    Hypothesis(
+        "C3",
+        FIGURE,
+        "FE3 is sooner than FE4, and ends higher, in all pairs.",
+        [beats(pair, "FE3", "FE4", metric) for pair in ITSELF for metric in ("time", "asymptote")],
+    ),
+    Hypothesis(
+        "C4",
+        FIGURE,
+        "Torn co-adaptation makes dips: in pair high and from a case to itself, and none in low.",
+        [*EXTRACTION_DIPS, *FINETUNING_DIPS, *SELF_DIPS, *NO_DIPS],
+    ),
+    Hypothesis(
+        "C5",
+        FIGURE,
+        "Finetuning everything is better early than finetuning the conv layers, and ends lower.",
+        [
+            *(beats(pair, "FTW", "FT4", "early area") for pair in ITSELF),
+            *(beats(pair, "FT4", "FTW", "asymptote") for pair in ITSELF),
+        ],
+    ),
+]
+# Each is judged alone; they explain, and decide no claim.
+OURS = [
+    Hypothesis(
+        "E1",
+        EXPLORATORY,
+        "Frozen layers that have learned beat random ones, for each number of layers and pair.",
+        [control(pair, arm, RANDOM) for pair in ITSELF for arm in FE],
+    ),
+    Hypothesis(
+        "E2",
+        EXPLORATORY,
+        "They beat the same weights permuted within each layer.",
+        [control(pair, arm, PERMUTED) for pair in ITSELF for arm in FE],
+    ),
+    Hypothesis(
+        "E3",
+        EXPLORATORY,
+        "Cases 4 and 6 to themselves dip too.",
+        [*self_dips("4", "low", "self4"), *self_dips("6", "lowest", "self6")],
+    ),
+    Hypothesis(
+        "E4",
+        EXPLORATORY,
+        "A case's own network, finetuned as a whole, beats learning it from scratch.",
+        [itself(case, pair, label, "FTW", SCRATCH) for pair, (case, label) in ITSELF.items()],
+    ),
+    Hypothesis(
+        "E5",
+        EXPLORATORY,
+        "A reused network gains more where exploration starts low, in time and in area; it is higher too.",
+        [interaction("time"), interaction("area"), network_effect("area")],
+    ),
+    Hypothesis(
+        "E6",
+        EXPLORATORY,
+        "FTW misses the goal less often than scratch once exploration is over.",
+        [beats(pair, SCRATCH, "FTW", "misses") for pair in ITSELF],
     ),
 ]

@@ -25,15 +25,15 @@ def test_the_error_is_yuens(count: int) -> None:
     error, freedom = s.standard_error(values)
     # Of two samples, one of which does not vary, Yuen's t by SciPy is that of the other alone.
     still = np.linspace(-1e-9, 1e-9, count)
-    found = stats.ttest_ind(values, still, equal_var=False, trim=s.TRIMMED)
+    found = stats.ttest_ind(values, still, equal_var=False, trim=s.TRIM)
     assert stats.trim_mean(values, 0.25) / error == pytest.approx(float(found.statistic), rel=1e-6)
-    assert freedom == pytest.approx(s.FREEDOM * float(found.df), rel=1e-6)
+    assert freedom == pytest.approx(s.FREEDOM_FACTOR * float(found.df), rel=1e-6)
 
 
 def test_estimate_interval_and_p_speak_of_one_number() -> None:
     for seed in range(50):
         values = sample(seed, 0.4)
-        found = s.level_of(values, 0.025)
+        found = s.estimate_mean(values, 0.025)
         assert found.value == pytest.approx(stats.trim_mean(values, 0.25))
         assert (found.low > 0) == (s.p_above(values) <= 0.025)
         assert (found.high < 0) == (s.p_below(values) <= 0.025)
@@ -136,6 +136,6 @@ def test_a_single_seed_is_refused() -> None:
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     held = [
-        found.low <= 0.5 <= found.high for found in (s.level_of(sample(seed, 0.5)) for seed in range(1000))
+        found.low <= 0.5 <= found.high for found in (s.estimate_mean(sample(seed, 0.5)) for seed in range(1000))
     ]
     assert 0.93 <= np.mean(held) <= 0.97

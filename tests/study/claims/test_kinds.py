@@ -6,7 +6,7 @@ import pytest
 
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.study import Study
-from ship_trl.study.claims.conclusions import OURS
+from ship_trl.study.claims.hypotheses import OURS
 from ship_trl.study.claims.kinds import FE, Test, beats, each_above_the_last, means, rises, sooner, steady
 from ship_trl.study.claims.verdicts import ALL
 from ship_trl.study.plan.config import to_study

@@ -41,7 +41,7 @@ def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None
 def test_launchers_overrides_are_not_of_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
     config = to_study(["launcher=slurm", "overrides=[hydra.launcher.partition=gpu,learn.lr=0.1]"])
-    assert config.of_runs == ["learn.lr=0.1"]
+    assert config.run_overrides == ["learn.lr=0.1"]
     assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from ship_trl.study.report.differences import differences, draw_differences
+from ship_trl.study.report.ecdf import draw_times, steps
 
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.jobs import PAIRS
-from ship_trl.study.report.differences import differences, draw_differences
-from ship_trl.study.report.ecdf import draw_times, steps
 from ship_trl.study.report.figures import PAGE, TELEPHONE
 from tests.study.report.seen import across, named
 from tests.study.synthetic import make_record

@@ -10,10 +10,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from ship_trl.study.report.drawings import drawings
 
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.verdicts import Answer, answer, explore
-from ship_trl.study.report.drawings import drawings
 from ship_trl.study.report.figures import PAGE, TELEPHONE, Form
 from tests.study.synthetic import make_study, write_planned
 

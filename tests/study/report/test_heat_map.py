@@ -5,9 +5,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-
-from ship_trl.study.analysis.measured import gain
-from ship_trl.study.report.figures import PAGE, TELEPHONE, Form
+from ship_trl.study.analysis.contrasts import gain
 from ship_trl.study.report.heat_map import (
     ARMS,
     draw_gains,
@@ -17,6 +15,8 @@ from ship_trl.study.report.heat_map import (
     reused,
     rows,
 )
+
+from ship_trl.study.report.figures import PAGE, TELEPHONE, Form
 from tests.study.synthetic import BEST, RANDOM, make_study
 
 

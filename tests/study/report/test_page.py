@@ -12,7 +12,7 @@ import pytest
 
 from ship_trl.cli.report import main
 from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.power import seen_effect
+from ship_trl.study.analysis.statistics import min_detectable_effect
 from ship_trl.study.claims.kinds import Hypothesis, beats
 from ship_trl.study.claims.verdicts import ALL, judge
 from ship_trl.study.report.page import in_a_sentence
@@ -159,7 +159,7 @@ def test_of_each_look_it_is_said_what_it_could_see(study: Path) -> None:
     seen = re.search(
         r"after 5 seeds \(one-sided level 0.02500, which sees a difference of ([\d.]+) standard", text
     )
-    assert seen and float(seen[1]) == pytest.approx(seen_effect(5, 0.025), abs=0.05) and float(seen[1]) > 5
+    assert seen and float(seen[1]) == pytest.approx(min_detectable_effect(5, 0.025), abs=0.05) and float(seen[1]) > 5
 
 
 def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:

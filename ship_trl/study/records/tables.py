@@ -207,7 +207,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
 
 def sort_key(record: Record) -> tuple[int, str, str, str]:
     """Return the key that sorts runs by seed, part, pair and arm."""
-    return record.seed, record.part, record.pair, record.arm
+    return record.seed, record.part, record.pair, record.arm.name
 
 
 def digest(path: Path) -> str:

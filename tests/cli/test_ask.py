@@ -8,9 +8,9 @@ import pytest
 from ship_trl.cli.ask import answers, main
 from ship_trl.study.analysis.statistics import estimate_mean
 from ship_trl.study.analysis.study import Study
+from ship_trl.study.plan.manifest import Manifest
 from tests.command import ship_trl
-from tests.study.synthetic import write_study
-from tests.study.test_sensitivity import study_of
+from tests.study.synthetic import study_of, write_study
 
 # Ten seeds of a study that is begun with ten, looked at after five.
 SCRATCH = np.linspace(0.5, 0.6, 10)
@@ -25,7 +25,7 @@ def test_the_interval_is_of_95_percent() -> None:
 
 def test_seeds_beyond_the_last_look_are_left_out() -> None:
     nine = study_of(scratch=SCRATCH[:9], FE1=(SCRATCH + GAINS)[:9])
-    planned = type(nine)(nine.records, planned=tuple(range(10)))
+    planned = Study(nine.records, plan=Manifest(tuple(range(10))))
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"])] == [5]
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"], seeds=7)] == [7]
 

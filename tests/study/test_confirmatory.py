@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.plan.manifest import begun_with
+from ship_trl.study.plan.manifest import read_manifest
 from ship_trl.study.records.layers import LAYERS, read_layers
 from ship_trl.study.records.tables import read_tables
 from ship_trl.study.rules import digest
@@ -19,7 +19,6 @@ FOLDER = ROOT / "outputs/confirmatory"
 REPORT = FOLDER / "report"
 # Seeds of the last look; those of the next one are kept as they come in, and not looked at.
 SEEN = 15
-EARLIER = ROOT / "outputs/quick_study/report/claims.csv"
 
 
 def read(path: Path) -> list[list[str]]:
@@ -41,7 +40,7 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
     for job in tables.plan["jobs"]:
         planned[job["seed"]].add((job["part"], job["label"], job["arm"]))
     for record, result, _ in tables.by_run():
-        kept[record.seed].add((record.part, record.pair, record.arm))
+        kept[record.seed].add((record.part, record.pair, record.arm.name))
         assert result.profile == "quick" and result.episodes == 600
     assert sorted(planned) == list(range(100, 115))
     # Seeds are run one after another.
@@ -51,8 +50,9 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
 
 
 def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
-    seeds, rules = begun_with(FOLDER)
-    assert seeds == tuple(range(100, 115))
+    plan = read_manifest(FOLDER)
+    assert plan.seeds == tuple(range(100, 115))
+    rules = plan.rules
     assert rules["digest"] == digest()
     committed = rules["commit"].partition(" of ")[2]
     assert datetime.fromisoformat(committed) < datetime.fromisoformat(rules["begun"])
@@ -63,7 +63,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report, made anew from the kept tables by the command that the docs name."""
     folder = tmp_path_factory.mktemp("made")
     # In a process of its own, which goes by conf/analysis.yaml and not by the tests' margins.
-    words = str(FOLDER), "--seeds", str(SEEN), "--output", str(folder), "--earlier", str(EARLIER)
+    words = str(FOLDER), "--seeds", str(SEEN), "--output", str(folder)
     ship_trl(*words, folder=folder, verb="report")
     return folder
 

@@ -60,5 +60,7 @@ def test_a_study_keeps_the_rules_and_the_seeds_that_it_was_begun_with(tmp_path: 
     first = read_study(tmp_path)
     begin(5)
     later, jobs = read_study(tmp_path), json.loads((tmp_path / "study.json").read_text())["jobs"]
-    assert first.plan.seeds == later.plan.seeds == (0, 1, 2) and {job["seed"] for job in jobs} == set(range(5))
-    assert first.plan.rules == later.plan.rules and first.plan.rules["begun"] in rules.describe_rules(first.rules)
+    assert first.plan.seeds == later.plan.seeds == (0, 1, 2)
+    assert {job["seed"] for job in jobs} == set(range(5))
+    begun = first.plan.rules
+    assert begun == later.plan.rules and begun["begun"] in rules.describe_rules(begun)

@@ -45,4 +45,7 @@ def test_no_more_without_a_margin_says_nothing() -> None:
 
 def test_what_could_have_been_seen_grows_with_the_figure() -> None:
     one = measured(0.0)
-    assert one.min_detectable() == pytest.approx(min_detectable_effect(15) * one.error) and one.min_detectable(0.025 / 9) > one.min_detectable()
+    assert (
+        one.min_detectable() == pytest.approx(min_detectable_effect(15) * one.error)
+        and one.min_detectable(0.025 / 9) > one.min_detectable()
+    )

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from ship_trl.study.analysis import statistics as s
-from ship_trl.study.analysis.statistics import seeds_needed, min_detectable_effect
+from ship_trl.study.analysis.statistics import min_detectable_effect, seeds_needed
 
 
 def test_what_so_many_seeds_could_see() -> None:

@@ -7,8 +7,9 @@ import pytest
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import OURS
-from ship_trl.study.claims.kinds import FE, Test, beats, each_above_the_last, means, rises, sooner, steady
+from ship_trl.study.claims.kinds import Test, beats, each_above_the_last, means, rises, sooner, steady
 from ship_trl.study.claims.verdicts import ALL
+from ship_trl.study.plan.arms import FE
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import SOURCES, plan_jobs
 from tests.study.synthetic import make_study

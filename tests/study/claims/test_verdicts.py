@@ -10,7 +10,8 @@ from ship_trl.study.analysis.statistics import look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
-from ship_trl.study.claims.verdicts import answer, explore, judge, reached
+from ship_trl.study.claims.verdicts import answer, explore, judge
+from ship_trl.study.plan.manifest import Manifest
 from tests.study.synthetic import make_study
 
 

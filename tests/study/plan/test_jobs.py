@@ -8,7 +8,7 @@ import pytest
 from ship_trl.run.plan import make_run
 from ship_trl.study.launch.launch import write_jobs
 from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import Job, scratch_place, plan_jobs
+from ship_trl.study.plan.jobs import Job, plan_jobs, scratch_place
 from tests.config.test_config import composed
 
 

@@ -1,4 +1,4 @@
-"""The page: whole, readable on a telephone, and what it says of each claim."""
+"""The page: whole, readable on a narrow screen, and what it says of each claim."""
 
 import base64
 import csv
@@ -6,16 +6,18 @@ import html.parser
 import json
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ship_trl.cli.report import main
-from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.statistics import min_detectable_effect
+from ship_trl.study.analysis.contrasts import Finding, Verdict
+from ship_trl.study.analysis.statistics import Estimate, min_detectable_effect
 from ship_trl.study.claims.kinds import Hypothesis, beats
-from ship_trl.study.claims.verdicts import ALL, judge
-from ship_trl.study.report.page import in_a_sentence
+from ship_trl.study.claims.verdicts import ALL, Answer, judge
+from ship_trl.study.report.page import families, in_a_sentence, interval, scale_of
 from tests.study.synthetic import make_study, write_study
 
 
@@ -44,7 +46,7 @@ def test_the_page_is_whole_and_needs_nothing_else(study: Path) -> None:
     assert text.count('<section class="card">') == 5 and 'class="verdict supported"' in text
 
 
-def test_each_figure_has_a_form_for_telephones(study: Path) -> None:
+def test_each_figure_has_a_form_for_narrow_screens(study: Path) -> None:
     text = (study / "report/index.html").read_text()
     found = re.findall(
         r'<picture>\n<source media="\(max-width: 64rem\)" srcset="data:image/png;base64,([^"]*)">\n'
@@ -72,7 +74,8 @@ def test_nothing_of_the_page_is_wider_than_a_telephone_but_what_moves_in_itself(
 
 
 def test_verdicts_are_a_markdown_table(study: Path) -> None:
-    lines = (study / "report/verdicts.md").read_text().splitlines()
+    head, _, *lines = (study / "report/verdicts.md").read_text().splitlines()
+    assert "95 % after 5 seeds" in head
     assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 3 for line in lines)
     (line,) = (line for line in lines if line.startswith("| H5h | "))
     assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in line
@@ -116,31 +119,61 @@ def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> Non
     assert len(values) == 9 and f"; {leaning} estimated as claimed ({min(values):+.3f} to " in line
 
 
-def test_what_an_earlier_study_said_stands_beside(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    earlier = tmp_path / "claims.csv"
-    with (study / "report/claims.csv").open(newline="") as file:
-        sentence = next(row["sentence"] for row in csv.DictReader(file) if row["claim"] == "H5a")
+def test_what_an_earlier_study_said_stands_beside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_study(tmp_path, seeds=2)
+    earlier = tmp_path / "earlier.csv"
+    (sentence,) = (claim.sentence for claim in ALL if claim.name == "H5a")
     rows = (("H5a", "contradicted", sentence), ("H5b", "supported", "less | <b>"), ("OLD", "supported", ""))
     with earlier.open("w", newline="") as file:
         csv.writer(file).writerows([("claim", "claim's verdict", "sentence"), *rows])
-    main([str(study), "--output", str(tmp_path / "page"), "--earlier", str(earlier)])
-    lines = (tmp_path / "page/verdicts.md").read_text().splitlines()
-    said = [
-        row.split(" | ")[0] for row in lines if "An earlier study, by its own rules: contradicted." in row
-    ]
-    assert said == ["| H5a"] and "An earlier study" not in (study / "report/verdicts.md").read_text()
-    said = [row.split(" | ")[0] for row in lines if 'rules, of "less / &lt;b>": supported.' in row]
-    assert said == ["| H5b"]
+    main([str(tmp_path)])
+    lines = (tmp_path / "report/verdicts.md").read_text().splitlines()
+
+    def claims_with(words: str) -> list[str]:
+        return [row.split(" | ")[0] for row in lines if words in row]
+
+    assert claims_with("An earlier study, by its own rules: contradicted.") == ["| H5a"]
+    assert claims_with('rules, of "less / &lt;b>": supported.') == ["| H5b"]
     for text in ("a,b\n1,2\n", "claim,claim's verdict,sentence\nH5a,<b>perhaps</b>,x\n", "\x00\n"):
         earlier.write_text(text)
         capsys.readouterr()
         with pytest.raises(SystemExit):
-            main([str(study), "--output", str(tmp_path / "other"), "--earlier", str(earlier)])
+            main([str(tmp_path), "--output", str(tmp_path / "other")])
         told = capsys.readouterr().err
-        assert told.startswith(f"ship_trl: --earlier: {earlier} ") and told.count("\n") == 1
+        assert told.startswith(f"ship_trl: folder: {earlier} ") and told.count("\n") == 1
     assert not (tmp_path / "other").exists()
+
+
+def finding(value: float, reach: float = 0.05, **changes: object) -> Finding:
+    made = Finding(
+        "H1", "a", "area", Estimate(value, value - reach, value + reach), 0.01, 0.99, 15, margin=0.03
+    )
+    return replace(made, **changes)  # type: ignore[arg-type]
+
+
+def test_each_contrast_has_a_bar_on_the_scale_of_its_unit(study: Path) -> None:
+    text = (study / "report/index.html").read_text()
+    with (study / "report/claims.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["contrast"]]
+    bars = re.findall(r'<svg class="bar bar-(\w+)"', text)
+    assert sorted(bars) == sorted(row["verdict"] for row in rows)
+    parts = [finding(0.1), finding(1.5, metric="spread"), finding(0.9, metric="start")]
+    answers = [Answer(Hypothesis("H1", "5", "", []), parts)]
+    ((title, _, scales),) = families(answers)
+    assert title == "Figure 5" and set(scales) == {"difference", "spread", "start"}
+    assert scales["spread"].high > 1.5 > scales["difference"].high
+
+
+def test_a_wide_interval_leaves_room_to_see_the_others() -> None:
+    scale = scale_of([finding(0.1, reach=9.0), finding(0.05)])
+    assert -0.3 < scale.low < -0.2 and 0.2 < scale.high < 0.3
+    assert scale.percent(-9) == 0 and scale.percent(9) == 100 and 40 < scale.percent(0) < 60
+    scale = scale_of([finding(0.4, reach=0.1)])
+    assert scale.low < 0 < 0.5 < scale.high < 0.6
+    for endless in (Estimate(0.1, -np.inf, np.inf), Estimate(0.0, 0.0, 0.0)):
+        scale = scale_of([finding(0.1, estimate=endless)])
+        assert -1 < scale.low < 0 < scale.high < 1
+    assert interval(Estimate(0.1, -np.inf, np.inf)) == "unbounded"
 
 
 def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None:
@@ -148,7 +181,7 @@ def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None
         rows = {row["claim"]: row for row in csv.DictReader(file)}
     wanted = {name: row["seeds wanted"] for name, row in rows.items() if row["seeds wanted"]}
     assert wanted and not any(rows[name]["decided after seeds"] for name in wanted)
-    for line in (study / "report/verdicts.md").read_text().splitlines()[2:]:
+    for line in (study / "report/verdicts.md").read_text().splitlines()[4:]:
         name = line.split(" | ")[0].removeprefix("| ")
         assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
 
@@ -157,9 +190,13 @@ def test_of_each_look_it_is_said_what_it_could_see(study: Path) -> None:
     text = " ".join((study / "report/index.html").read_text().split())
     # Without a plan five seeds are all, and are looked at once. Were the error known, 2.8 would be seen.
     seen = re.search(
-        r"after 5 seeds \(one-sided level 0.02500, which sees a difference of ([\d.]+) standard", text
+        r"after 5 seeds \(one-sided level 0.02500, which detects a difference of ([\d.]+) standard", text
     )
-    assert seen and float(seen[1]) == pytest.approx(min_detectable_effect(5, 0.025), abs=0.05) and float(seen[1]) > 5
+    assert (
+        seen
+        and float(seen[1]) == pytest.approx(min_detectable_effect(5, 0.025), abs=0.05)
+        and float(seen[1]) > 5
+    )
 
 
 def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:

@@ -11,14 +11,13 @@ __version__ = "0.1.0"
 
 
 def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
-    """Give a policy, ready to sail: `ship_trl.load_policy("4")` is the trained network of case 4.
+    """Load a policy: `ship_trl.load_policy("4")` is the trained network of case 4.
 
     Args:
-        name: a shipped case, for the network that comes with us; or any policy that
-            `python -m ship_trl evaluate` takes (random, best_known, a safetensors file, ...), but for
-            result folders, which hold several.
-        case: where it will sail, by name or by the path of a YAML file; by default that of the network.
-        seed: of what it draws.
+        name: a shipped case, for its bundled network; or any policy that `python -m ship_trl evaluate` takes
+            (random, best_known, a safetensors file, ...), except result folders, which hold several.
+        case: where it will act, by name or path of a YAML file; default: the network's own.
+        seed: of its random numbers.
 
     Returns:
         A function that reads `state` of a tensordict and writes `action`.

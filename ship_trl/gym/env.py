@@ -31,9 +31,9 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
 
     Args:
         case: name of a case, or the path of a YAML file.
-        colour: three channels in place of one.
+        colour: three channels instead of one.
         reward_scale: factor of the reward; raw rewards reach 200.
-        render_mode: "rgb_array" or "human", the large picture; None draws nothing for people.
+        render_mode: "rgb_array" or "human" for the large picture; None for none.
 
     Raises:
         ConfigError: no such case.
@@ -74,7 +74,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         return self._observed(goal=False, collision=False)
 
     def step(self, action: np.int64) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:
-        """One second: turn, then move."""
+        """Advance by one second: turn, then move."""
         after, flags = np.empty_like(self._state), np.empty((3, 1), np.bool_)
         reward, apart = np.empty((2, 1), np.float32)
         self._advance(self._state, np.array([action], np.int64), after, reward, flags, apart)
@@ -97,7 +97,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         if self.render_mode is None:
             gymnasium.logger.warn("render() draws nothing without render_mode")
             return None
-        # Not before it is wanted: training needs no pygame.
+        # Imported here: training needs no pygame.
         from ship_trl.view.draw import draw_scene, to_array
 
         picture = draw_scene(self._case, self._world, torch.from_numpy(self._state[0]), WINDOW_PIXELS)

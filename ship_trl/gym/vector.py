@@ -34,20 +34,19 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
 
     Observation: uint8 [N, 84, 84, C], C = 1 (grey) or 3 (`colour`). Action: int64 [N], index into
     table 1. Reward: float32 [N], raw (equation 4) times `reward_scale`. `infos` has `state` [N, 4],
-    `goal`, `collision` and `dcpa` [N] as in `gym_env.ShipCollisionEnv`. An episode that ends begins
-    anew in the same step: what is returned is its first observation, and `infos["final_obs"]`
-    (objects [N], a picture or None) and `infos["final_info"]` hold the ends, of the rows in
-    `infos["_final_obs"]` (bool [N]).
+    `goal`, `collision` and `dcpa` [N] as in `ShipCollisionEnv`. An episode that ends is reset in the
+    same step: its first observation is returned, and `infos["final_obs"]` (objects [N], a picture or
+    None) and `infos["final_info"]` hold the last one, for the rows in `infos["_final_obs"]` (bool [N]).
 
     Args:
         num_envs: N.
         case: name of a case, or the path of a YAML file.
-        colour: three channels in place of one.
+        colour: three channels instead of one.
         reward_scale: factor of the reward.
 
     Raises:
         ConfigError: no such case.
-        ValueError: no environments at all.
+        ValueError: num_envs is less than 1.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
@@ -82,25 +81,25 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         self._draw(state, pictures)
         return np.ascontiguousarray(pictures.swapaxes(1, 2)).reshape(len(state), *image, channels)
 
-    def _going_on(self, goal: NDArray[np.bool_], collision: NDArray[np.bool_]) -> Infos:
+    def _infos(self, goal: NDArray[np.bool_], collision: NDArray[np.bool_]) -> Infos:
         return {"state": self._state.copy(), "goal": goal, "collision": collision, "dcpa": self._dcpa.copy()}
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Pixels, Infos]:
-        """Start all episodes afresh; the case fixes the start, so the seed changes nothing."""
+        """Reset all episodes; the case fixes the start, so the seed changes nothing."""
         self._begin()
         no = np.zeros(self.num_envs, np.bool_)
-        return self._pictures(self._state), self._going_on(no, no.copy())
+        return self._pictures(self._state), self._infos(no, no.copy())
 
     def step(
         self, actions: NDArray[np.int64]
     ) -> tuple[Pixels, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], Infos]:
-        """One second of every ship: turn, then move.
+        """Advance every ship by one second: turn, then move.
 
         Raises:
-            ValueError: not one action a ship.
-            IndexError: an action that is none.
+            ValueError: `actions` is not one action per ship.
+            IndexError: an action index is out of range.
         """
         count = self.num_envs
         actions = np.ascontiguousarray(actions, np.int64)
@@ -119,8 +118,8 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
             last = np.full(count, None, object)
             for row, picture in zip(over.nonzero()[0], self._pictures(after[over]), strict=True):
                 last[row] = picture
-            ends = {"final_obs": last, "final_info": self._going_on(goal, collision)}
+            ends = {"final_obs": last, "final_info": self._infos(goal, collision)}
             ends |= {f"_{key}": over for key in tuple(ends)}
             self._state[over], self._dcpa[over] = self._start, np.inf
-        infos = self._going_on(goal & ~over, collision & ~over) | ends
+        infos = self._infos(goal & ~over, collision & ~over) | ends
         return self._pictures(self._state), reward * self._scale, terminated, truncated, infos

@@ -1,4 +1,4 @@
-"""The agent: what learns by double DQN from replayed transitions, and the policies that come of it."""
+"""The agent: learns by double DQN from replayed transitions, and provides its policies."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from ship_trl.learn.replay import DrawPixels, StateReplay
 
 
 class Agent:
-    """The parts that learn, put together: networks, loss, target updater, optimiser and policies.
+    """Networks, loss, target updater, optimiser and policies of double DQN.
 
-    It explores by the online network, as the paper does, and is judged by the target network: the
-    running average of the online network over the last 1/tau updates. Actions are often worth
-    almost the same (one second at 12 m/s in place of 15 costs 0.7 of a return of 84), so that each
-    update turns some of the online network's choices over; their average is steady.
+    The online network explores, as in the paper. The target network is evaluated: it is the running
+    average of the online network over the last 1/tau updates. Q-values of actions are often almost equal
+    (one second at 12 m/s instead of 15 costs 0.7 of a return of 84), so each update changes some choices
+    of the online network; the average is stable.
 
     Args:
-        network: its initial weights go to the online and to the target network alike.
-        draw: states to pixels.
+        network: initial weights of both the online and the target network.
+        draw: maps states to pixels.
         num_actions: A.
         learn: hyperparameters.
-        exploration: generator of the epsilon-greedy draws, on the network's device.
+        exploration: generator of the exploration, on the network's device.
         frozen: how many conv layers, counted from the image, never learn and stay out of the optimiser.
 
-    `observation` is the key of what it takes for one: `state`, or `features` where so many layers are
-    frozen that what they make of a state is kept in its place, and `encode` computes it.
-    `policy` explores, `greedy` is judged. `backend` is what computes the conv layers, `kept` the precision
-    in which features are kept, of two bytes on every machine.
+    `observation` is the key that it reads: `state`, or `features` where so many layers are frozen that the
+    replay stores their features instead of the state; `encode` computes them.
+    `policy` explores, `greedy` is evaluated. `backend` computes the conv layers. `kept` is the half
+    precision in which features are stored.
     """
 
     def __init__(
@@ -60,20 +60,20 @@ class Agent:
         network.backend = choose_backend(learn.backend, draw, self.dtype, device, network.geometry)
         incremental = isinstance(network.backend, Incremental)
         self.backend = BackendName.incremental if incremental else BackendName.dense
-        # Once only linear layers are left, what the frozen ones give is kept in the replay in place of the
-        # state: in the paper's network 3,136 numbers after the third (in half precision 6 kB, a little less
-        # than a picture), 200 after the fourth. That is far more than a state, but read in a fraction of the
-        # time that computing it again takes.
+        # Once only linear layers learn, the replay stores features of the frozen layers instead of states:
+        # in the paper's network 3,136 numbers after the third layer (6 kB in half precision, a little less
+        # than a frame), 200 after the fourth. That is far more than a state, but reading it takes a fraction
+        # of the time of computing it again.
         keeping = incremental and self.frozen >= network.linear_from
         self.observation = "features" if keeping else "state"
-        # Where float32 computes, float16 keeps three bits more of it than bfloat16 would.
+        # Of a float32 result, float16 keeps three bits more than bfloat16.
         self.kept = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
         learned_from = "pixels" if self.observation == "state" else self.observation
         actor = QValueActor(network, in_keys=[learned_from], action_space="categorical")
         self.loss = DoubleDQNLoss(
             actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
         )
-        # Judged in float32, on whole pictures.
+        # Evaluated in float32, on whole frames.
         self.target_network = copy.copy(self.loss.target_network)
         self.target_network.backend = Dense()
         self.target_update = ForeachSoftUpdate(self.loss, tau=learn.tau)
@@ -84,19 +84,19 @@ class Agent:
         self.greedy = greedy_policy(self.target_network, draw)
 
     def encode(self, state: Tensor) -> Tensor:
-        """Compute what the frozen layers make of states, to be kept: [N, S] to [N, K] in half precision.
+        """Encode states with the frozen layers: [N, S] to [N, K] in half precision.
 
-        Each by itself, so that the bits are a function of the state alone, whatever sails beside it: a replay
-        that is read from a checkpoint computes them again.
+        States are encoded one by one, so that the bits depend on the state alone, not on the batch: a replay
+        that is loaded from a checkpoint recomputes them.
         """
         assert self._few is not None
         features = torch.cat([self._few.encode(self.draw(one)) for one in state.split(1)])
-        # float16 ends at 65,504, and would keep what is beyond as infinite; nothing is negative.
+        # float16 ends at 65,504 and would store larger values as infinity; nothing is negative.
         return features.clamp_(max=torch.finfo(self.kept).max).to(self.kept)
 
     @torch.no_grad()
     def _best(self, observation: Tensor) -> Tensor:
-        """Choose by the online network: [N, ...] to int64 [N]."""
+        """Return the online network's best actions: observations [N, ...] to int64 [N]."""
         if self._few is None:
             return self.network(self.draw(observation)).argmax(-1)
         if self.observation == "features":
@@ -104,12 +104,12 @@ class Agent:
         return self._few.actions(self.draw(observation))
 
     def set_learning_rate(self, rate: float) -> None:
-        """Use `rate` from the next update on."""
+        """Set the learning rate of the next updates."""
         for group in self.optimiser.param_groups:
             group["lr"] = rate
 
     def replay(self, learn: Learn, generator: Generator, device: torch.device) -> StateReplay:
-        """Make the replay buffer whose batches `update` learns from."""
+        """Make the replay buffer whose batches `update` takes."""
         return StateReplay(
             learn.replay_size,
             learn.reward_scale,
@@ -121,7 +121,7 @@ class Agent:
         )
 
     def update(self, batch: TensorDictBase) -> Tensor:
-        """Take one gradient step on a batch of the replay, then move the target; returns the loss."""
+        """Take one gradient step on a batch, then update the target network; returns the loss."""
         loss = self.loss(batch)["loss"]
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
@@ -130,13 +130,13 @@ class Agent:
         return loss.detach()
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Give what learning and acting have changed: networks, Adam's averages, the exploration's generator.
+        """Return networks, Adam's averages and the state of the exploration's generator.
 
-        The tensors of the networks and of Adam are those that learn, not copies.
+        The tensors of networks and Adam are not copies.
         """
         online, target = self.network.state_dict(), self.target_network.state_dict()
         found = {f"online.{key}": value for key, value in online.items()}
-        # Frozen layers are the same tensors in both.
+        # Both networks share the tensors of frozen layers.
         own = {key: value for key, value in target.items() if value.data_ptr() != online[key].data_ptr()}
         found |= {f"target.{key}": value for key, value in own.items()}
         for name, parameter in self.network.named_parameters():
@@ -146,16 +146,16 @@ class Agent:
 
     @torch.no_grad()
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Take over what `state_dict` gave, into the memory of these networks.
+        """Load what `state_dict` returned into the memory of these networks.
 
         Raises:
-            KeyError, RuntimeError: it is that of another agent.
+            KeyError, RuntimeError: the state is of another agent.
         """
         for name, network in (("online", self.network), ("target", self.target_network)):
             for key, value in network.state_dict().items():
                 saved = state.get(f"{name}.{key}", state[f"online.{key}"])
                 value.copy_(saved)
-        # What copies or remembers weights looks at them anew.
+        # Caches of weights become stale.
         count_rewrite()
         for name, parameter in self.network.named_parameters():
             if f"adam.{name}.step" in state:

@@ -1,4 +1,4 @@
-"""What computes the conv layers: on a CPU what differs from the background, elsewhere whole pictures."""
+"""Choose what computes the conv layers: incrementally on a CPU, densely elsewhere."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ship_trl.learn.network import Backend, Dense
 
 
 class Draw(Protocol):
-    """Draws states: float [..., S] to uint8 [..., C, 84, 84]; most resemble `background` [C, 84, 84]."""
+    """Draws states [..., S] as uint8 [..., C, 84, 84]; most frames resemble `background` [C, 84, 84]."""
 
     background: Tensor
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Draw the pictures of states."""
+        """Draw a frame for each state."""
         ...
 
 
 def choose_backend(
     wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device, geometry: Geometry
 ) -> Backend:
-    """Make what computes the conv layers; `auto` is the quickest that serves them on a device."""
+    """Make the backend of the conv layers; `auto` is the fastest one that supports them on the device."""
     windows = device.type == "cpu" and cut_by_words(geometry)
     quickest = BackendName.incremental if windows else BackendName.dense
     chosen = quickest if wanted is BackendName.auto else wanted
@@ -38,10 +38,10 @@ def choose_backend(
 def computing(precision: Precision, device: torch.device) -> torch.dtype:
     """Choose the precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
 
-    `SHIP_TRL_BFLOAT16=off` says that no device does.
+    `SHIP_TRL_BFLOAT16=off` disables this.
 
     Raises:
-        ConfigError: that variable has another value than `on` and `off`.
+        ConfigError: the variable is neither `on` nor `off`.
     """
     if not bfloat16_allowed():
         native = False

@@ -18,13 +18,13 @@ from ship_trl.learn.fast.changes import count_rewrite, rewrites
 
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
-    """Compute the mean loss of Q-values [B, 1] against their targets [B, 1].
+    """Compute the mean loss of Q-values [B, 1] against their TD targets [B, 1].
 
-    `l2` is the squared error (equation 2). Huber's is half the square of errors below `huber_delta`, in
-    scaled rewards, and grows in proportion to them above.
+    `l2` is the squared error (equation 2). `huber` is half the squared error below `huber_delta`, in scaled
+    rewards, and linear above.
 
     Raises:
-        ValueError: a kind without a formula.
+        ValueError: the kind has no formula here.
     """
     if kind is Loss.l2:
         return F.mse_loss(q, td_target)
@@ -34,18 +34,18 @@ def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) 
 
 
 class DoubleDQNLoss(DQNLoss):
-    """TorchRL's `DQNLoss` for double DQN, with Huber's threshold and several times less overhead.
+    """TorchRL's `DQNLoss` for double DQN, with a Huber threshold and several times less overhead.
 
-    Keys, target parameters and updaters are those of `DQNLoss`; the networks are called by themselves,
-    without choosing actions, and read the next observations one after the other. Actions are indices [B];
-    priority weights, masks, reductions and other value estimators than one step's are not for it.
+    Keys, target parameters and updaters are those of `DQNLoss`. The networks are called directly, without
+    the actor, online and target one after the other on the same next observations. Actions are indices
+    [B]. Priority weights, masks, reductions and value estimators other than TD(0) are not supported.
 
     Args:
-        value_network: a Q-value actor around a network that maps observations to Q-values [..., A].
-        kind: squared or Huber's.
-        huber_delta: Huber's threshold, in scaled rewards.
-        gamma: discount of a step.
-        write_td_error: whether transitions are given their `td_error`, which uniform replay has no use for.
+        value_network: Q-value actor around a network that maps observations to Q-values [..., A].
+        kind: squared or Huber.
+        huber_delta: Huber threshold, in scaled rewards.
+        gamma: discount per step.
+        write_td_error: whether to write `td_error` into the transitions; uniform replay does not need it.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class DoubleDQNLoss(DQNLoss):
     ) -> None:
         super().__init__(
             value_network,
-            # Not used: `td_loss` is.
+            # Unused: `td_loss` computes the loss.
             loss_function="l2",
             double_dqn=True,
             action_space="categorical",
@@ -68,24 +68,24 @@ class DoubleDQNLoss(DQNLoss):
         self.write_td_error = write_td_error
         self.make_value_estimator(gamma=gamma)
         network = value_network[0].module
-        # Not registered: they are other views of parameters that the loss holds already.
+        # Not registered: these are views of parameters that the loss holds already.
         target = copy.deepcopy(network).requires_grad_(False)
         self.__dict__.update(network=network, target_network=target)
         self._share_target()
         self.register_load_state_dict_post_hook(count_rewrite)
 
     def _share_target(self) -> None:
-        """Let the target network compute with the loss's target parameters."""
-        # As an attribute they would be complained of until an updater is made.
+        """Make the target network use the loss's target parameters."""
+        # Attribute access would warn until an updater exists.
         params: Any = dict(self.named_children())["target_value_network_params"]
         params["module", "0", "module"].to_module(self.target_network)
         for name, layer in self.network.named_children():
             if not any(parameter.requires_grad for parameter in layer.parameters()):
-                # What never learns is the same in both, and may so be computed once for both.
+                # A frozen layer is the same in both networks, so both may share what it computes.
                 setattr(self.target_network, name, layer)
 
     def _apply(self, fn: Any, recurse: bool = True) -> Any:
-        """Move or cast the loss, and the target network with it."""
+        """Move or cast the loss and its target network."""
         moved = super()._apply(fn)
         if "target_network" in self.__dict__:
             self._share_target()
@@ -93,12 +93,12 @@ class DoubleDQNLoss(DQNLoss):
         return moved
 
     def __deepcopy__(self, memo: Any) -> Any:
-        """Refuse: a copy's networks would not be those of its parameters."""
-        raise TypeError("a DoubleDQNLoss cannot be copied; make another one around a copy of its network")
+        """Refuse: the copy's networks would not use the copy's parameters."""
+        raise TypeError("a DoubleDQNLoss cannot be copied; build a new one around a copy of its network")
 
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """Compute the loss of transitions [B]; writes `td_error` [B, 1], squared, into them if asked to.
+        """Compute the loss of transitions [B]; writes the squared `td_error` [B, 1] into them if asked to.
 
         A truncated step is not terminated, so it bootstraps.
         """
@@ -118,27 +118,27 @@ class DoubleDQNLoss(DQNLoss):
 
 
 class ForeachSoftUpdate(SoftUpdate):
-    """TorchRL's `SoftUpdate`, all parameters at once."""
+    """TorchRL's `SoftUpdate`, as one foreach operation over all parameters."""
 
     def __init__(self, loss_module: DoubleDQNLoss, *, tau: float) -> None:
         super().__init__(loss_module, tau=tau)
         self._find()
 
     def _find(self) -> None:
-        """Look up where the parameters lie, which a move or a cast of the loss changes."""
+        """Look up the parameters' memory, which a move or cast of the loss changes."""
         names = list(self._sources.keys(True, True))
         self._online = [self._sources[name].data for name in names]
-        self._slow = [self._targets[rename(name)].data for name in names]
+        self._slow = [self._targets[target_key(name)].data for name in names]
         self._rewrites = rewrites()
 
     def step(self) -> None:
-        """Move the target parameters by `tau` of the way to the online ones."""
+        """Move the target parameters towards the online ones by the share `tau`."""
         if self._rewrites != rewrites():
             self._find()
         tau = 1.0 - self.eps
         torch._foreach_lerp_(self._slow, self._online, tau)
 
 
-def rename(name: Any) -> Any:
-    """Name of the target of a source."""
+def target_key(name: Any) -> Any:
+    """Return the key of the target parameter for an online one."""
     return (f"target_{name[0]}", *name[1:]) if isinstance(name, tuple) else f"target_{name}"

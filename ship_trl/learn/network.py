@@ -1,4 +1,4 @@
-"""The network: conv layers, three fully connected, dueling (figure 3)."""
+"""The dueling network: conv layers, then fully connected ones (figure 3)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from ship_trl.config.types import Network
 class DuelingNetwork(nn.Module):
     """Q-values of all actions from pixels: uint8 [B, C, 84, 84] to float32 [B, A].
 
-    Section 3.5: conv layers, each with ReLU, giving F features (the paper's network 200). "Fully connected
-    layers with a dueling structure" is all it says of the rest; ours are one that is shared, then value (1)
+    Section 3.5: conv layers with ReLU give F features (200 in the paper's network). The paper says of the
+    rest only "fully connected layers with a dueling structure"; ours are one shared layer, then value (1)
     and advantage (A).
 
     Args:
         channels: 1 (grey) or 3 (colour).
         num_actions: A.
-        generator: source of the initial weights.
-        config: which layers; those of conf/network/paper.yaml if None.
+        generator: draws the initial weights.
+        config: the layers; None for conf/network/paper.yaml.
 
-    `conv_names` are `conv1` to the last, `geometry` their windows and maps. Those after the first
-    `linear_from` (the paper's network 3) are linear layers.
-    `backend` computes the conv layers, and may be replaced at any time: all give the same function.
-    `frozen` counts the conv layers, from the image on, that do not learn (see `freeze`).
+    `conv_names` are `conv1` to the last; `geometry` has their windows and maps. Conv layers from index
+    `linear_from` on (3 in the paper's network) see their whole map, so they are linear layers.
+    `backend` computes the conv layers and may be replaced at any time: all backends compute the same
+    function. `frozen` counts the conv layers, from the image on, that do not learn (see `freeze`).
     """
 
     frozen = 0
@@ -44,7 +44,7 @@ class DuelingNetwork(nn.Module):
         self.conv_names = tuple(f"conv{n}" for n in range(1, len(self.geometry) + 1))
         for name, layer in zip(self.conv_names, self.geometry, strict=True):
             conv = nn.Conv2d(channels, layer.filters, layer.kernel, layer.stride)
-            # Channels last throughout: oneDNN then computes on the activations as they lie.
+            # Channels last throughout: oneDNN then needs no reordering of activations.
             conv.weight.data = conv.weight.data.contiguous(memory_format=torch.channels_last)
             self.add_module(name, conv)
             channels = layer.filters
@@ -60,10 +60,10 @@ class DuelingNetwork(nn.Module):
         return [getattr(self, name) for name in self.conv_names]
 
     def freeze(self, layers: int) -> None:
-        """Freeze the first `layers` conv layers, and let the others learn.
+        """Freeze the first `layers` conv layers, and unfreeze the others.
 
         Raises:
-            ValueError: there are not so many.
+            ValueError: the network has fewer conv layers.
         """
         if not 0 <= layers <= len(self.conv_names):
             raise ValueError(f"{len(self.conv_names)} conv layers can be frozen at most, got {layers}")
@@ -72,16 +72,16 @@ class DuelingNetwork(nn.Module):
         self.frozen = layers
 
     def conv_weights(self) -> list[Tensor]:
-        """Weight and bias of each conv layer, from the image on."""
+        """Return weight and bias of each conv layer, from the image on."""
         weights: list[Any] = [weight for conv in self.convs for weight in (conv.weight, conv.bias)]
         return weights
 
     @torch.no_grad()
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
-        """Draw weights anew (He et al., 2015) and set biases to zero, of all layers but those `kept`.
+        """Draw new weights (He et al., 2015) and zero biases for all layers except those `kept`.
 
         PyTorch's default shrinks the signal to a third at each ReLU layer; the first hundred
-        episodes then go into growing it again.
+        episodes would be spent growing it again.
         """
         for name, layer in self.named_children():
             if name in kept:
@@ -94,7 +94,7 @@ class DuelingNetwork(nn.Module):
         """Compute the Q-values of all actions, float32 [..., A].
 
         Args:
-            observation: pixels, uint8 [..., C, 84, 84], or what the frozen layers made of them, in half
+            observation: pixels, uint8 [..., C, 84, 84], or features of the frozen layers, in half
                 precision or float32 [..., K].
         """
         drawn = observation.dtype is torch.uint8
@@ -111,13 +111,13 @@ class DuelingNetwork(nn.Module):
         x = F.relu_(self._first(pixels))
         for conv in convs[1 : self.linear_from]:
             x = F.relu_(conv(x))
-        # Both sides lie channels last, so these are views.
+        # Both are channels last, so these are views.
         return self._linear(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 
     def activations(self, pixels: Tensor) -> dict[str, Tensor]:
-        """Compute what each layer gives after its ReLU: uint8 [B, C, 84, 84] to float32 by name of the layer.
+        """Compute each layer's activations after ReLU: uint8 [B, C, 84, 84] to float32 by layer name.
 
-        The conv layers are [B, filters, side, side] each, from the image on, and `shared` is [B, hidden].
+        Conv layers give [B, filters, side, side], `shared` gives [B, hidden].
         """
         x = self._first(pixels)
         found: dict[str, Tensor] = {}
@@ -127,32 +127,32 @@ class DuelingNetwork(nn.Module):
         return found | {"shared": F.relu(self.shared(x.flatten(1)))}
 
     def convolve_from(self, kept: Tensor) -> Tensor:
-        """Compute the conv layers after the frozen ones, `linear_from` or more: [B, K] to [B, F]."""
+        """Compute the conv layers after the frozen ones, at least `linear_from` of them: [B, K] to [B, F]."""
         return self._linear(kept, self.convs[self.frozen :])
 
     def _linear(self, x: Tensor, convs: list[nn.Conv2d]) -> Tensor:
-        """Compute layers with a window of the whole map as linear ones: the same function and faster."""
+        """Compute conv layers that see their whole map as linear layers: the same function, faster."""
         for conv in convs:
             x = F.relu_(F.linear(x, conv.weight.permute(0, 2, 3, 1).flatten(1), conv.bias))
         return x
 
     def dueling(self, features: Tensor) -> Tensor:
-        """Fully connected layers: features [B, F] to Q-values [B, A]."""
+        """Compute the fully connected layers: features [B, F] to Q-values [B, A]."""
         x = F.relu_(self.shared(features))
         advantage = self.advantage(x)
         return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
     def best(self, features: Tensor) -> Tensor:
-        """Choose the actions of the highest Q-values: features [B, F] to int64 [B].
+        """Return the actions with the highest Q-values: features [B, F] to int64 [B].
 
-        The value is the same for all actions, so advantages decide.
+        The value is the same for all actions, so the advantages decide.
         """
         return self.advantage(F.relu_(self.shared(features))).argmax(-1)
 
     def _first(self, pixels: Tensor) -> Tensor:
         """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S].
 
-        Where windows are two strides wide, as space-to-depth and a 2x2 convolution: the same function,
+        Windows two strides wide are computed by space-to-depth and a 2x2 convolution: the same function,
         faster on a CPU.
         """
         conv, step = self.convs[0], self.geometry[0].stride
@@ -169,14 +169,14 @@ class DuelingNetwork(nn.Module):
 
 
 class Backend(Protocol):
-    """Computes conv layers. It holds no weights, so that networks may share it."""
+    """Computes the conv layers. It holds no weights, so networks may share it."""
 
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
         ...
 
     def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
-        """Compute those after the frozen ones: [B, K] to float32 [B, F]."""
+        """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
         ...
 
 
@@ -184,7 +184,7 @@ class Dense:
     """Computes every layer on every pixel, on any device: a pure function of weights and batch.
 
     Args:
-        dtype: of the conv layers. bfloat16 goes by autocast; weights and gradients stay float32.
+        dtype: of the conv layers; bfloat16 uses autocast, weights and gradients stay float32.
     """
 
     def __init__(self, dtype: torch.dtype = torch.float32) -> None:
@@ -194,11 +194,11 @@ class Dense:
         """Compute all conv layers."""
         with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
             found = network.convolve(pixels)
-        # Where values are large, actions differ by less than bfloat16 can tell.
+        # Q-values of actions may differ by less than bfloat16 resolves.
         return found.float()
 
     def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
-        """Compute those after the frozen ones."""
+        """Compute the conv layers after the frozen ones."""
         with torch.autocast(kept.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
             found = network.convolve_from(kept.float())
         return found.float()

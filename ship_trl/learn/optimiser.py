@@ -1,4 +1,4 @@
-"""Adam for weights that lie channels last."""
+"""Adam for weights in channels-last memory format."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from torch import Tensor
 
 
 class ChannelsLastAdam(torch.optim.Optimizer):
-    """Adam (Kingma and Ba, 2015) that steps on filters as the matrices that they are in memory.
+    """Adam (Kingma and Ba, 2015) that updates channels-last filters without copying them.
 
-    torch's own fused step copies tensors that are not contiguous in the order of their dimensions: for
-    conv4 that takes more than twice as long. The kernel, the numbers and the state's names are those of
-    `torch.optim.Adam(fused=True)`, and any other optimiser of torch does as well, only slower.
+    torch's own fused step copies tensors that are not contiguous, which more than doubles the time for
+    conv4. Kernel, results and state names are those of `torch.optim.Adam(fused=True)`; any other torch
+    optimiser works too, only slower.
 
     Args:
         params: float32.
@@ -33,7 +33,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]
-        """Step on all parameters that have a gradient."""
+        """Update all parameters that have a gradient."""
         if closure is not None:
             raise ValueError("closure: not supported; call backward before the step")
         for group in self.param_groups:
@@ -44,10 +44,10 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             steps = [state["step"] for state in states]
             torch._foreach_add_(steps, 1.0)
             torch._fused_adam_(
-                [in_order(parameter, parameter) for parameter in learning],
-                [in_order(parameter.grad, parameter) for parameter in learning],
-                [in_order(s["exp_avg"], p) for s, p in zip(states, learning, strict=True)],
-                [in_order(s["exp_avg_sq"], p) for s, p in zip(states, learning, strict=True)],
+                [in_memory_order(parameter, parameter) for parameter in learning],
+                [in_memory_order(parameter.grad, parameter) for parameter in learning],
+                [in_memory_order(s["exp_avg"], p) for s, p in zip(states, learning, strict=True)],
+                [in_memory_order(s["exp_avg_sq"], p) for s, p in zip(states, learning, strict=True)],
                 [],
                 steps,
                 lr=group["lr"],
@@ -60,7 +60,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             )
 
     def begin(self, parameter: Tensor) -> dict[str, Tensor]:
-        """Set the state of a parameter before its first step, and return it."""
+        """Initialise the state of a parameter before its first step, and return it."""
         state = {
             "step": torch.zeros((), device=parameter.device),
             "exp_avg": torch.zeros_like(parameter),
@@ -70,8 +70,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
         return state
 
 
-def in_order(tensor: Tensor, parameter: Tensor) -> Tensor:
-    """View a tensor in the order of a parameter's memory: channels last, or as it is."""
+def in_memory_order(tensor: Tensor, parameter: Tensor) -> Tensor:
+    """View a tensor in the memory order of a parameter: channels last, or as it is."""
     if parameter.dim() == 4 and not parameter.is_contiguous():
         return tensor.permute(0, 2, 3, 1).contiguous()
     return tensor.contiguous()

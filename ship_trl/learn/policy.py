@@ -1,4 +1,4 @@
-"""Policies of a Q-network, as TorchRL has them: modules that write `action` into a tensordict."""
+"""Policies of a Q-network as TorchRL modules, which write `action` into a tensordict."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torchrl.modules import QValueActor
 
 
 def greedy_policy(network: nn.Module, draw: Callable[[Tensor], Tensor]) -> TensorDictSequential:
-    """Make the policy that takes the action of the highest Q-value.
+    """Return the policy that takes the action with the highest Q-value.
 
     It reads `state` [N, S] and writes `pixels`, `action_value` float32 [N, A], `chosen_action_value` [N, 1]
     and `action` int64 [N].
@@ -28,15 +28,15 @@ def greedy_policy(network: nn.Module, draw: Callable[[Tensor], Tensor]) -> Tenso
 
 
 class EpsilonGreedy(TensorDictModuleBase):
-    """Writes `action` int64 [N]: a random one at the rate `epsilon`, else the best.
+    """Writes `action` int64 [N]: with probability `epsilon` a random one, else the best.
 
-    TorchRL's `EGreedyModule` draws from torch's global generator and asks for Q-values of every row; here
-    the draws are the run's own, equally many whatever `epsilon` is, and only rows that are not explored
-    are looked at. `epsilon` is set by the training loop.
+    TorchRL's `EGreedyModule` draws from torch's global generator and computes Q-values for every row. Here
+    the draws come from the run's own generator, the same number whatever `epsilon` is, and Q-values are
+    computed only for rows that do not explore. The training loop sets `epsilon`.
 
     Args:
-        best: observations [N, ...] to the best actions, int64 [N].
-        observation: key of the observation.
+        best: maps observations [N, ...] to the best actions, int64 [N].
+        observation: the observation's key.
         num_actions: A.
         generator: of the draws, on the observation's device.
     """

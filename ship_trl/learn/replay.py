@@ -1,6 +1,6 @@
-"""Replay of states: pixels are drawn when a batch is learned from.
+"""Replay of states: pixels are drawn when a batch is sampled.
 
-The picture is a function of the state, so 50,000 transitions take about 2 MB instead of 0.7 GB.
+A frame is a function of the state, so 50,000 transitions take about 2 MB instead of 0.7 GB.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictRepl
 from torchrl.envs.transforms import Transform
 
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
-# So that a long warm-up holds little that is not yet stored.
-MOST_WAITING = 256
+# Steps kept in a list before they are written; bounds its size during a long warm-up.
+MAX_PENDING = 256
 
 
 class DrawPixels(Transform):
-    """Puts `pixels` beside each `state`, also of `next`, in batches of a replay buffer.
+    """Adds `pixels` for each `state` and `next` state of a sampled batch.
 
     Args:
         draw: states [..., S] to uint8 [..., C, 84, 84].
@@ -35,22 +35,21 @@ class DrawPixels(Transform):
 
 
 class TransitionStorage(Storage):
-    """Rows of one tensor an entry: a `LazyTensorStorage` that stores transitions in a third of its time.
+    """Storage with one tensor per key; stores transitions in a third of `LazyTensorStorage`'s time.
 
-    A few transitions a time are written and a small batch is read, so that the time goes into looking
-    after tensordicts, not into moving numbers.
+    Writes and reads are small, so the time goes into handling tensordicts, not into moving numbers.
 
     Args:
-        capacity: transitions.
-        device: where they lie.
-        unread: entries that are kept and not given.
+        capacity: maximum number of transitions.
+        device: of the stored tensors.
+        hidden: keys that are stored but not returned by `get`.
     """
 
     def __init__(
-        self, capacity: int, device: torch.device, unread: frozenset[NestedKey] = frozenset()
+        self, capacity: int, device: torch.device, hidden: frozenset[NestedKey] = frozenset()
     ) -> None:
         super().__init__(capacity)
-        self.device, self.unread = device, unread
+        self.device, self.hidden = device, hidden
         self._rows: dict[NestedKey, Tensor] = {}
         self._len = 0
 
@@ -58,9 +57,9 @@ class TransitionStorage(Storage):
         return self._len
 
     def set(self, cursor: Any, data: TensorDictBase, *, set_cursor: bool = True) -> None:
-        """Write transitions [K] to the rows `cursor` [K], or one to a row.
+        """Write transitions [K] to the rows `cursor` [K], or one transition to one row.
 
-        The first ones say which entries there are.
+        The first write defines the keys.
         """
         if not self._rows:
             for key, value in data.items(True, True):
@@ -76,15 +75,15 @@ class TransitionStorage(Storage):
 
     def get(self, index: Any) -> TensorDict:
         """Read the rows `index` [B] as a tensordict [B]."""
-        given = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.unread}
+        given = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.hidden}
         return nested(given, self.device)
 
     def rows(self) -> dict[NestedKey, Tensor]:
-        """Give the entries that are held, [L, ...] each, unread ones too; not copies."""
+        """Return the stored tensors [L, ...] by key, hidden ones too; these are not copies."""
         return {key: rows[: self._len] for key, rows in self._rows.items()}
 
     def load_rows(self, rows: Mapping[NestedKey, Tensor]) -> None:
-        """Take over entries as `rows` gave them; further ones of as many rows may be written."""
+        """Load what `rows` returned; further keys with the same number of rows may be written later."""
         self._rows, self._len = {}, 0
         for key, value in rows.items():
             self._len = len(value)
@@ -92,45 +91,45 @@ class TransitionStorage(Storage):
             self._rows[key][: self._len] = value
 
     def write(self, key: NestedKey, number: int, value: Tensor) -> Tensor:
-        """Write one row of an entry, and return it as it is held."""
+        """Write one row of a key, and return the stored row."""
         if key not in self._rows:
             self._rows[key] = value.new_zeros((self.max_size, *value.shape), device=self.device)
         self._rows[key][number] = value
         return self._rows[key][number]
 
     def state_dict(self) -> dict[str, Any]:
-        """Give the transitions and how many there are."""
+        """Return the transitions and their number."""
         return {"rows": {key: rows.clone() for key, rows in self._rows.items()}, "length": self._len}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Take over what `state_dict` gave."""
+        """Load what `state_dict` returned."""
         self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
         self._len = state_dict["length"]
 
     def dumps(self, path: Any) -> None:
-        """Refuse: `state_dict` gives what is held."""
-        raise NotImplementedError("transitions are not dumped; keep state_dict()")
+        """Refuse: use `state_dict`."""
+        raise NotImplementedError("not supported; save state_dict() instead")
 
     def loads(self, path: Any) -> None:
-        """Refuse: `load_state_dict` takes what `state_dict` gave."""
-        raise NotImplementedError("transitions are not dumped; use load_state_dict()")
+        """Refuse: use `load_state_dict`."""
+        raise NotImplementedError("not supported; use load_state_dict() instead")
 
     def _empty(self) -> None:
         self._len = 0
 
 
 def dotted(key: NestedKey) -> str:
-    """Write a key as one word."""
+    """Join a nested key with dots."""
     return key if isinstance(key, str) else ".".join(key)
 
 
-def as_drawn(batch: TensorDict) -> TensorDict:
-    """Give a batch as the storage does."""
+def keep_batch(batch: TensorDict) -> TensorDict:
+    """Return a batch unchanged: the storage collates already."""
     return batch
 
 
 def nested(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
-    """Make a tensordict [B] of entries [B, ...], those of `next` in one of their own."""
+    """Make a tensordict [B] of tensors [B, ...], with a nested `next`."""
     outer: dict[str, Any] = {}
     following: dict[str, Any] = {}
     for key, value in entries.items():
@@ -144,21 +143,21 @@ def nested(entries: dict[NestedKey, Tensor], device: torch.device | None = None)
 
 
 class StateReplay(TensorDictReplayBuffer):
-    """Uniform replay of `capacity` transitions, a `TensorDictReplayBuffer` with TorchRL's keys.
+    """Uniform replay of `capacity` transitions: a `TensorDictReplayBuffer` with TorchRL's keys.
 
-    A batch [B] has the observation and that of `next`, [B, ...], `action` [B], and of `next` `reward`
-    (scaled), `done` and `terminated` [B, 1]. Draws are uniform, with replacement.
+    A batch [B] has the observation [B, ...] and `action` [B], and under `next` the observation, `reward`
+    (scaled), `done` and `terminated` [B, 1]. It is drawn uniformly, with replacement.
 
     Args:
-        capacity: the oldest beyond it are forgotten.
-        reward_scale: rewards are multiplied by it.
-        generator: source of the draws.
-        device: where transitions lie.
-        observation: which entry of a step is kept: `state`, or `features` where some layers are frozen.
-        transform: of batches, as `DrawPixels`.
-        batch_size: of `sample()` without a size, and of iteration.
-        encode: states [N, S] to the observation [N, ...]. With it states are kept beside the observation,
-            which `kept` leaves out and `load_kept` computes again: it takes a hundred times their room.
+        capacity: beyond it the oldest transitions are overwritten.
+        reward_scale: factor of the rewards.
+        generator: draws the batches.
+        device: of the stored transitions.
+        observation: the key that is stored: `state`, or `features` where layers are frozen.
+        transform: applied to batches, for example `DrawPixels`.
+        batch_size: default of `sample()` and of iteration.
+        encode: maps states [N, S] to the observation [N, ...]. With it, states are stored beside the
+            observation, which is a hundred times larger: `kept` leaves it out, `load_kept` recomputes it.
     """
 
     def __init__(
@@ -172,16 +171,16 @@ class StateReplay(TensorDictReplayBuffer):
         batch_size: int | None = None,
         encode: Callable[[Tensor], Tensor] | None = None,
     ) -> None:
-        # Storing one step costs as much as storing many, so they wait until a batch is drawn.
-        self._waiting: list[dict[str | tuple[str, str], Tensor]] = []
+        # Writing one step costs as much as writing many, so steps are collected until a batch is drawn.
+        self._pending: list[dict[str | tuple[str, str], Tensor]] = []
         self.reward_scale, self.observation = reward_scale, observation
         self.generator, self._encode = generator, encode
-        unread = frozenset[NestedKey](STATES if encode is not None else ())
-        storage, writer = TransitionStorage(capacity, device, unread), RoundRobinWriter()
+        hidden = frozenset[NestedKey](STATES if encode is not None else ())
+        storage, writer = TransitionStorage(capacity, device, hidden), RoundRobinWriter()
         super().__init__(
             storage=storage,
             writer=writer,
-            collate_fn=as_drawn,
+            collate_fn=keep_batch,
             generator=generator,
             transform=transform,
             batch_size=batch_size,
@@ -192,11 +191,11 @@ class StateReplay(TensorDictReplayBuffer):
         return super().__len__()
 
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
-        """Keep steps of N environments, tensordict [N] with the observation, `action` and `next`."""
+        """Store a step of N environments: tensordict [N] with the observation, `action` and `next`."""
         following = tensordicts.get("next")
         beside = STATES if self._encode is not None else ()
-        # Copies: what was given may be written to before it is stored.
-        self._waiting.append(
+        # Copies: the caller may reuse its memory before they are written.
+        self._pending.append(
             {key: tensordicts.get(key).clone() for key in beside}
             | {
                 self.observation: tensordicts.get(self.observation).clone(),
@@ -207,32 +206,32 @@ class StateReplay(TensorDictReplayBuffer):
                 ("next", "terminated"): following.get("terminated").clone(),
             }
         )
-        if len(self._waiting) == MOST_WAITING:
+        if len(self._pending) == MAX_PENDING:
             self._store()
 
     def add(self, data: TensorDictBase) -> None:
-        """Keep one step."""
+        """Store one step of one environment."""
         self.extend(data.unsqueeze(0))
 
     def empty(self, *arguments: Any, **how: Any) -> None:
-        """Forget everything."""
-        self._waiting.clear()
+        """Delete all transitions."""
+        self._pending.clear()
         super().empty(*arguments, **how)
 
     def state_dict(self) -> dict[str, Any]:
-        """Give everything that is kept."""
+        """Return all transitions and the state of writer and sampler."""
         self._store()
         return dict(super().state_dict())
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Take over what `state_dict` gave, and nothing else."""
-        self._waiting.clear()
+        """Load what `state_dict` returned, and drop pending steps."""
+        self._pending.clear()
         super().load_state_dict(state_dict)
 
     def kept(self) -> dict[str, Tensor]:
-        """Give what is needed to go on with just these transitions and draws, by dotted names.
+        """Return what a checkpoint needs to resume with the same transitions and draws, by dotted names.
 
-        The tensors are the memory of the storage, not copies.
+        The tensors are the storage's memory, not copies.
         """
         self._store()
         computed, writer = self._computed(), self._writer.state_dict()
@@ -244,8 +243,8 @@ class StateReplay(TensorDictReplayBuffer):
         }
 
     def load_kept(self, kept: Mapping[str, Tensor]) -> None:
-        """Take over what `kept` gave; observations that it left out are computed again, one by one."""
-        self._waiting.clear()
+        """Load what `kept` returned, and recompute the observations that it left out."""
+        self._pending.clear()
         named = {name.removeprefix("rows."): v for name, v in kept.items() if name.startswith("rows.")}
         rows: dict[NestedKey, Tensor] = {unravel_key(tuple(name.split("."))): v for name, v in named.items()}
         self._storage.load_rows(rows)
@@ -256,14 +255,14 @@ class StateReplay(TensorDictReplayBuffer):
         self.generator.set_state(kept["generator"].cpu())
 
     def _computed(self) -> dict[NestedKey, NestedKey]:
-        """Say which observations can be computed again, and from which states."""
+        """Return the keys that can be recomputed, each with the key of its states."""
         if self._encode is None:
             return {}
         return {self.observation: STATES[0], ("next", self.observation): STATES[1]}
 
     def _compute(self, rows: Mapping[NestedKey, Tensor]) -> None:
-        """Compute observations again from the states among rows, straight to where they are stored."""
-        # The state after one step is mostly the state before the next: where each was first written.
+        """Recompute observations from the stored states, directly into the storage."""
+        # The state after one step is mostly the state before the next: encode each only once.
         known: dict[bytes, Tensor] = {}
         for key, source in self._computed().items():
             assert self._encode is not None
@@ -277,15 +276,15 @@ class StateReplay(TensorDictReplayBuffer):
         return super().__getitem__(index)
 
     def _store(self) -> None:
-        if self._waiting:
-            kept = {key: torch.cat([step[key] for step in self._waiting]) for key in self._waiting[0]}
-            self._waiting.clear()
-            # A `TensorDictReplayBuffer` would note each transition's index beside it.
+        if self._pending:
+            kept = {key: torch.cat([step[key] for step in self._pending]) for key in self._pending[0]}
+            self._pending.clear()
+            # A `TensorDictReplayBuffer` would add an index to each transition.
             ReplayBuffer.extend(self, nested(kept))
 
     def sample(self, batch_size: int | None = None, return_info: bool = False) -> TensorDictBase:
-        """Draw so many transitions."""
+        """Draw a batch of transitions."""
         self._store()
-        # Uniform draws have no use for the index that a `TensorDictReplayBuffer` adds.
+        # Uniform replay does not need the index that a `TensorDictReplayBuffer` adds.
         batch: TensorDictBase = ReplayBuffer.sample(self, batch_size, return_info)
         return batch

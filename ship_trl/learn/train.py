@@ -1,4 +1,4 @@
-"""The training loop: it yields what happens, so that logging, pictures and progress stay outside it."""
+"""The training loop yields events, so that logging, pictures and progress stay outside it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ from ship_trl.learn.rollout import Episode, outcome, rollout
 
 @dataclass(frozen=True)
 class Finished:
-    """A training episode that ended. `loss` is the mean since the one before, None without updates."""
+    """A training episode that ended.
+
+    `loss` is the mean of the updates since the episode before; None without updates.
+    """
 
     episode: int
     steps: int
@@ -40,31 +43,31 @@ class Evaluated:
 
 
 def epsilon_at(episode: int, learn: Learn) -> float:
-    """Exploration rate after `episode` episodes: linear over the first share of them, then still."""
+    """Return the exploration rate after `episode` episodes: linear over `epsilon_fraction`, then constant."""
     share = min(1.0, episode / (learn.epsilon_fraction * learn.episodes))
     return learn.epsilon_start + share * (learn.epsilon_end - learn.epsilon_start)
 
 
 def learning_rate_at(episode: int, learn: Learn) -> float:
-    """Learning rate after `episode` episodes: linear from `lr` to `lr_end` at the last."""
+    """Return the learning rate after `episode` episodes: linear from `lr` to `lr_end`."""
     return learn.lr + min(1.0, episode / learn.episodes) * (learn.lr_end - learn.lr)
 
 
 class DivergedError(Exception):
-    """A loss, a weight or a Q-value that is no finite number; its text says after which environment step."""
+    """A loss, weight or Q-value is not finite; the text names the environment step."""
 
 
 class Training:
-    """A training of `learn.episodes` episodes, a step of the environments at a time.
+    """Train for `learn.episodes` episodes, one step of the batched environment at a time.
 
-    Between two steps it can be written down (`state_dict`), and another one of the same parts goes on from
-    there (`load_state_dict`): on a CPU with the same bits.
+    Between two steps `state_dict` saves everything. `load_state_dict` resumes a training of the same parts,
+    on a CPU with the same bits.
 
     Args:
         env: batched environment with `state`, `action`, and `goal`, `collision`, `dcpa` to report.
-        eval_env: the same world with a batch of one.
-        agent: what acts and learns.
-        replay: where its experience goes.
+        eval_env: the same world with a batch size of one.
+        agent: acts and learns.
+        replay: stores the transitions.
         learn: the schedule.
     """
 
@@ -83,22 +86,22 @@ class Training:
 
     @property
     def finished(self) -> bool:
-        """Whether all episodes are sailed."""
+        """Whether all episodes have ended."""
         return self.episode >= self._learn.episodes
 
     @property
     def begun(self) -> bool:
-        """Whether the environments are under way."""
+        """Whether the environments have been reset."""
         return self._current is not None
 
     def begin(self) -> Evaluated:
-        """Judge the policy before it learns, and start the environments."""
+        """Evaluate the policy before it learns, and reset the environments."""
         first = self._evaluate()
         self._current = self._env.reset()
         return first
 
     def advance(self) -> Iterator[Finished | Evaluated]:
-        """Step all environments once, learn as often as is due, and yield what ended.
+        """Step all environments once, make the updates that are due, and yield the episodes that ended.
 
         Raises:
             DivergedError: a loss or a Q-value is not finite.
@@ -138,13 +141,13 @@ class Training:
                 yield self._evaluate()
 
     def _mean_loss(self) -> float | None:
-        """Mean of the losses since the last episode ended, None where there was no update."""
+        """Return the mean loss since the last episode ended, or None without updates."""
         if not self._losses:
             return None
         losses = torch.stack(self._losses)
         mean = float(losses.mean())
         if not math.isfinite(mean):
-            # The first that is not finite; where only their sum is too large, the last.
+            # Name the first loss that is not finite, or the last one where only the sum overflows.
             wrong = (~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1]
             update = self.updates - len(losses) + wrong[0] + 1
             step = self._learn.warmup_steps + update * self._learn.update_every
@@ -152,14 +155,14 @@ class Training:
         return mean
 
     def _evaluate(self) -> Evaluated:
-        """Sail one greedy episode."""
+        """Roll out one greedy episode."""
         sailed = rollout(self._eval_env, self.agent.greedy)[0]
         if sailed.q_values is not None and not bool(sailed.q_values.isfinite().all()):
             raise DivergedError(f"a Q-value is not finite after environment step {self.steps}")
         return Evaluated(self.episode, self.steps, sailed)
 
     def check_finite(self) -> None:
-        """Check all that it learned, which an episode's loss or a greedy evaluation may not show yet.
+        """Check every weight: neither the loss nor a greedy evaluation need show a bad one yet.
 
         Raises:
             DivergedError: a loss or a weight is not finite.
@@ -169,57 +172,57 @@ class Training:
             raise DivergedError(f"a weight is not finite after environment step {self.steps}")
 
     def state_dict(self) -> dict[str, torch.Tensor]:
-        """Give all that decides how it goes on, as tensors on the CPU by dotted names."""
-        assert self._current is not None, "begin() comes first"
+        """Return everything needed to resume, as tensors on the CPU by dotted names."""
+        assert self._current is not None, "call begin() first"
         flat = self._current.flatten_keys(".")
         own = {
             "counters": torch.tensor([self.episode, self.steps, self.updates]),
             "returns": self._returns,
             "lengths": self._lengths,
             "losses": torch.stack(self._losses) if self._losses else torch.empty(0),
-            **below("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
-            **below("agent", self.agent.state_dict()),
-            **below("replay", self.replay.kept()),
+            **add_prefix("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
+            **add_prefix("agent", self.agent.state_dict()),
+            **add_prefix("replay", self.replay.kept()),
         }
         return {name: value.detach().cpu() for name, value in own.items()}
 
     def load_state_dict(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Go on from where `state_dict` was given, in place of `begin`.
+        """Resume from a `state_dict`, instead of `begin`.
 
         Raises:
-            KeyError, RuntimeError, TypeError, ValueError: it is that of another training.
+            KeyError, RuntimeError, TypeError, ValueError: the state is of another training.
         """
         if state["counters"].dtype is not torch.int64:
-            raise TypeError("counters are whole numbers")
+            raise TypeError("counters must be int64")
         self.episode, self.steps, self.updates = state["counters"].tolist()
         self._returns.copy_(state["returns"])
         self._lengths.copy_(state["lengths"])
         device = self._env.device
         self._losses = list(state["losses"].to(device))
-        current = {key: value.to(device) for key, value in within("current", state).items()}
+        current = {key: value.to(device) for key, value in strip_prefix("current", state).items()}
         self._current = TensorDict(current, self._env.batch_size, device=device).unflatten_keys(".")
-        self.agent.load_state_dict(within("agent", state))
-        self.replay.load_kept(within("replay", state))
+        self.agent.load_state_dict(strip_prefix("agent", state))
+        self.replay.load_kept(strip_prefix("replay", state))
 
 
-def below(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Put a name and a dot before each."""
+def add_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Prefix each key with a name and a dot."""
     return {f"{name}.{key}": value for key, value in state.items()}
 
 
-def within(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Take those that `below` named."""
+def strip_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Return the entries with that prefix, without it."""
     return {key.removeprefix(f"{name}."): v for key, v in state.items() if key.startswith(f"{name}.")}
 
 
 def train(
     env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
 ) -> Iterator[Finished | Evaluated]:
-    """Train from the first episode to the last, and yield what happens; see `Training`.
+    """Train from the first episode to the last, and yield events; see `Training`.
 
     Yields:
-        `Evaluated` before the first and after the last episode and every `evaluate_every`, and
-        `Finished` for each episode, in order.
+        `Finished` for each episode, in order; `Evaluated` before the first episode, every
+        `evaluate_every` episodes and after the last.
     """
     training = Training(env, eval_env, agent, replay, learn)
     yield training.begin()

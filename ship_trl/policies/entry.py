@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
 
-# What a table shows of a return; a claim that is farther off than this is another one.
+# Half of the last digit that tables show: a claim that differs by more is wrong.
 SHOWN = 0.05
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A policy by its name, on a case; `claimed` is the return that it is said to have."""
+    """A policy by name on a case; `claimed` is the return stated in its result or manifest."""
 
     policy: str
     label: str
@@ -29,21 +29,21 @@ class Entry:
 
 
 def sail(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipEnv, Policy, list[Episode]]:
-    """Sail so many episodes at once: returns the environment, the policy, and what was sailed.
+    """Roll out episodes in one batch; returns the environment, the policy and the episodes.
 
     Args:
         entry: the policy and its case.
         episodes: at least 1.
-        seed: of policies that draw.
+        seed: of stochastic policies.
 
     Raises:
-        ConfigError: there is no such policy, or its file is not right.
+        ConfigError: there is no such policy, or its file is invalid.
     """
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
 
-    # Networks from a file draw for themselves, and ours without training read the state alone.
+    # Networks from a file draw their own pixels, and policies without training read the state only.
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
     env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
     policy = load_policy(entry.policy, env, seed)

@@ -1,7 +1,7 @@
-"""Policies that need no training, and one place that gives a policy of any kind by its name.
+"""Policies without training, and loading a policy of any kind by name.
 
-A policy reads a tensordict of the environment (`state`, and `pixels` where it asks for them) and writes
-`action`. Whatever does that can be sailed, scored, filmed and tabled beside the others.
+A policy reads the environment's tensordict (`state`, and `pixels` where it asks for them) and writes
+`action`. Any such function can be evaluated, recorded and compared.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ship_trl.transfer.layers import load_weights, saved_network
 
 
 def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
-    """Make the policy that draws its actions uniformly, from `seed`."""
+    """Return the policy that draws its actions uniformly, from `seed`."""
     generator = Generator(device=env.device).manual_seed(seed)
     count = len(env.world.actions)
 
@@ -40,19 +40,19 @@ def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
 
 
 def keep_course(env: ShipEnv, _: int = 0) -> Policy:
-    """Make the policy that turns as little as table 1 lets it, at the highest speed of those actions."""
+    """Return the policy that turns as little as table 1 allows, at the highest speed of those actions."""
     actions = env.world.actions
     chosen = min(range(len(actions)), key=lambda k: (abs(actions[k][1]), -actions[k][0]))
     return follow([chosen] * env.world.max_steps)
 
 
-def sail_best_known(env: ShipEnv, _: int = 0) -> Policy:
-    """Make the policy that sails the planner's best plan."""
+def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
+    """Return the policy that follows the planner's best plan."""
     return follow(best_known(env.case, env.world).actions)
 
 
 def follow(actions: Sequence[int]) -> Policy:
-    """Make the policy that sails a plan: an action for each step, and the last one from there on."""
+    """Return the policy that follows a plan: one action a step, then its last action."""
     plan = torch.tensor(actions or [0])
 
     def policy(step: TensorDictBase) -> TensorDictBase:
@@ -62,28 +62,27 @@ def follow(actions: Sequence[int]) -> Policy:
     return policy
 
 
-# By the word that stands for them on a command line. A policy of your own is one more line here, or
-# `file.py:name` there.
+# By their name on the command line. Add your own here, or give it there as `file.py:name`.
 POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
     "random": random_actions,
     "keep_course": keep_course,
-    "best_known": sail_best_known,
+    "best_known": follow_best_known,
 }
 ALLOWED = f"{', '.join(POLICIES)}, pretrained, a safetensors file, or file.py:function"
 
 
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
-    """Give the policy that a word, a file of weights or a function of one's own stands for.
+    """Load a policy by name, from a weights file or from a function of your own.
 
     Args:
-        name: a key of `POLICIES`; `pretrained`, the network that comes with us for the environment's case,
-            or `pretrained:CASE`, that of another; a safetensors file; or `file.py:function` or
+        name: a key of `POLICIES`; `pretrained`, the bundled network of the environment's case,
+            or `pretrained:CASE`, that of another case; a safetensors file; or `file.py:function` or
             `module:function`, called with the environment and the seed.
-        env: where it will sail.
-        seed: of what it draws.
+        env: where it will act.
+        seed: of its random numbers.
 
     Raises:
-        ConfigError: there is no such policy, or its file is not right; later, as it sails, an action is not.
+        ConfigError: there is no such policy, or its file is invalid; later, it writes an invalid action.
     """
     if name in POLICIES:
         return POLICIES[name](env, seed)
@@ -99,14 +98,14 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     where, colon, function = name.rpartition(":")
     if not colon:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
-    return checked(own(where, function, name)(env, seed), name, env)
+    return refusing_invalid_actions(import_policy(where, function, name)(env, seed), name, env)
 
 
 def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:
-    """Give a policy as `load_policy` does, and the network that it sails by.
+    """Load a policy with its network.
 
     Raises:
-        ConfigError: as `load_policy`, or the policy has no network of ours.
+        ConfigError: as `load_policy`, or the policy has no `DuelingNetwork`.
     """
     policy = load_policy(name, env)
     network = network_of(policy)
@@ -116,16 +115,16 @@ def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:
 
 
 def network_of(policy: Policy) -> DuelingNetwork | None:
-    """Find the network inside a policy, None where it has none of ours."""
+    """Find the `DuelingNetwork` inside a policy; None without one."""
     parts = policy.modules() if isinstance(policy, nn.Module) else ()
     return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
 
 
-def checked(policy: object, name: str, env: ShipEnv) -> Policy:
-    """Give somebody's own policy back, which then says in one line what is wrong with an action it writes.
+def refusing_invalid_actions(policy: object, name: str, env: ShipEnv) -> Policy:
+    """Wrap a user's policy so that an invalid action raises a `ConfigError`.
 
     Raises:
-        ConfigError: it cannot be called.
+        ConfigError: the policy is not callable.
     """
     if not callable(policy):
         raise ConfigError(f"policy: {name} gives {policy!r:.40}; allowed: a function of a tensordict")
@@ -154,23 +153,23 @@ def checked(policy: object, name: str, env: ShipEnv) -> Policy:
     return act
 
 
-def own(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy]:
-    """Import a function of a module or of a Python file.
+def import_policy(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy]:
+    """Import a function from a module or a Python file.
 
     Raises:
-        ConfigError: it cannot be imported, or holds no such function.
+        ConfigError: the import fails, or there is no such function.
     """
     try:
         if where.endswith(".py"):
             spec = importlib.util.spec_from_file_location(f"ship_trl_policy_{Path(where).stem}", where)
             assert spec is not None and spec.loader is not None
             module = importlib.util.module_from_spec(spec)
-            # A name that no other module has, for dataclasses and pickles that ask for it.
+            # Dataclasses look their module up by name.
             sys.modules[spec.name] = module
             spec.loader.exec_module(module)
         else:
             module = importlib.import_module(where)
-    except Exception as error:  # whatever somebody's file may raise
+    except Exception as error:  # a user's file may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ConfigError(f"policy: {name} cannot be imported: {reason}") from None
     found = getattr(module, function, None)

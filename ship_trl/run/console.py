@@ -43,7 +43,8 @@ def progress(
     """Yield the events, and meanwhile show finished episodes, time left and the last returns.
 
     A terminal gets a bar. A file or a pipe gets a line at the first episode and every 5 % of them. A run of
-    a grid prints a line with its place and title every 25 %, because all runs share the output.
+    a grid prints a line with its place and title every 25 %, because all runs share the output. The warm-up
+    makes no updates, so its pace says nothing about the time left: the estimate begins with the first update.
 
     Args:
         title: the run in words.
@@ -66,17 +67,24 @@ def progress(
         lines = Lines(SINGLE_INTERVAL, share, share)
     prefix = f"{place}: {title}: " if place else ""
     plain, greedy = bool(place) or not console.is_terminal, ""
+    has_updates = is_measured = False
     with Progress(*columns, console=console, disable=plain) as bar:
-        task = bar.add_task(title, total=episodes, completed=done, now="", greedy="")
+        task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy="")
         for event in events:
             if isinstance(event, Evaluated):
                 greedy = f"{event.sailed.episode_return:.1f}"
                 bar.update(task, greedy=greedy)
             else:
                 now = f"{event.episode_return:.1f}"
+                if event.loss is not None and not has_updates:
+                    has_updates = True
+                    bar.start_task(task)
                 bar.update(task, completed=event.episode, now=now)
                 if plain and (left := lines.due(event.episode / episodes)) is not None:
+                    left = left if is_measured else ""
                     say(f"{prefix}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
+                    # The pace of the next line is that since this one.
+                    is_measured = has_updates
             yield event
 
 
@@ -144,5 +152,5 @@ def say_next(result: Result, folder: Path) -> None:
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
         say("  no run from scratch of these settings to compare with; +arm=scratch makes one")
-    say(f"  see it sail: python -m ship_trl watch {folder}")
-    say("  see a ship give way to two others: python -m ship_trl watch pretrained target=4")
+    say(f"  watch it: python -m ship_trl watch {folder}")
+    say("  watch a ship give way to two others: python -m ship_trl watch pretrained target=4")

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import remove
-from ship_trl.learn.train import DivergedError, below, within
+from ship_trl.learn.train import DivergedError, add_prefix, strip_prefix
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.history import to_csv
@@ -58,8 +58,8 @@ class Journal:
         )
         curve = np.frombuffer(to_csv(history.rows).encode(), dtype=np.uint8)
         tensors: dict[str, Tensor] = {
-            **below("training", training.state_dict()),
-            **below("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
+            **add_prefix("training", training.state_dict()),
+            **add_prefix("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
             "curve": torch.from_numpy(curve.copy()),
         }
         try:
@@ -98,9 +98,9 @@ class Journal:
                 f"learn.precision= and learn.backend=, or remove {folder} to begin anew"
             )
         try:
-            self._parts.training.load_state_dict(within("training", tensors))
+            self._parts.training.load_state_dict(strip_prefix("training", tensors))
             rows = bytes(tensors["curve"].numpy()).decode()
-            self._parts.history.restore(rows, within("best", tensors), self._parts.run_episode)
+            self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.run_episode)
         except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
             raise ConfigError(
                 f"output: {folder} is not what this program writes ({type(error).__name__}); "

@@ -47,16 +47,18 @@ def test_lines_are_apart_and_measure_what_was_done_since_they_began() -> None:
     assert lines.due(0.7) is None
 
 
-def events(episodes: int) -> Iterator[Finished | Evaluated]:
+def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
     yield Evaluated(0, 0, SAILED)
     for episode in range(1, episodes + 1):
-        yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, None)
+        loss = None if episode <= warmup else 0.5
+        yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)
 
 
 def test_a_run_without_a_terminal_says_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(list(console.progress("made", 100, events(100)))) == 101
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
+    assert [" left" in line for line in lines[:6]] == [False] * 4 + [True] * 2, "a pace of the warm-up alone"
     assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
 
 

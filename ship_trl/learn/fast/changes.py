@@ -1,4 +1,4 @@
-"""Whether weights may have changed since they were last looked at."""
+"""Tokens that tell whether weights may have changed."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 from torch import Tensor
 from torch.optim.optimizer import register_optimizer_step_post_hook
 
-# Steps of all optimisers in this process: fused ones change weights without counting a version up.
+# Steps of all optimisers in this process: fused ones change weights without changing `_version`.
 _steps = 0
-# Times that a loss was loaded or moved: tensordict writes to the data of parameters, which counts nothing up.
+# Loads and moves of losses: tensordict writes to `parameter.data`, which does not change `_version` either.
 _rewrites = 0
 
 
@@ -23,25 +23,24 @@ register_optimizer_step_post_hook(_count_step)
 
 
 def count_rewrite(*_: Any) -> None:
-    """Say that weights were written to in a way that no version tells."""
+    """Record that weights were written in a way that `_version` does not show."""
     global _rewrites
     _rewrites += 1
 
 
 def rewrites() -> int:
-    """Return how often weights were written to so."""
+    """Return how often `count_rewrite` was called."""
     return _rewrites
 
 
 def version(weights: Iterable[Tensor], learning: bool = True) -> tuple[int, ...]:
-    """Return numbers that are others after weights may have changed.
+    """Return a token that changes when the weights may have changed.
 
-    What goes around optimisers, changes in place and `count_rewrite`, as writing to `weight.data`, is not
-    seen.
+    It does not see writes to `weight.data` that are not followed by `count_rewrite`.
 
     Args:
-        weights: or other tensors; those of inference mode have no version, and count as the same.
-        learning: whether an optimiser's step may change them.
+        weights: any tensors; inference tensors have no version and count as unchanged.
+        learning: whether an optimiser step may change them.
     """
     versions = (-1 if weight.is_inference() else weight._version for weight in weights)  # noqa: SLF001
     return (_steps if learning else 0, _rewrites, *versions)

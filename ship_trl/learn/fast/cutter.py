@@ -1,4 +1,4 @@
-"""Frames cut into the windows that differ from a background, for `incremental` and `inference`."""
+"""Cut frames into the windows that differ from a background, for `incremental` and `inference`."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from torch import Tensor
 from ship_trl.config.network import WORD, Geometry, cut_by_words, linear_from
 from ship_trl.learn.fast import incremental_kernels as kernels
 
-# Matrix products are prepared anew for each shape; rounded, there are few shapes.
+# oneDNN prepares a matrix product for each new shape; rounding the rows up keeps shapes few.
 ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
 
 
 class Rows(NamedTuple):
-    """A batch of B frames, as the layers that are still to come need it.
+    """A batch of B frames as input of the remaining layers.
 
-    `values` [R, C] are activations, or windows of pixels; `indices` has an entry for each conv
-    layer to come: int32 [T, K], the rows that each of its T windows holds, or None where the rows
-    are its windows already. Rows are numbered as if those of the background came first, even
-    where they are left out.
+    `values` [R, C] are activations, or windows of pixels. `indices` has an entry for each remaining conv
+    layer: int32 [T, K], the rows in each of its T windows, or None where the rows are the windows
+    themselves. Rows are numbered as if the background's came first, even where those are left out.
     """
 
     values: Tensor
@@ -32,7 +31,7 @@ class Cutter:
     """Cuts frames into windows: uint8 [B, C, 84, 84] to the `Rows` of conv1.
 
     Args:
-        background: the picture that most frames resemble, uint8 [C, 84, 84].
+        background: frame that most frames resemble, uint8 [C, 84, 84].
         dtype: of the windows, whose values are 0 to 1.
         geometry: of the network's conv layers, as `cut_by_words` says.
     """
@@ -41,7 +40,7 @@ class Cutter:
         if not cut_by_words(geometry):
             raise ValueError(f"geometry: the first of several layers must be cut by words, got {geometry}")
         self.dtype = dtype
-        # Layers of rows. After them each frame is a row.
+        # Layers that work on rows; after them each frame is one row.
         self.layers = geometry[: linear_from(geometry)]
         self.linear = len(geometry) - len(self.layers)
         self.sides = [layer.side for layer in self.layers]
@@ -56,15 +55,15 @@ class Cutter:
         self.background_windows = (windows / 255.0).to(dtype)
 
     def __call__(self, frames: Tensor, background: bool = True) -> Rows:
-        """Find what differs from the background, and where it lies.
+        """Cut out the windows that differ from the background.
 
-        Without `background`, windows of the background itself are left out.
+        Without `background`, the windows of the background itself are left out.
         """
         batch, sides = frames.shape[0], self.sides
         frames = frames.contiguous()
         touched = [np.empty((batch, side, side), np.bool_) for side in sides]
         tables = [np.empty((batch, side * side), np.int32) for side in sides]
-        # The number of the first row that is kept.
+        # Number of the first row that is included.
         base = [0 if background else side * side for side in sides]
         self._mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
         rows = [kernels.number(touched[0], tables[0])]
@@ -84,11 +83,11 @@ class Cutter:
 
 
 def rounded(rows: int) -> int:
-    """Up to the next multiple of `ROUND_ROWS`; the rows added are zero and nobody refers to them."""
+    """Round up to a multiple of `ROUND_ROWS`; no index refers to the added zero rows."""
     step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
     return -(-rows // step) * step
 
 
 def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
-    """View the same memory as an array; NumPy knows no bfloat16, so its bits as uint16."""
+    """View a tensor as an array; bfloat16, which NumPy lacks, as uint16."""
     return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()

@@ -1,13 +1,13 @@
-"""The conv layers on what differs from a background: the same function for half the work.
+"""Conv layers computed only where a frame differs from a background: the same function for half the work.
 
-Most of what the network sees never changes: the water, the disc, the circles, own ship. A window
-of a layer that holds nothing else has the same activation in every frame, so it is computed once a
-batch. Layers are kept as rows, first those of the background, then those of the windows that
-some frame touches; an index tells which row stands where. A layer is then one matrix product over
-gathered rows. This is exact whatever the background is; a wrong one only saves nothing.
+Most pixels never change: water, disc, circles, own ship. A window that shows only those has the same
+activation in every frame, so it is computed once per batch. A layer's activations are stored as rows: first
+those of the background, then those of the windows that differ in some frame; an index maps windows to rows.
+A layer is then one matrix product over gathered rows. The result is exact whatever the background is; an
+unsuitable background only saves no work.
 
-`Incremental` learns from batches of such rows; `inference.CachedInference` reads a few frames, for which the
-rows of the background would be most of the work, and takes those from memory.
+`Incremental` serves learning. `inference.CachedInference` serves acting on a few frames, where the
+background's rows would be most of the work; it caches them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def as_matrix(weight: Tensor) -> Tensor:
     """View filters [O, C, H, W] as a matrix [O, H W C].
 
     Raises:
-        RuntimeError: they do not lie channels last, so that only a copy could be given.
+        RuntimeError: they are not channels last, so a view is impossible.
     """
     return weight.permute(0, 2, 3, 1).view(len(weight), -1)
 
@@ -48,10 +48,10 @@ def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Ten
 
 
 class GatheredLayer(torch.autograd.Function):
-    """A conv layer on gathered rows, in their precision; gradients of its weights are float32.
+    """A conv layer on gathered rows, in the rows' precision; gradients of weights are float32.
 
     Shapes: rows [R, C], index int32 [T, K] or None, weight float32 [O, C, H, W] channels last, bias
-    float32 [O]; then both in the precision of the rows, as a matrix [O, K C] and [O]; returns [T, O].
+    float32 [O]; then the same weights in the rows' precision, matrix [O, K C] and bias [O]. Returns [T, O].
     """
 
     @staticmethod
@@ -64,7 +64,7 @@ class GatheredLayer(torch.autograd.Function):
         matrix: Tensor,
         bias: Tensor,
     ) -> Tensor:
-        """Gather, multiply, cut off below zero."""
+        """Gather the windows, multiply, apply ReLU."""
         windows, out = gathered_layer(rows, index, matrix, bias)
         ctx.save_for_backward(windows, index, matrix, out)
         ctx.rows, ctx.filters = rows.shape, weight.shape
@@ -73,7 +73,7 @@ class GatheredLayer(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        """Gradients of rows, weight and bias, each where it is needed."""
+        """Compute the gradients of rows, weight and bias that are needed."""
         windows, index, matrix, out = ctx.saved_tensors
         gradient = torch.ops.aten.threshold_backward(gradient, out, 0)
         to_rows = to_weight = to_bias = None
@@ -91,10 +91,10 @@ class GatheredLayer(torch.autograd.Function):
         return to_rows, None, to_weight, to_bias, None, None
 
 
-class Copies:
-    """Conv layers as matrices [O, H W C] and biases [O] in the precision that computes.
+class WeightCopies:
+    """Conv weights as matrices [O, H W C] and biases [O] in the computing precision.
 
-    In float32 they are the weights' own memory; else copies, written anew by `refresh`.
+    In float32 these are views of the weights; otherwise copies, which `refresh` updates.
     """
 
     def __init__(self, weights: list[Tensor], dtype: torch.dtype) -> None:
@@ -105,18 +105,18 @@ class Copies:
         self.layers = list(zip(self._copies[::2], self._copies[1::2], strict=True))
 
     def refresh(self, weights: list[Tensor], frozen: int) -> None:
-        """Copy what may have changed since the last time.
+        """Copy the weights that may have changed since the last call.
 
         Args:
-            weights: those from which this was made.
-            frozen: how many layers never learn.
+            weights: those given to the constructor.
+            frozen: number of layers that never learn.
         """
         if self._copies[0].dtype is torch.float32:
             return
         learning = weights[2 * frozen :]
         now = [version(weights[: 2 * frozen], learning=False), version(learning)]
         if learning and not learning[0].requires_grad:
-            # A target network changes by writing to its data, which no version tells.
+            # A target network is updated through `data`, which changes no version.
             self._versions[1] = ()
         for part, before, after in zip(
             (slice(2 * frozen), slice(2 * frozen, None)), self._versions, now, strict=True
@@ -127,75 +127,75 @@ class Copies:
 
 
 class Incremental:
-    """Computes the conv layers on the windows that differ from the background (see above), on a CPU.
+    """Backend that computes the conv layers where frames differ from the background (see above), on a CPU.
 
-    What it made of the frames that it saw last is remembered up to the first layer that learns: the
-    online network and the target network read the same next observations, one after the other.
+    It caches the last batch up to the first layer that learns: the online and the target network read the
+    same next observations, one after the other.
 
     Args:
-        background: the picture that most frames resemble, uint8 [C, 84, 84].
-        dtype: of the conv layers. Weights and their gradients stay float32.
+        background: frame that most frames resemble, uint8 [C, 84, 84].
+        dtype: of the conv layers; weights and their gradients stay float32.
         geometry: of the conv layers of every network that it will compute, as `cut_by_words` says.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
         self.dtype, self.geometry = dtype, geometry
         self._cut = Cutter(background, dtype, geometry)
-        self._seen: tuple[Tensor, tuple[int, ...], Rows] | None = None
-        self._copies: WeakKeyDictionary[DuelingNetwork, Copies] = WeakKeyDictionary()
+        self._cached: tuple[Tensor, tuple[int, ...], Rows] | None = None
+        self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Incremental:
-        """Stay one: a copied network shares it."""
+        """Return itself: a copied network shares its backend."""
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out what is remembered."""
-        return self.__dict__ | {"_seen": None, "_copies": None}
+        """Leave out the caches."""
+        return self.__dict__ | {"_cached": None, "_copies": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Remember nothing."""
+        """Restore with empty caches."""
         self.__dict__ |= state | {"_copies": WeakKeyDictionary()}
 
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F].
 
         Raises:
-            ValueError: the network is of another geometry.
+            ValueError: the network has another geometry.
         """
         if network.geometry != self.geometry:
-            raise ValueError("network: its conv layers are others than those that this was made for")
-        return self._rest(network, self._through_frozen(network, pixels))
+            raise ValueError("network: its conv layers differ from those of this backend")
+        return self._remaining(network, self._frozen_rows(network, pixels))
 
     def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
-        """Compute those after the frozen ones: [B, K] to float32 [B, F]."""
+        """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
         left = len(self.geometry) - network.frozen
         if left == 0:
             return kept.float()
-        return self._rest(network, Rows(kept.to(self.dtype), (None,) * left))
+        return self._remaining(network, Rows(kept.to(self.dtype), (None,) * left))
 
-    def _through_frozen(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
-        """Cut frames into windows, and take them through the frozen layers."""
+    def _frozen_rows(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
+        """Cut frames into windows and compute the frozen layers, or return the cached result."""
         frozen = [conv.weight for conv in network.convs[: network.frozen]]
-        # Who and which version: weights that are replaced or changed in place are others.
+        # Identity and version: replaced or modified weights make the cache stale.
         state = (*version([pixels, *frozen], learning=False), *(weight.data_ptr() for weight in frozen))
-        if self._seen is None or self._seen[0] is not pixels or self._seen[1] != state:
+        if self._cached is None or self._cached[0] is not pixels or self._cached[1] != state:
             with torch.no_grad():
                 rows = self._advance(network, self._cut(pixels), network.frozen)
-            self._seen = (pixels, state, rows)
-        return self._seen[2]
+            self._cached = (pixels, state, rows)
+        return self._cached[2]
 
-    def _rest(self, network: DuelingNetwork, rows: Rows) -> Tensor:
-        """Take rows through all layers that are left."""
-        # The fully connected layers compute in float32: there the differences between actions are small.
+    def _remaining(self, network: DuelingNetwork, rows: Rows) -> Tensor:
+        """Compute all remaining layers."""
+        # The fully connected layers compute in float32: Q-values of actions differ only slightly.
         return self._advance(network, rows, len(rows.indices)).values.float()
 
     def _advance(self, network: DuelingNetwork, rows: Rows, layers: int) -> Rows:
-        """Take rows through the next `layers` conv layers, with gradients where torch records them."""
+        """Compute the next `layers` conv layers, with gradients where torch records them."""
         if layers == 0:
             return rows
         values, indices = rows
         weights = network.conv_weights()
-        copies = self._copied(network, weights)
+        copies = self._weight_copies(network, weights)
         first = len(self.geometry) - len(indices)
         for n in range(first, first + layers):
             index, (matrix, bias) = indices[n - first], copies.layers[n]
@@ -205,10 +205,10 @@ class Incremental:
                 _, values = gathered_layer(values, index, matrix, bias)
         return Rows(values, indices[layers:])
 
-    def _copied(self, network: DuelingNetwork, weights: list[Tensor]) -> Copies:
-        """Give the network's conv layers in the precision that computes, as they are now."""
+    def _weight_copies(self, network: DuelingNetwork, weights: list[Tensor]) -> WeightCopies:
+        """Return the network's current conv weights in the computing precision."""
         copies = self._copies.get(network)
         if copies is None or copies.places != [weight.data_ptr() for weight in weights]:
-            copies = self._copies[network] = Copies(weights, self.dtype)
+            copies = self._copies[network] = WeightCopies(weights, self.dtype)
         copies.refresh(weights, network.frozen)
         return copies

@@ -1,4 +1,4 @@
-"""Compiled loops of `cutter` and `incremental`: windows that differ from the background, and their rows."""
+"""Compiled loops of `cutter` and `incremental`: find windows that differ, and index their rows."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = np.ndarray[Any, Any]
 
 @compiled()
 def number(touched: Array, table: Array) -> int:
-    """Give each touched window of all frames a number, after those of the background; returns how many.
+    """Assign numbers to the touched windows of all frames, after the background's; return the count.
 
     Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row of each window, is written.
     """
@@ -33,7 +33,7 @@ def number(touched: Array, table: Array) -> int:
 
 @compiled()
 def differing(words: Array, background: Array, blocks: Array) -> None:
-    """Which blocks of a frame, a word wide and four pixels high, differ from the background.
+    """Mark the 4 x 4 pixel blocks of a frame that differ from the background.
 
     Shapes: words int32 [C, H, H / 4], the pixels four at a time, and background the same;
     blocks int32 [H / 4, H / 4] is written, 0 where nothing differs.
@@ -51,12 +51,12 @@ def differing(words: Array, background: Array, blocks: Array) -> None:
 def marking(kernel: int, stride: int) -> Loop:
     """Compile `mark_pixels` for windows of `kernel` words, `stride` words apart.
 
-    Loops of a known length are twice as fast.
+    Loops of constant length are twice as fast.
     """
 
     @compiled()
     def mark_pixels(words: Array, background: Array, touched: Array) -> None:
-        """Which windows of the first layer hold a pixel that differs from the background.
+        """Mark the windows of the first layer that hold a pixel that differs from the background.
 
         Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; background the same without B;
         touched bool [B, S, S] is written.
@@ -78,7 +78,7 @@ def marking(kernel: int, stride: int) -> Loop:
 
 @compiled()
 def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None:
-    """Which windows of a layer hold a touched place of the layer below: bool [B, S, S] to [B, T, T]."""
+    """Mark the windows that hold a touched place of the layer below: bool [B, S, S] to [B, T, T]."""
     batch, side = touched.shape[0], touched.shape[1]
     for b in range(batch):
         for y in range(side):
@@ -96,9 +96,9 @@ def cutting(kernel: int, stride: int) -> Loop:
 
     @compiled()
     def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
-        """Copy the windows of the first layer that are touched into `rows`, whose first has number `base`.
+        """Copy the touched windows of the first layer into `rows`, which begin at number `base`.
 
-        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], what a pixel is worth;
+        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], by pixel level;
         rows [R, kernel * kernel * C] is written, in the order row, column, channel.
         """
         batch, channels = pixels.shape[:2]
@@ -129,7 +129,7 @@ def index_windows(
     index: Array,
     base: int,
 ) -> None:
-    """For each row of a layer, from number `base` on, the rows below that its window holds.
+    """Index the rows of the layer below in the window of each row, from number `base` on.
 
     Shapes: below [B, S * S] and table [B, T * T], rows of the layer below and of this one;
     index int32 [R, K * K] is written.

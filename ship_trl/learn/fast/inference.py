@@ -1,4 +1,4 @@
-"""A network on a few frames at a time, in float32, without learning: for acting and encoding."""
+"""Float32 inference on a few frames at a time, for acting and encoding."""
 
 from __future__ import annotations
 
@@ -12,22 +12,21 @@ from ship_trl.learn.network import DuelingNetwork
 
 
 class CachedInference:
-    """Computes what differs from the background; what that itself gives is remembered.
+    """Computes only what differs from the background, whose own activations are cached.
 
-    Float32, because for so few rows it is as fast as bfloat16, and needs no copies: weights are the
-    network's own.
+    Float32: for few rows it is as fast as bfloat16, and it uses the network's own weights without copies.
 
     Args:
         network: float32, on the CPU.
-        background: the picture that most frames resemble, uint8 [C, 84, 84].
-        frozen: how many layers, counted from the image, never change.
+        background: frame that most frames resemble, uint8 [C, 84, 84].
+        frozen: number of layers, from the image on, that never change.
     """
 
     def __init__(self, network: DuelingNetwork, background: Tensor, frozen: int) -> None:
         self._network, self._frozen = network, frozen
         self._cut = Cutter(background, torch.float32, network.geometry)
         self._background_frame = self._cut(background.unsqueeze(0))
-        self._remembered: list[Tensor] = []
+        self._background_cache: list[Tensor] = []
         weights = network.conv_weights()
         self._weights = [
             (as_matrix(weight.detach()), bias.detach())
@@ -37,12 +36,12 @@ class CachedInference:
         self._version: tuple[int, ...] = ()
         self._rewrites = rewrites()
 
-    def _forget(self) -> None:
-        """Forget what the layers that learn gave, if they have learned since."""
+    def _drop_stale(self) -> None:
+        """Drop the cached activations of layers whose weights have changed."""
         now = version(self._learning)
         if now != self._version:
             # A load or a move changes the frozen layers too.
-            del self._remembered[self._frozen if rewrites() == self._rewrites else 0 :]
+            del self._background_cache[self._frozen if rewrites() == self._rewrites else 0 :]
             self._version, self._rewrites = now, rewrites()
 
     @torch.no_grad()
@@ -53,21 +52,21 @@ class CachedInference:
 
     @torch.no_grad()
     def actions_on(self, features: Tensor) -> Tensor:
-        """Choose the best actions, given what the frozen layers made of frames: [B, K] to int64 [B]."""
+        """Choose the best actions from features of the frozen layers: [B, K] to int64 [B]."""
         rows = Rows(features.float(), (None,) * (len(self._weights) - self._frozen))
         return self._network.best(self._advance(rows, len(rows.indices)).values)
 
     @torch.no_grad()
     def encode(self, frames: Tensor) -> Tensor:
-        """Compute the frozen layers, `linear_from` or more: uint8 [B, C, 84, 84] to float32 [B, K]."""
+        """Compute the frozen layers, at least `linear_from`: uint8 [B, C, 84, 84] to float32 [B, K]."""
         values, indices = self._advance(self._cut(frames, background=False), self._frozen)
         if indices and indices[0] is not None:
             values = values[indices[0]].flatten(1)
         return values
 
     def _advance(self, rows: Rows, layers: int) -> Rows:
-        """Through the next `layers` conv layers."""
-        self._forget()
+        """Compute the next `layers` conv layers."""
+        self._drop_stale()
         values, indices = rows
         first = len(self._weights) - len(indices)
         for n in range(first, first + layers):
@@ -78,7 +77,7 @@ class CachedInference:
 
     def _background_rows(self, layer: int) -> Tensor:
         """Compute conv layer `layer`, counted from 0, of the background: [S * S, C]."""
-        memory = self._remembered
+        memory = self._background_cache
         while len(memory) <= layer:
             n = len(memory)
             below = memory[-1] if memory else self._background_frame.values

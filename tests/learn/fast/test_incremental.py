@@ -206,5 +206,5 @@ def test_a_network_of_other_layers_is_refused() -> None:
     background, frames = scene(1, 1, 1, 0)
     net = network("five")
     net.backend = Incremental(background, torch.float32, PAPER)
-    with pytest.raises(ValueError, match="others than those that this was made for"):
+    with pytest.raises(ValueError, match="its conv layers differ"):
         net(frames)

@@ -121,6 +121,11 @@ class Arm:
         """Count the copied conv layers of a network that has `conv_layers` of them."""
         return conv_layers if self.copies_all else int(self.layers or 0)
 
+    @property
+    def keys(self) -> dict[str, Any]:
+        """Its method and layers, as results and hashes hold them and a command line sets them."""
+        return {"method": self.method.value, "layers": self.layers}
+
     def with_weights(self, weights: SourceWeights) -> Arm:
         """Return the same arm with other weights, such as its control."""
         return dataclasses.replace(self, weights=weights)

@@ -9,10 +9,10 @@ PACKAGE = Path(__file__).parent.parent / "ship_trl"
 # The rooms from the bottom up: each may import what stands before it.
 ROOMS = (
     "config", "files", "jit", "sim", "learn", "transfer", "policies", "view", "viewer", "gym", "run", "study",
-    "explain", "bench", "cli", "__main__",
+    "explain", "cli", "__main__",
 )  # fmt: skip
 # Where a room may import what stands above it.
-EXCEPTIONS = {("bench", "ship_trl.cli.parser"), ("study", "ship_trl.cli")}
+EXCEPTIONS = {("study", "ship_trl.cli")}
 # What a user's `import ship_trl` offers, in functions: any room.
 TOP = "__init__"
 # The rooms of a study likewise.
@@ -23,9 +23,9 @@ WITHOUT_TORCH = (
     "transfer/measured", "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
     "run/folder", "run/plan", "run/stop", "run/progress", "run/launchers", "run/entries", "run/results",
     "run/grid", "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",
-    "bench/__main__",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))
+BENCHMARKS = PACKAGE.parent / "benchmarks"
 
 
 def room(path: Path) -> str:
@@ -64,15 +64,21 @@ def test_rooms_of_the_study_lie_on_one_another(path: Path) -> None:
             assert STUDY.index(other) <= STUDY.index(own), f"{own} must not import {name}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_package_does_not_know_its_benchmarks() -> None:
+    for path in FILES:
+        assert not any(name.split(".")[0] in ("benchmarks", "tests") for name in imports(path)), path
+
+
+@pytest.mark.parametrize(
+    "path", [*FILES, *BENCHMARKS.glob("*.py")], ids=lambda p: f"{p.parent.name}/{p.name}"
+)
 def test_files_have_one_subject(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= 300
     assert path.stem not in {"utils", "common", "helpers", "misc"}
 
 
 def test_checks_come_before_torch() -> None:
-    for name in WITHOUT_TORCH:
-        place = PACKAGE / name
+    for place in (*(PACKAGE / name for name in WITHOUT_TORCH), BENCHMARKS / "__main__"):
         files = sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]
         for path in files:
             for node in ast.parse(path.read_text()).body:

@@ -47,10 +47,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_wheel_holds_the_package_without_its_benchmark_and_its_conf(installed: Path) -> None:
-    everything = files(ROOT / "ship_trl")
-    package = {name: content for name, content in everything.items() if not name.startswith("bench/")}
-    assert len(package) < len(everything)
+def test_wheel_holds_the_package_and_its_conf(installed: Path) -> None:
+    package = files(ROOT / "ship_trl")
     conf = {f"conf/{name}": content for name, content in files(ROOT / "conf").items()}
     assert files(installed / "ship_trl") == package | conf
     assert {path.name for path in installed.iterdir()} == {

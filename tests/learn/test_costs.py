@@ -9,14 +9,15 @@ from typing import Any
 
 import pytest
 import torch
+from tensordict import TensorDict
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
 
-from ship_trl.bench.flops import update_flops
-from ship_trl.bench.ours import Ours, network_layers
-from ship_trl.bench.work import learn_config
-from ship_trl.config.types import Precision
+from benchmarks.ours import Ours, make_ours
+from benchmarks.peer_tuned import TunedLoop
+from benchmarks.work import learn_config
+from ship_trl.gym.env import ShipCollisionEnv
 
 COPIES = {"copy_", "_to_copy", "clone", "cat", "index_select", "index", "contiguous", "stack"}
 
@@ -53,7 +54,7 @@ def counted(action: Callable[[], object]) -> tuple[int, float, float]:
 
 
 def ours(arm: str, precision: str = "bf16") -> Ours:
-    made = Ours(arm, learn=learn_config(precision=Precision[precision]))
+    made = make_ours(arm, f"learn.precision={precision}")
     made.fill(300)
     return made
 
@@ -73,27 +74,35 @@ UPDATE = {
 def test_an_update(arm: str, precision: str) -> None:
     learner = ours(arm, precision)
     batch = learner.sample()
-    found = counted(lambda: learner.update(batch))
+    found = counted(lambda: learner.agent.update(batch))
     assert all(got <= limit for got, limit in zip(found, UPDATE[arm, precision], strict=True)), found
 
 
 def test_an_update_leaves_out_almost_half_the_operations() -> None:
-    learner = ours("scratch")
+    learner, peer = ours("scratch"), TunedLoop(ShipCollisionEnv("4"), learn_config())
     batch = learner.sample()
-    whole = update_flops(network_layers(), 32, 0) / 1e6
-    assert counted(lambda: learner.update(batch))[2] < 0.55 * whole
+    peer.run(64)
+    whole = counted(lambda: peer.update(peer.sample()))[2]
+    assert counted(lambda: learner.agent.update(batch))[2] < 0.55 * whole
+
+
+def act(learner: Ours, observation: Tensor) -> None:
+    """Choose greedy actions as exploration does."""
+    learner.agent.policy.epsilon = 0.0
+    learner.agent.policy(TensorDict({learner.agent.observation: observation}, [len(observation)]))
 
 
 def test_a_decision() -> None:
     learner = ours("scratch")
-    state = learner.states(1)
-    found = counted(lambda: learner.act(state))
+    observation = learner.sample()["state"][:1]
+    found = counted(lambda: act(learner, observation))
     assert all(got <= limit for got, limit in zip(found, (25, 0.3, 7.0), strict=True)), found
 
 
 def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
     learner = ours("FE4")
-    found = counted(lambda: learner.act(learner.states(1)))
+    observation = learner.sample()["features"][:1]
+    found = counted(lambda: act(learner, observation))
     assert found[2] < 0.1, found
 
 
@@ -108,6 +117,9 @@ def test_a_step_of_the_environment(arm: str, limits: tuple[float, ...]) -> None:
 def test_frozen_layers_are_computed_once_a_state() -> None:
     learner = ours("FE3")
     batch = learner.sample()
-    # conv4 and the heads: three passes forward, and the gradients of one.
-    layers = network_layers()
-    assert counted(lambda: learner.update(batch))[2] <= 1.01 * update_flops(layers, 32, 3) / 1e6
+    # Each weight of conv4 and the heads is used once: three passes forward, two backward, but no gradient
+    # of conv4's input.
+    learning = {name: p for name, p in learner.agent.network.named_parameters() if p.requires_grad}
+    sizes = {name: p.numel() for name, p in learning.items() if p.ndim > 1}
+    needed = 2 * 32 * (5 * sum(sizes.values()) - sizes["conv4.weight"])
+    assert counted(lambda: learner.agent.update(batch))[2] <= 1.01 * needed / 1e6

@@ -106,7 +106,7 @@ def test_a_process_says_on_what_it_waits(
 def test_a_study_without_a_terminal_says_lines(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(progress, "APART", 0.0)
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
     config = to_study([*SMALL, f"output={tmp_path}"])
     jobs = plan_jobs(config)
     with progress.Display(jobs, config, episodes=10) as display:

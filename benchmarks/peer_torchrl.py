@@ -14,24 +14,18 @@ from torchrl.envs import EnvBase, GymWrapper
 from torchrl.modules import EGreedyModule, QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
-from ship_trl.bench.peer_network import PlainNetwork, freeze
+from benchmarks.peer_network import PlainNetwork
 from ship_trl.config.types import Learn
 
 
 class TorchRLLoop:
-    """Double dueling DQN put together from the library's parts, as its tutorials do.
-
-    Args:
-        env: a Gymnasium environment of pictures [1, 84, 84].
-        learn: hyperparameters.
-        frozen: how many conv layers stay as they are.
-    """
+    """A double dueling DQN of the library's parts, with the first `frozen` conv layers frozen."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], learn: Learn, frozen: int = 0) -> None:
         self.learn = learn
         wrapped: EnvBase = GymWrapper(env, categorical_action_encoding=True)
         self.network = PlainNetwork(int(env.action_space.n))  # type: ignore[attr-defined]
-        freeze(self.network.convs, frozen)
+        self.network.convs[:frozen].requires_grad_(False)
         actor = QValueActor(self.network, in_keys=["observation"], spec=wrapped.action_spec)
         explore = EGreedyModule(
             wrapped.action_spec,
@@ -39,7 +33,7 @@ class TorchRLLoop:
             eps_end=learn.epsilon_end,
             annealing_num_steps=1,
         )
-        self.collector = Collector(
+        collector = Collector(
             wrapped,
             TensorDictSequential(actor, explore),
             frames_per_batch=learn.update_every,
@@ -47,7 +41,7 @@ class TorchRLLoop:
             auto_register_policy_transforms=False,
             init_random_frames=learn.warmup_steps,
         )
-        self.batches = iter(self.collector)
+        self.batches = iter(collector)
         self.replay = TensorDictReplayBuffer(
             storage=LazyTensorStorage(learn.replay_size), batch_size=learn.batch_size
         )
@@ -64,18 +58,17 @@ class TorchRLLoop:
         return batch
 
     def update(self, batch: TensorDictBase) -> None:
-        """One gradient step, then the soft target."""
+        """Take one gradient step, then move the target network."""
         loss = self.loss_module(batch)["loss"]
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         self.optimiser.step()
         self.target.step()
 
-    def run(self, steps: int) -> int:
-        """Go on for so many environment steps; learning begins after the warm-up."""
+    def run(self, steps: int) -> None:
+        """Train for `steps` environment steps, a multiple of `update_every`, learning after the warm-up."""
         for _ in range(steps // self.learn.update_every):
             self.replay.extend(next(self.batches))
             self.steps += self.learn.update_every
             if self.steps > self.learn.warmup_steps:
                 self.update(self.sample())
-        return steps // self.learn.update_every * self.learn.update_every

@@ -1,0 +1,89 @@
+"""Bytes of a replay beside Stable-Baselines3's, and of a whole run."""
+
+from __future__ import annotations
+
+import gc
+import re
+import subprocess
+import sys
+import tempfile
+import types
+from functools import partial
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3.common.buffers import ReplayBuffer
+
+from benchmarks.ours import make_ours
+from benchmarks.timing import Measurement
+from benchmarks.work import FRAME
+
+ROOT = Path(__file__).resolve().parents[1]
+TRANSITIONS = 50_000
+# Enough for updates, evaluations, pictures and GIF of a short run.
+EPISODES = 20
+# Their attributes are code, not what an object holds.
+CODE_TYPES = (type, types.ModuleType, types.FunctionType, types.MethodType)
+# Linux says how much was resident at most. `ru_maxrss` would begin with what the parent process had.
+RUN = "from ship_trl.__main__ import main; main(); print(open('/proc/self/status').read())"
+
+
+def held_bytes(*roots: object) -> int:
+    """Return the bytes of all tensors and arrays that objects hold, shared memory counted once."""
+    seen, waiting, total = set(), list(roots), 0
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, torch.Tensor):
+            value = value.untyped_storage()
+        identity = value.data_ptr() if isinstance(value, torch.UntypedStorage) else id(value)
+        if identity in seen or isinstance(value, CODE_TYPES):
+            continue
+        seen.add(identity)
+        if isinstance(value, torch.UntypedStorage):
+            total += value.nbytes()
+        elif isinstance(value, np.ndarray):
+            total += value.nbytes
+        else:
+            waiting += gc.get_referents(value)
+    return total
+
+
+def measure_replays(transitions: int) -> list[Measurement]:
+    """Measure full replays, ours with what it needs to draw the pixels."""
+    group, found = f"replay of {transitions:,}", []
+    for arm, kept in (("scratch", "states"), ("FE4", "200 features"), ("FE3", "3,136 features")):
+        ours = make_ours(arm, f"learn.replay_size={transitions}")
+        # Transitions are stored when somebody counts them; the first one allocates the whole storage.
+        ours.fill(ours.learn.num_envs)
+        assert len(ours.replay) > 0
+        size = held_bytes(ours.replay, ours.parts.draw)
+        found.append(Measurement(group, f"ours, {kept} ({arm})", "byte", [size]))
+    pixels = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
+    actions = gymnasium.spaces.Discrete(len(ours.run.config.world.actions))
+    # Quick, because NumPy's zeros take no memory before something is written.
+    buffer = partial(ReplayBuffer, transitions, pixels, actions, "cpu")
+    once = buffer(optimize_memory_usage=True, handle_timeout_termination=False)
+    return [
+        *found,
+        Measurement(group, "SB3, pixels", "byte", [held_bytes(buffer())]),
+        Measurement(group, "SB3, pixels, each picture once", "byte", [held_bytes(once)]),
+    ]
+
+
+def measure_run(episodes: int) -> int:
+    """Return the peak of resident bytes of a run of the profile quick, cut short."""
+    with tempfile.TemporaryDirectory() as folder:
+        overrides = ["target=4", "method=scratch", f"learn.episodes={episodes}", "learn.warmup_steps=200"]
+        command = [sys.executable, "-c", RUN, *overrides, f"output={folder}"]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    (kilobytes,) = re.findall(r"VmHWM:\s*(\d+)", done.stdout)
+    return 1024 * int(kilobytes)
+
+
+def measure_memory() -> list[Measurement]:
+    """Measure the replays and a whole run, libraries included."""
+    found = measure_replays(TRANSITIONS)
+    size = measure_run(EPISODES)
+    return [*found, Measurement("run", "ours, profile quick", "byte", [size])]

@@ -1,0 +1,71 @@
+"""ship_trl's own learner, put together as in a run, so that its parts can be timed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from tensordict import TensorDictBase
+from torch import Generator
+
+from benchmarks.work import OVERRIDES, STEPS_PER_CALL, plan_run
+from ship_trl.config.arm import Arm
+from ship_trl.run.parts import make_parts
+from ship_trl.run.run import Run
+from ship_trl.run.source import read_source
+from ship_trl.sim.env import ShipEnv
+
+ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT3")
+
+
+def frozen_layers(arm: str) -> int:
+    """Return how many conv layers an arm freezes."""
+    return Arm.parse(arm).frozen_layers
+
+
+class Ours:
+    """The parts of a run before its first step, and an environment to fill its replay.
+
+    Args:
+        run: what is trained; its folder is not written.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run, self.learn = run, run.config.learn
+        self.parts = make_parts(run, torch.device("cpu"), read_source(run))
+        self.agent, self.training = self.parts.agent, self.parts.training
+        self.replay = self.training.replay
+        encoders = {self.agent.observation: self.agent.encode} if self.agent.observation != "state" else {}
+        self.env = ShipEnv(run.target, run.config.world, self.learn.num_envs, encoders=encoders)
+
+    def fill(self, steps: int) -> None:
+        """Put at least `steps` transitions of random actions into the replay."""
+        num_envs, num_actions = self.learn.num_envs, len(self.run.config.world.actions)
+        current, generator = self.env.reset(), Generator().manual_seed(4)
+        for _ in range(-(-steps // num_envs)):
+            action = torch.randint(num_actions, (num_envs,), generator=generator)
+            stepped, current = self.env.step_and_maybe_reset(current.set("action", action))
+            self.replay.extend(stepped)
+
+    def sample(self) -> TensorDictBase:
+        """Draw a batch from the replay."""
+        return self.replay.sample(self.learn.batch_size)
+
+    def train(self, steps: int) -> None:
+        """Train for at least `steps` environment steps."""
+        end = self.training.steps + steps
+        while self.training.steps < end:
+            for _ in self.training.advance():
+                pass
+
+
+def make_ours(arm: str = "scratch", *overrides: str) -> Ours:
+    """Put together what is timed beside peers."""
+    return Ours(plan_run(arm, OVERRIDES + overrides))
+
+
+def start_loop(ours: Ours) -> Callable[[], None]:
+    """Train through the warm-up, and return a function that trains for `STEPS_PER_CALL` more steps."""
+    ours.training.begin()
+    ours.train(ours.learn.warmup_steps)
+    return lambda: ours.train(STEPS_PER_CALL)

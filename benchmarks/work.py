@@ -1,0 +1,49 @@
+"""The work that all learners do alike: the case, the schedule, and the sizes."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig
+
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import Learn
+from ship_trl.run.plan import make_run
+from ship_trl.run.run import Run
+
+CASE = "4"
+FRAME = (1, 84, 84)
+# Short, because the warm-up is not timed, but enough to sample from.
+WARMUP_STEPS = 256
+# Environment steps in one call of a probe: a whole number of updates.
+STEPS_PER_CALL = 64
+# Epsilon stays the same while the clock runs, and nothing is evaluated.
+OVERRIDES = (
+    "learn.epsilon_start=0.1",
+    "learn.epsilon_end=0.1",
+    f"learn.warmup_steps={WARMUP_STEPS}",
+    "learn.replay_size=5000",
+    "learn.evaluate_every=1000000",
+)
+
+
+def plan_run(arm: str = "scratch", overrides: tuple[str, ...] = ()) -> Run:
+    """Plan a run of an arm to `CASE`, with the paper's hyperparameters but for the overrides.
+
+    The weights that it copies are random, because what a source has learned does not change the time.
+    """
+    words = ["profile=paper", "source=3", f"target={CASE}", f"+arm={arm}", "learn.jumpstart_draws=0"]
+    words += ["learn.episodes=1000000", f"output={Path(tempfile.gettempdir()) / 'ship_trl_benchmarks'}"]
+    words += [] if arm == "scratch" else ["source_weights=random"]
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        values = compose("config", [*words, *overrides])
+    assert isinstance(values, DictConfig)
+    return make_run(to_config(values))
+
+
+def learn_config(*overrides: str) -> Learn:
+    """Return the hyperparameters that ship_trl and its peers are timed with."""
+    return plan_run(overrides=OVERRIDES + overrides).config.learn

@@ -155,7 +155,7 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
 
 def picture(path: Path, found: list[Found]) -> None:
     """Draw learning curves: a column for each pair, a line for each arm and folder."""
-    from ship_trl.view.comparison import Curve, draw_comparison
+    from ship_trl.view.curves import Curve, draw_comparison
 
     several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}

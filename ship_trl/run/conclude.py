@@ -20,9 +20,8 @@ from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.random_policy import random_return
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
-from ship_trl.view.curve import draw_curve
+from ship_trl.view.curves import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
-from ship_trl.view.transfer import draw_transfer
 
 
 def write_files(run: Run, parts: Parts, known: float) -> None:
@@ -40,7 +39,9 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
             run.folder / console.TRANSFER, config.arm_label, returns, scratch_curves, known, run.title
         )
     best = history.best.sailed
-    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, run.title)
+    origin = "" if run.arm.is_scratch else f" from case {config.source}"
+    title = f"{config.arm_label}{origin}, seed {config.seed}"
+    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, title)
 
 
 def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:

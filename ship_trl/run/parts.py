@@ -23,7 +23,7 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
 from ship_trl.transfer.layers import copy_layers
 
-# Networks whose jumpstart is measured at once; each takes 3 MB.
+# Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
 
 

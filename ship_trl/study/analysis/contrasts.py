@@ -63,22 +63,10 @@ class Finding:
     Estimate, interval and p-values are of the interquartile mean over seeds of the difference within a seed,
     or of the logarithm of a ratio of spreads. All p-values are one-sided.
 
-    Attributes:
-        claim: name of the hypothesis.
-        what: the contrast in words.
-        metric: what is compared.
-        estimate: with its interval.
-        p: for the claim.
-        against: for the opposite of the claim.
-        seeds: how many.
-        claimed: what is claimed.
-        margin: within which a difference counts as none; None where unknown.
-        within: for a difference within the margin; 1 without a margin.
-        error: standard error; NaN for spreads.
-        adjusted: `against`, adjusted by Holm's method over all contrasts of the figure.
-        verdict: on this contrast alone.
-        beside: the same contrast by other metrics, which decide nothing.
-        differences: by seed, in order; empty for spreads.
+    `p` is for the claim, `against` for its opposite, and `within` for a difference within the margin (1
+    without a margin). `adjusted` is `against` by Holm's method over all contrasts of the figure. `error` is
+    the standard error, NaN for spreads. `beside` is the same contrast by other metrics, which decide nothing.
+    `differences` are by seed, in order; spreads have none.
     """
 
     claim: str

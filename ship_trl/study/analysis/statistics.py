@@ -35,10 +35,8 @@ TOLERANCE = 1e-12
 # O'Brien and Fleming's constants for 1 to 5 looks at a two-sided level of 0.05 (Jennison and Turnbull,
 # 2000, table 2.3): at look k of K the critical z is the constant times the root of K / k.
 OBRIEN_FLEMING = (1.960, 1.977, 2.004, 2.024, 2.040)
-# With fewer seeds an interquartile mean cuts nothing off, and a band shows the same few values again and
-# again.
+# With fewer seeds an interquartile mean cuts nothing off.
 MIN_BAND_SEEDS, BAND_RESAMPLES = 4, 500
-
 # Numbers of seeds to try: whole blocks, coarser as they grow.
 SEED_COUNTS = (*range(5, 100, 5), *range(100, 300, 20), *range(300, 1001, 100))
 
@@ -50,15 +48,6 @@ class Estimate:
     value: float
     low: float
     high: float
-
-
-@dataclass(frozen=True)
-class Band:
-    """An interquartile mean over seeds with its interval at each place, all [T]."""
-
-    middle: Sample
-    low: Sample
-    high: Sample
 
 
 def interquartile_mean(values: Sample, axis: int = -1) -> Any:
@@ -149,15 +138,11 @@ def bootstrap(samples: Sequence[Sample], statistic: Callable[..., Any], seed: in
     return Estimate(float(statistic(*samples, axis=-1)), float(low), float(high))
 
 
-def band(curves: Sample, rng: np.random.Generator) -> Band:
-    """Return the interquartile mean over seeds and its 95 % interval over resampled seeds, at each place.
+def band(curves: Sample, rng: np.random.Generator) -> tuple[Sample, Sample, Sample]:
+    """Return the interquartile mean of curves [S, T] over seeds, and the ends of its 95 % interval: [T] each.
 
-    Unlike a band of mean and standard deviation, this one lies within the range of the curves, so it cannot
-    pass the best possible return.
-
-    Args:
-        curves: a row a seed, [S, T].
-        rng: draws the seeds.
+    The interval is over resampled seeds, at each place by itself. Unlike mean and standard deviation it stays
+    within the range of the curves, so it cannot pass the best possible return.
 
     Raises:
         ValueError: fewer than `MIN_BAND_SEEDS` seeds.
@@ -165,12 +150,11 @@ def band(curves: Sample, rng: np.random.Generator) -> Band:
     if len(curves) < MIN_BAND_SEEDS:
         raise ValueError(f"a band needs {MIN_BAND_SEEDS} seeds or more, not {len(curves)}")
     ends = resample([np.ascontiguousarray(curves.T)], interquartile_mean, rng, BAND_RESAMPLES)
-    # Rounding may leave the range by a last digit, and the percentiles of skewed seeds may leave out the
-    # mean.
+    # Rounding may leave the range by a digit, and the percentiles of skewed seeds may leave out the mean.
     least, most = curves.min(axis=0), curves.max(axis=0)
     middle = np.clip(interquartile_mean(curves, axis=0), least, most)
     low, high = (np.clip(end, least, most) for end in ends)
-    return Band(middle, np.minimum(low, middle), np.maximum(high, middle))
+    return middle, np.minimum(low, middle), np.maximum(high, middle)
 
 
 def resample(

@@ -57,14 +57,10 @@ FIGURES = {"high": "5", "low": "6", "lowest": "7"}
 
 @dataclass(frozen=True)
 class Study:
-    """The runs of a folder.
+    """The runs of a folder, and those that could not be read, with the reason.
 
-    Attributes:
-        records: all whole runs.
-        broken: runs that could not be read, with the reason.
-        plan: the study.json; empty where there is none.
-        level: one-sided, of intervals and tests.
-        layers: how similar layers of networks are, where that was measured.
+    `level` is one-sided, of intervals and tests. `layers` say how similar layers of networks are, where that
+    was measured.
     """
 
     records: Records

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding, measure_levels, measure_spread
 from ship_trl.study.analysis.metrics import METRICS, TIMES
@@ -19,14 +18,7 @@ Test = Callable[[Study, str], list[Finding]]
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A claim. It holds if all its contrasts hold.
-
-    Attributes:
-        name: as "H5a".
-        figure: the family of claims that it is judged with.
-        sentence: the claim in words.
-        tests: its contrasts; positive is as claimed.
-    """
+    """A claim, judged with those of its figure. It holds if all its contrasts hold (positive: as claimed)."""
 
     name: str
     figure: str
@@ -72,30 +64,24 @@ def weighted(
     """
     if metric not in METRICS:
         raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
-    for _, _, arm in places.values():
+    for _, _, arm in (places[name] for name in weights):
         if arm not in ARMS:
             raise ValueError(f"{where}, {what}: no arm {arm}; allowed: {', '.join(ARMS)}")
     sign = -1.0 if metric in TIMES else 1.0
     signed = {name: sign * weight for name, weight in weights.items()}
-    words = f"{where}: {what}"
-    return lambda study, claim: measure_levels(study, claim, words, places, signed, metric, claimed)
+    compared, words = {name: places[name] for name in weights}, f"{where}: {what}"
+    return lambda study, claim: measure_levels(study, claim, words, compared, signed, metric, claimed)
 
 
 def at(where: str, places: Places, better: str, worse: str, metric: str = "area") -> Test:
     """Test that one arm is better than another, wherever they lie."""
-    compared = {name: places[name] for name in (better, worse)}
     what = f"{better} {comparative(metric)} {worse}"
-    return weighted(where, what, compared, {better: 1.0, worse: -1.0}, metric)
+    return weighted(where, what, places, {better: 1.0, worse: -1.0}, metric)
 
 
 def beats(pair: str, better: str, worse: str, metric: str = "area") -> Test:
     """Test that one arm of a pair is better than another."""
     return at(pair, of(pair, better, worse), better, worse, metric)
-
-
-def sooner(pair: str, first: str, second: str) -> Test:
-    """Test that one arm of a pair reaches the threshold sooner than another."""
-    return beats(pair, first, second, "time")
 
 
 def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
@@ -118,11 +104,6 @@ def rises(pair: str, *order: str, metric: str = "area") -> Test:
     steps = 12 * (count - 1) / (count**3 - count)
     weights = {arm: (k - middle) * steps for k, arm in enumerate(order)}
     return weighted(pair, f"rise over {', '.join(order)}", of(pair, *order), weights, metric)
-
-
-def each_above_the_last(pair: str, *order: str, metric: str = "area") -> list[Test]:
-    """Test that each arm is better than the one before it."""
-    return [beats(pair, better, worse, metric) for worse, better in pairwise(order)]
 
 
 def steady(pair: str, arm: str, other: str) -> Test:
@@ -155,19 +136,14 @@ def self_dips(case: str = "2", pair: str = "high", label: str = "self") -> list[
 
 def network_effect(metric: str) -> Test:
     """Test the main effect of the network in the 2 x 2 of network and starting epsilon."""
-    weights = {"reused, low": 0.5, "reused, 1": 0.5, "scratch, low": -0.5, "scratch, 1": -0.5}
-    return two_by_two("reused above scratch, mean of both epsilons", weights, metric)
+    weights = mean_difference(("reused, low", "reused, 1"), ("scratch, low", "scratch, 1"))
+    return weighted(NEW_CASE, "reused above scratch, mean of both epsilons", REUSED, weights, metric)
 
 
 def interaction(metric: str) -> Test:
     """Test whether the effect of the network is larger with the low starting epsilon."""
     weights = {"reused, low": 1.0, "reused, 1": -1.0, "scratch, low": -1.0, "scratch, 1": 1.0}
-    return two_by_two("reused above scratch, more with the low epsilon", weights, metric)
-
-
-def two_by_two(what: str, weights: Mapping[str, float], metric: str) -> Test:
-    """Test a weighted sum of the 2 x 2."""
-    return weighted(NEW_CASE, what, {name: REUSED[name] for name in weights}, weights, metric)
+    return weighted(NEW_CASE, "reused above scratch, more with the low epsilon", REUSED, weights, metric)
 
 
 def confounded(metric: str) -> Test:

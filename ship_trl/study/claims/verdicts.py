@@ -26,16 +26,9 @@ MAX_FAILURE = 0.2
 class Answer:
     """A claim, measured at the look that decided it, or at the last whole look.
 
-    Attributes:
-        hypothesis: the claim.
-        findings: its contrasts that have runs.
-        verdict: on the claim.
-        p: the adjusted p-value behind the verdict; for an open claim that of support.
-        missing: how many contrasts lack seeds at this look.
-        seeds: of this look.
-        level: one-sided level of this look.
-        decided: after how many seeds the verdict fell; 0 for an open claim.
-        claims: how many claims the figure has.
+    `p` is the adjusted p-value behind the verdict; for an open claim that of support. `seeds` and `level` are
+    those of the look, at which `missing` contrasts lack seeds. `decided` is after how many seeds the verdict
+    fell, 0 for an open claim; `claims` is how many the figure has.
     """
 
     hypothesis: Hypothesis

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
@@ -44,18 +45,11 @@ def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
 
 
 def rename(folder: Path, reason: str) -> str:
-    """Rename a damaged folder and return a message."""
-    free = free_name(folder)
+    """Rename a damaged folder to `damaged-1-seed=0`, or the next free number, and return a message."""
+    free = (folder.with_name(f"{DAMAGED}{number}-{folder.name}") for number in count(1))
+    new = next(name for name in free if not name.exists())
     try:
-        folder.rename(free)
+        folder.rename(new)
     except OSError as problem:
         raise ConfigError(f"output: {folder} cannot be set aside: {problem.strerror}") from None
-    return f"{folder}: {reason}; kept as {free.name} and trained again"
-
-
-def free_name(folder: Path) -> Path:
-    """Return `damaged-1-seed=0` beside `seed=0`, or the next free number."""
-    number = 1
-    while (free := folder.with_name(f"{DAMAGED}{number}-{folder.name}")).exists():
-        number += 1
-    return free
+    return f"{folder}: {reason}; kept as {new.name} and trained again"

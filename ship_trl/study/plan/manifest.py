@@ -33,12 +33,8 @@ JOB_FIELDS = ("name", "stage", "part", "label", "arm", "seed")
 class Manifest:
     """What a report needs of a study.json; empty where a folder has none.
 
-    Attributes:
-        seeds: the seeds that the study was begun with, in order. They alone are judged.
-        rules: digest, commit and time of the analysis plan (see `rules.py`).
-        cases: fingerprints of the cases, by name.
-        warmup: no run learns before so many episodes are over.
-        folders: the folder of each planned run, with its seed.
+    Only the seeds that the study was begun with are judged. No run learns before `warmup` episodes are over.
+    `folders` are those of the planned runs, with their seeds.
     """
 
     seeds: tuple[int, ...] = ()

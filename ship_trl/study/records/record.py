@@ -50,16 +50,10 @@ class Episodes:
 class Record:
     """A finished run.
 
-    Attributes:
-        folder: of the run.
-        part: of the study, as "pairs".
-        random: mean return of random actions.
-        scratch: greedy return of random weights.
-        before: greedy return before training.
-        computed: version, device, precision and the like.
-        draws: greedy returns before training over draws of the layers that are not copied, [D]; empty in old
-            runs.
-        measured: metrics that were computed already.
+    `random` is the mean return of random actions, `scratch` the greedy return of random weights, `before` the
+    greedy return before training. `draws` are greedy returns before training over draws of the layers that
+    are not copied, [D]; old runs have none. `computed` holds version, device, precision and the like,
+    `measured` metrics that were computed already.
     """
 
     folder: Path

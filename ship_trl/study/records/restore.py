@@ -9,7 +9,6 @@ from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import write_curve
-from ship_trl.files.disk import replacing
 from ship_trl.files.result import write_result
 from ship_trl.study.plan.manifest import PLAN
 from ship_trl.study.records.tables import KEPT, Tables, place_of
@@ -38,30 +37,19 @@ def restore(tables: Tables, folder: Path) -> tuple[int, list[int]]:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
         draft.mkdir(parents=True)
-        count = write_runs(tables, draft, complete)
+        count = 0
+        for record, result, rows in tables.by_run():
+            if record.seed in complete:
+                place = draft / place_of(record.part, result)
+                place.mkdir(parents=True)
+                write_curve(place, rows)
+                write_result(place, result)
+                count += 1
+        plan = {key: value for key, value in tables.plan.items() if key != KEPT}
+        (draft / PLAN).write_text(json.dumps(plan, indent=1))
         draft.rename(folder)
     except OSError as error:
         raise ConfigError(f"folder: {error.filename or folder} cannot be written: {error.strerror}") from None
     finally:
         shutil.rmtree(draft, ignore_errors=True)
     return count, sorted(({seed for *_, seed in have} | seeds) - complete)
-
-
-def write_runs(tables: Tables, folder: Path, seeds: set[int]) -> int:
-    """Write study.json, and result and curve of each run of these seeds; returns the number of runs.
-
-    Raises:
-        ConfigError: tables that do not fit each other.
-    """
-    count = 0
-    for record, result, rows in tables.by_run():
-        if record.seed in seeds:
-            place = folder / place_of(record.part, result)
-            place.mkdir(parents=True)
-            write_curve(place, rows)
-            write_result(place, result)
-            count += 1
-    with replacing(folder / PLAN) as draft:
-        plan = {key: value for key, value in tables.plan.items() if key != KEPT}
-        draft.write_text(json.dumps(plan, indent=1))
-    return count

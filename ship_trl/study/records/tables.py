@@ -47,14 +47,9 @@ MAX_CURVE_BYTES = 4 * 10**9
 
 @dataclass(frozen=True)
 class Tables:
-    """A study's tables.
+    """A study's tables: its plan, part and result of each run, and all curves.
 
-    Attributes:
-        folder: of the tables.
-        plan: the study.json.
-        runs: part and result of each run.
-        curves: of all runs.
-        key: the argument that named the folder, for messages.
+    `key` is the argument that named the folder, for messages.
     """
 
     folder: Path
@@ -172,7 +167,8 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    whole = sorted(read_runs(folder, broken), key=lambda run: sort_key(run[0]))
+    runs = ((run[0].seed, run[0].part, run[0].pair, run[0].arm, run) for run in read_runs(folder, broken))
+    whole = [run for *_, run in sorted(runs, key=lambda one: one[:4])]
     if not whole and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not whole:
@@ -203,11 +199,6 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     except OSError as error:
         raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
     return len(whole), len(broken)
-
-
-def sort_key(record: Record) -> tuple[int, str, str, str]:
-    """Return the key that sorts runs by seed, part, pair and arm."""
-    return record.seed, record.part, record.pair, record.arm.name
 
 
 def digest(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -66,12 +67,12 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawn figure with its PNGs for wide and narrow screens."""
+    """A drawn figure with its PNGs for wide and narrow screens, in base64."""
 
     title: str
     caption: str
-    wide: bytes
-    narrow: bytes
+    wide: str
+    narrow: str
 
 
 def drawings(study: Study) -> Iterator[Drawing]:
@@ -97,7 +98,8 @@ def draw_all(study: Study, output: Path) -> list[Picture]:
             continue
         paths = save(wide, output / drawing.name)
         written |= set(paths)
-        drawn.append(Picture(drawing.title, drawing.caption, paths[0].read_bytes(), as_png(narrow)))
+        forms = (base64.b64encode(data).decode() for data in (paths[0].read_bytes(), as_png(narrow)))
+        drawn.append(Picture(drawing.title, drawing.caption, *forms))
     for name in NAMES:
         for ending in ("png", "pdf"):
             for path in output.glob(f"{name}.{ending}"):

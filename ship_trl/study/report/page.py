@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -186,7 +185,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"interval": interval, "unit": unit, "isfinite": isfinite, "base64": to_base64}
+    environment.filters |= {"interval": interval, "unit": unit, "isfinite": isfinite}
     environment.filters["describe"] = partial(describe_claim, earlier=earlier)
     levels = [(count, look_level(k, len(study.looks))) for k, count in enumerate(study.looks, 1)]
     return environment.get_template("page.html").render(
@@ -216,8 +215,3 @@ def render(
         pictures=pictures,
         broken=study.broken,
     )
-
-
-def to_base64(data: bytes) -> str:
-    """Return bytes as base64, for the data of an image in the page."""
-    return base64.b64encode(data).decode()

@@ -88,10 +88,10 @@ def draw_curves(axis: Axes, x: NDArray[Any], curves: NDArray[np.float64], look: 
             axis.plot(x, row, color=look.colour, linestyle=look.dashes, linewidth=0.6)
         return float(curves.min()), float(curves.max())
     # A generator for each line: the line does not depend on what else is drawn.
-    found = band(curves, np.random.default_rng(SEED))
-    axis.fill_between(x, found.low, found.high, color=look.colour, alpha=0.18, linewidth=0)
-    axis.plot(x, found.middle, color=look.colour, linestyle=look.dashes, linewidth=1.3)
-    return float(found.low.min()), float(found.high.max())
+    middle, low, high = band(curves, np.random.default_rng(SEED))
+    axis.fill_between(x, low, high, color=look.colour, alpha=0.18, linewidth=0)
+    axis.plot(x, middle, color=look.colour, linestyle=look.dashes, linewidth=1.3)
+    return float(low.min()), float(high.max())
 
 
 def set_range(axes: Sequence[Axes], ranges: Sequence[tuple[float, float]], below: float = 0.0) -> None:

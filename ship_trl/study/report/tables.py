@@ -107,39 +107,27 @@ def transfer_rows(study: Study) -> list[Row]:
     """
     judged = study.first(len(study.seeds), study.level)
     cases = study.plan.cases
-    targets: dict[str, list[tuple[Place, list[Record]]]] = defaultdict(list)
+    targets: dict[str, list[tuple[Place, Record]]] = defaultdict(list)
     for place in judged.places:
         part, pair, _ = place
         runs = judged.matched({"arm": place, "scratch": scratch_place(part, pair)})["arm"]
         arm = runs[0].arm if len(runs) >= MIN_SEEDS else SCRATCH
         if arm.is_scratch or arm.weights is not SourceWeights.learned:
             continue
-        source, target = runs[0].source, runs[0].target
-        trained_twice = part in (LOW, ONE) and source == REUSED_CASE
-        if not trained_twice and {source, target} <= set(cases):
-            targets[target].append((place, runs))
+        trained_twice = part in (LOW, ONE) and runs[0].source == REUSED_CASE
+        if not trained_twice and {runs[0].source, runs[0].target} <= set(cases):
+            targets[runs[0].target].append((place, runs[0]))
     rows = []
     for target, transfers in targets.items():
         # All intervals of a target together miss as often as one (Bonferroni).
         seen = replace(judged, level=LEVEL / 2 / len(transfers))
-        for place, runs in transfers:
-            found = gain(seen, place, scratch_place(*place[:2]))
-            if found is None:
+        for place, run in transfers:
+            if (found := gain(seen, place, scratch_place(*place[:2]))) is None:
                 continue
-            row = {
-                "source": runs[0].source,
-                "target": target,
-                "source_fingerprint": cases[str(runs[0].source)],
-                "target_fingerprint": cases[target],
-                "profile": runs[0].profile,
-                "arm": place[2],
-                "epsilon_start": LOW_EPSILON if place[0] in (LOW, ALONE) else None,
-                "seeds": found.seeds,
-                "gain": round(found.value, 4),
-                "low": round(found.low, 4),
-                "high": round(found.high, 4),
-            }
-            rows.append({name: row[name] for name in COLUMNS})
+            source, epsilon = str(run.source), LOW_EPSILON if place[0] in (LOW, ALONE) else None
+            ends = (round(value, 4) for value in (found.value, found.low, found.high))
+            names = source, target, cases[source], cases[target], run.profile, place[2]
+            rows.append(dict(zip(COLUMNS, (*names, epsilon, found.seeds, *ends), strict=True)))
     return sorted(rows, key=lambda row: (row["target"], row["source"], row["arm"]))
 
 
@@ -162,20 +150,12 @@ def similarity_rows() -> list[Row]:
     """Return table 2: the similarity of source and target of each pair, the most similar first."""
     world, rows = load_world(), []
     for pair in options("pair"):
-        values = read_option("pair", pair)
-        base, target = (load_case(str(values[key]), world) for key in ("source", "target"))
-        common, different = in_words(base, target)
-        rows.append(
-            {
-                "pair": pair,
-                "source": base.name,
-                "target": target.name,
-                "similarity": similarity(base, target),
-                "paper": PAPER_SIMILARITY.get(pair, ""),
-                "common": common,
-                "different": different,
-            }
-        )
+        cases = read_option("pair", pair)
+        base, target = (load_case(str(cases[key]), world) for key in ("source", "target"))
+        row: Row = {"pair": pair, "source": base.name, "target": target.name}
+        row |= {"similarity": similarity(base, target), "paper": PAPER_SIMILARITY.get(pair, "")}
+        row["common"], row["different"] = in_words(base, target)
+        rows.append(row)
     return sorted(rows, key=lambda row: -row["similarity"])
 
 

@@ -60,7 +60,7 @@ def test_who_never_gets_there_has_taken_all_the_time(tmp_path: Path) -> None:
 
 
 def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
-    run = record(tmp_path, [0.9] * 100)
+    run = replace(record(tmp_path, [0.9] * 100), arm=Arm.parse("FE3"))
     assert run.source == "1"
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
     reused = replace(run, part="reuse/epsilon_1", source="2")

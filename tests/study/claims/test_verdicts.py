@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.contrasts import Verdict
+from ship_trl.study.analysis.contrasts import Claimed, Verdict, contrast
 from ship_trl.study.analysis.statistics import look_level
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import OURS
@@ -209,3 +209,37 @@ def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:
     assert [a.hypothesis for a in explore(study)] == OURS
     assert found["E4"].verdict is Verdict.supported and found["E4"].decided == 5
     assert found["E1"].verdict is Verdict.inconclusive and not found["E1"].findings
+
+
+def simulated(values: np.ndarray, claimed: Claimed = Claimed.above) -> Hypothesis:
+    """A claim of one contrast, with these differences by seed and a margin of 0.5."""
+    return Hypothesis(
+        "A", "5", "", [lambda study, claim: [contrast(claim, "", "area", values, 0.5, claimed)]]
+    )
+
+
+def test_arms_like_scratch_are_seldom_decided_at_any_look() -> None:
+    # Claims of a figure share scratch; 5 % of the figures may have one that is decided.
+    rng = np.random.default_rng(0)
+    wrong = 0
+    for _ in range(100):
+        differences = rng.normal(0, 1, (11, 15)) - rng.normal(0, 1, 15)
+        looks = (
+            judge(Study({}), [simulated(row[:count]) for row in differences], count, look_level(look, 3))
+            for look, count in enumerate((5, 10, 15), 1)
+        )
+        decided = {answer.verdict for answers in looks for answer in answers}
+        wrong += bool(decided & {Verdict.supported, Verdict.contradicted})
+    assert wrong / 100 <= 0.05 + 3 * (0.05 * 0.95 / 100) ** 0.5
+
+
+def test_differences_at_the_margin_are_seldom_called_none() -> None:
+    rng = np.random.default_rng(1)
+    found = {Claimed.above: 0, Claimed.no_more: 0}
+    for _ in range(600):
+        values = rng.normal(0.5, 0.2, 15)
+        for claimed in found:
+            (answer,) = judge(Study({}), [simulated(values, claimed)], 15, 0.025)
+            wrong = Verdict.equivalent if claimed is Claimed.above else Verdict.supported
+            found[claimed] += answer.verdict is wrong
+    assert max(found.values()) / 600 <= 0.025 + 3 * (0.025 * 0.975 / 600) ** 0.5

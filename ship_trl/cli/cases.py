@@ -117,7 +117,7 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
     kept = stored.entries()
     ranking = rank(target, bases, world, by)
     for match in ranking:
-        arm = f"method={match.method.value} layers={match.layers}"
+        arm = " ".join(f"{key}={value}" for key, value in match.arm.keys.items())
         count = sum(entry.fingerprint == match.case.fingerprint for entry in kept)
         measured = (f"{value:.2f}" for value in match.measured.values())
         table.add_row(match.case.name, *measured, arm, str(count))
@@ -125,10 +125,8 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
     if ranking:
         console.print("By the paper's rule:")
         first = ranking[0]
-        line = (
-            f"python -m ship_trl source={first.case.name} target={target.name} "
-            f"method={first.method.value} layers={first.layers}"
-        )
+        arm = " ".join(f"{key}={value}" for key, value in first.arm.keys.items())
+        line = f"python -m ship_trl source={first.case.name} target={target.name} {arm}"
         console.print(line, markup=False, soft_wrap=True)
         best = stored.representative(first.case)
         if best is not None:

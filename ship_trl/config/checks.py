@@ -9,6 +9,7 @@ import importlib.util
 
 from omegaconf import DictConfig
 
+from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
 from ship_trl.config.bounds import MAX_DISTANCE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
@@ -18,9 +19,7 @@ from ship_trl.config.types import (
     BackendName,
     Config,
     Logger,
-    Method,
     Network,
-    SourceWeights,
     World,
     bfloat16_allowed,
 )
@@ -50,9 +49,10 @@ def to_config(values: DictConfig) -> Config:
     check_world(config.world)
     check_learner(config)
     check_backend(config)
-    check_memory(config, geometry(config.network))
     check_logger(config.logger)
     check_arm(config)
+    # The arm says how many layers are frozen, so it is checked first.
+    check_memory(config, geometry(config.network))
     return config
 
 
@@ -130,10 +130,9 @@ def check_memory(config: Config, layers: Geometry) -> None:
         require_at_most(most, f"learn.{key}", getattr(learn, key), "4 GB of the maps of network.conv")
     size = TRANSITION_BYTES
     is_incremental = learn.backend is not BackendName.dense and supports_incremental(layers)
-    frozen = config.layers if config.method is Method.feature_extraction else 0
-    # `Agent` keeps two states encoded by the frozen layers then, in two bytes a number.
-    is_number = config.device == "cpu" and is_incremental and type(frozen) is int
-    if is_number and linear_from(layers) <= frozen <= len(layers):
+    frozen = config.arm.frozen_layers
+    # `Agent` then stores two states as features of the frozen layers, two bytes a number.
+    if config.device == "cpu" and is_incremental and frozen >= linear_from(layers):
         last = layers[frozen - 1]
         size += 4 * last.filters * last.side**2
     most = MAX_REPLAY_BYTES // size
@@ -177,5 +176,5 @@ def check_arm(config: Config) -> None:
             "or +arm=NAME, which sets both (see --help for the names)"
         )
     known = type(layers) is int and layers in counts
-    whole = layers == "all" and config.method is Method.finetune
+    whole = layers == ALL_LAYERS and config.method is Method.finetune
     require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)

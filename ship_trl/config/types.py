@@ -5,14 +5,16 @@ What several keys must fulfil together is in checks.py.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
 from omegaconf import OmegaConf
 
+from ship_trl.config.arm import Arm, Method, SourceWeights
 from ship_trl.config.bounds import (
     MAX_COUNT,
     MAX_DRAWS,
@@ -45,14 +47,6 @@ PICTURE = 84
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
-class Method(StrEnum):
-    """How the layers of the source are used (section 3.5)."""
-
-    scratch = "scratch"
-    feature_extraction = "feature_extraction"
-    finetune = "finetune"
-
-
 class Logger(Enum):
     """Where a run's numbers go besides `curve.csv`, which is always written."""
 
@@ -77,21 +71,8 @@ class Objective(Enum):
     best = "best"
 
 
-class SourceWeights(StrEnum):
-    """The weights that are copied: `learned` ones or, in a control, weights without features.
-
-    `pretrained` are the weights of a bundled network.
-    """
-
-    learned = "learned"
-    pretrained = "pretrained"
-    random = "random"
-    permuted = "permuted"
-
-
 Loss = Enum("Loss", ["l2", "huber"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
-ARM_PREFIX = {Method.feature_extraction: "FE", Method.finetune: "FT"}
 
 
 @dataclass
@@ -239,17 +220,21 @@ class Config:
     wandb: Wandb
 
     @property
-    def arm(self) -> str:
-        """The curve's name in the figures: scratch, FE1, FT1 ... or FTW; a control's with its weights.
+    def arm(self) -> Arm:
+        """The arm of a checked configuration."""
+        return Arm(self.method, self.layers, self.source_weights)
 
-        Of a run that begins with demonstrations it says so too.
-        """
-        shown = "" if self.demonstrations is None else "-demonstrations"
-        if self.method is Method.scratch:
-            return "scratch" + shown
-        arm = ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))
-        learned = self.source_weights is SourceWeights.learned
-        return (arm if learned else f"{arm}-{self.source_weights.value}") + shown
+    @property
+    def arm_label(self) -> str:
+        """Name of the arm in folders and results, which says so if the run begins with demonstrations."""
+        return self.arm.label(demonstrations=self.demonstrations is not None)
+
+    def with_arm(self, arm: Arm) -> Config:
+        """Return the configuration with another arm; one from scratch has no source either."""
+        changes: dict[str, Any] = {"method": arm.method, "layers": arm.layers, "source_weights": arm.weights}
+        if arm.is_scratch:
+            changes |= {"source": None, "source_file": None}
+        return dataclasses.replace(self, **changes)
 
     @property
     def label(self) -> str:

@@ -1,8 +1,7 @@
-"""Copying layers from a source network and freezing them (sections 3.5 and 4.1)."""
+"""Copy layers from a source network, and save and load weights (sections 3.5 and 4.1)."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from torch import Generator, Tensor
 
+from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import geometry, load_network
 from ship_trl.config.schema import read_as
@@ -23,23 +23,12 @@ from ship_trl.learn.network import DuelingNetwork
 Weights = Mapping[str, Tensor]
 
 
-@dataclasses.dataclass(frozen=True)
-class Transfer:
-    """Weights of a source network, how many of its layers to copy, and whether to freeze them."""
-
-    weights: Weights
-    layers: int | str
-    frozen: bool
-
-
-def apply(network: DuelingNetwork, transfer: Transfer) -> None:
-    """Copy the layers of a transfer into `network`, and freeze them if the transfer says so."""
-    whole = transfer.layers == "all"
-    names = () if whole else network.conv_names[: int(transfer.layers)]
+def copy_layers(network: DuelingNetwork, weights: Weights, arm: Arm) -> None:
+    """Copy the layers that the arm copies into `network`; freezing them is the agent's work."""
+    copied = network.conv_names[: arm.copied_layers(len(network.conv_names))]
     for key, parameter in network.named_parameters():
-        if whole or key.split(".")[0] in names:
-            parameter.data.copy_(transfer.weights[key])
-            parameter.requires_grad_(not transfer.frozen)
+        if arm.copies_all or key.split(".")[0] in copied:
+            parameter.data.copy_(weights[key])
 
 
 def permuted(weights: Weights, generator: Generator) -> Weights:

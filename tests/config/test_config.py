@@ -8,10 +8,11 @@ from hydra import compose, initialize_config_dir
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from ship_trl.config.arm import Arm, Method
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import BFLOAT16, Config, Method, plain
+from ship_trl.config.types import BFLOAT16, Config, plain
 from ship_trl.run.plan import make_run
 from ship_trl.study.plan.config import to_study
 from tests.command import ship_trl
@@ -32,21 +33,20 @@ def options(group: str) -> list[str]:
 
 def test_the_main_line_says_what_it_says() -> None:
     config = composed(*HIGH)
-    assert (config.source, config.target, config.method, config.layers) == ("1", "2", Method.finetune, 3)
-    assert (config.label, config.arm, config.profile, config.output) == ("high", "FT3", "quick", "outputs")
+    assert (config.source, config.target, config.arm) == ("1", "2", Arm(Method.finetune, 3))
+    assert (config.label, config.arm_label, config.profile, config.output) == (
+        "high",
+        "FT3",
+        "quick",
+        "outputs",
+    )
 
 
 @pytest.mark.parametrize("pair", options("pair"))
 def test_every_pair_composes(pair: str) -> None:
     config = composed(f"+pair={pair}", "layers=all")
-    assert config.label == pair and config.arm == "FTW"
+    assert config.label == pair and config.arm_label == "FTW"
     assert make_run(config).source is not None
-
-
-@pytest.mark.parametrize("arm", options("arm"))
-def test_every_arm_composes(arm: str) -> None:
-    config = composed("+pair=low", f"+arm={arm}")
-    assert config.arm == arm
 
 
 @pytest.mark.parametrize("case", options("case"))
@@ -66,7 +66,7 @@ def test_every_network_composes_with_each_number_of_layers(network: str) -> None
     for method, arm in (("finetune", "FT"), ("feature_extraction", "FE")):
         for n in range(1, count + 1):
             line = ("+pair=high", f"network={network}", f"method={method}", f"layers={n}")
-            assert composed(*line).arm == f"{arm}{n}"
+            assert composed(*line).arm_label == f"{arm}{n}"
         with pytest.raises(ConfigError, match=rf"^layers: must be 1, .*{count}.* got {count + 1}$"):
             composed(*line[:3], f"layers={count + 1}")
 

@@ -43,7 +43,7 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
     for job in tables.plan["jobs"]:
         planned[job["seed"]].add((job["part"], job["label"], job["arm"]))
     for record, result, _ in tables.by_run():
-        kept[record.seed].add((record.part, record.pair, record.arm))
+        kept[record.seed].add((record.part, record.pair, record.arm.name))
         assert result.profile == "quick" and result.episodes == 600
     assert sorted(planned) == list(range(100, 115))
     # Seeds are run one after another.

@@ -94,7 +94,7 @@ def test_processes_are_of_joblib(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_control_composes_and_says_what_it_is() -> None:
     for arm in (*CONTROL_ARMS, *FIRST_BLOCK_ARMS):
-        assert composed("+pair=low", f"+arm={arm}").arm == arm
+        assert composed("+pair=low", f"+arm={arm}").arm.name == arm
     for pair, arms in (*CONTROL_PAIRS.items(), *FIRST_BLOCK_PAIRS.items()):
         assert set(arms) <= set(options("arm")) and pair in options("pair")
 

@@ -14,7 +14,7 @@ from tests.study.synthetic import learning, write_run
 def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
     record = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
-    assert (record.pair, record.arm, record.seed, record.part) == ("high", "FE3", 4, "pairs")
+    assert (record.pair, record.arm.name, record.seed, record.part) == ("high", "FE3", 4, "pairs")
     np.testing.assert_allclose(record.score(record.training.returns), scores, atol=2e-6)
     assert record.score(record.before) == pytest.approx(0.2) and record.score(record.scratch) == 0.0
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
@@ -107,3 +107,9 @@ def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: P
         ("pairs/low/FE1/seed=2", "pairs"),
         ("reuse/epsilon/high/scratch/seed=3", "reuse/epsilon"),
     ]
+
+
+def test_a_run_of_no_arm_is_broken(tmp_path: Path) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50), arm="FE3-demonstrations")
+    with pytest.raises(BrokenRunError, match=r"result.json: 'FE3-demonstrations' names no arm"):
+        read_run(place)

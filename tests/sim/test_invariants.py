@@ -13,7 +13,7 @@ from torch import Tensor
 
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.fast.compiled import CompiledStep
-from ship_trl.sim.reward import ROUNDING
+from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.transition import Transition
 from tests.sim.anywhere import Voyage, mirrored, voyages
 from tests.sim.moving import moved_case
@@ -130,7 +130,7 @@ def outcome_of(voyage: Voyage, step: int, now: Reckoned) -> str | None:
         return None
     if now.apart < world.safe_distance:
         return "collision"
-    if abs(now.to_goal - world.goal_distance - ROUNDING) < NEAR:
+    if abs(now.to_goal - world.goal_distance - POSITION_TOLERANCE) < NEAR:
         return None
     if now.to_goal < world.goal_distance:
         return "goal"
@@ -227,9 +227,11 @@ def test_the_compiled_loops_are_the_reference_in_any_world(voyage: Voyage, seed:
     action = torch.randint(len(voyage.world.actions), (count,), generator=generator)
     wanted, got = reference(state, action), CompiledStep(reference)(state, action)
     torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=3e-4)
-    torch.testing.assert_close(got.apart, wanted.apart, rtol=1e-5, atol=2e-3)
-    on_edge = (wanted.apart - voyage.world.safe_distance).abs() < NEAR
-    on_edge |= (reference.goal_distance(wanted.state) - voyage.world.goal_distance - ROUNDING).abs() < NEAR
+    torch.testing.assert_close(got.min_distance, wanted.min_distance, rtol=1e-5, atol=2e-3)
+    on_edge = (wanted.min_distance - voyage.world.safe_distance).abs() < NEAR
+    on_edge |= (
+        reference.goal_distance(wanted.state) - voyage.world.goal_distance - POSITION_TOLERANCE
+    ).abs() < NEAR
     for flag in ("goal", "collision", "truncated"):
         assert torch.equal(getattr(got, flag)[~on_edge], getattr(wanted, flag)[~on_edge]), flag
     torch.testing.assert_close(got.reward[~on_edge], wanted.reward[~on_edge], rtol=1e-4, atol=5e-2)

@@ -115,7 +115,7 @@ def test_the_outlook_is_reached_by_turning_towards_the_goal(world: World, make_c
     plan = best_plan(case, world)
     bound = ValueBound(Transition(case, world, CPU))
     assert plan.goal and plan.actions[0] == 0
-    assert plan.episode_return == pytest.approx(float(bound(bound.step.start[None])), abs=bound.doubt)
+    assert plan.episode_return == pytest.approx(float(bound(bound.step.start[None])), abs=bound.max_error)
 
 
 # What is added to the paper's reward, from collided, nearest, speed and turn.
@@ -160,7 +160,7 @@ def test_no_episode_pays_more_than_its_bound(
         sailing = sailing & ~(after.goal | after.collision | after.truncated)
         state = after.state
     to_come = torch.stack(paid).flip(0).cumsum(0).flip(0)
-    assert (to_come - torch.stack(hoped)).max() <= bound.doubt
+    assert (to_come - torch.stack(hoped)).max() <= bound.max_error
     assert not sailing.any()
 
 

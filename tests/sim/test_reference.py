@@ -24,7 +24,7 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return best_plan(case, world, beam=50)
 
     monkeypatch.setattr(reference, "_known", {})
-    monkeypatch.setattr(reference, "SHIPPED", Path("nothing"))
+    monkeypatch.setattr(reference, "BUNDLED_PLANS", Path("nothing"))
     monkeypatch.setattr(reference, "best_plan", counted)
     return found
 
@@ -68,7 +68,7 @@ def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> Non
     cases = [load_case(str(path), WORLD) for path in sorted((conf_dir() / "case").glob("*.yaml"))]
     names = {reference.plan_name(case, WORLD) for case in cases}
     # Where this fails, `python -m ship_trl.sim.reference` searches for them anew.
-    assert {path.name for path in reference.SHIPPED.iterdir()} == names
+    assert {path.name for path in reference.BUNDLED_PLANS.iterdir()} == names
     monkeypatch.setattr(reference, "_known", {})
     monkeypatch.delattr(reference, "best_plan")
     kept = {case.name: reference.best_known(case, WORLD) for case in cases}
@@ -80,8 +80,8 @@ def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_plan_sails_as_the_planner_says() -> None:
     case = load_case("2", WORLD)
     plan = best_plan(case, WORLD, beam=50)
-    assert reference.sail(case, WORLD, plan.actions) == plan
-    assert reference.sail(case, WORLD, plan.actions[:3]) != plan
+    assert reference.follow_plan(case, WORLD, plan.actions) == plan
+    assert reference.follow_plan(case, WORLD, plan.actions[:3]) != plan
     assert isinstance(plan, Plan)
 
 

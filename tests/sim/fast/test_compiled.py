@@ -48,7 +48,7 @@ def test_a_step_is_the_reference_step(name: str) -> None:
     wanted, got = MOTION[name](state, action), COMPILED[name](state, action)
     torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=2e-4)
     torch.testing.assert_close(got.reward, wanted.reward, rtol=1e-5, atol=2e-3)
-    torch.testing.assert_close(got.apart, wanted.apart, rtol=1e-5, atol=1e-3)
+    torch.testing.assert_close(got.min_distance, wanted.min_distance, rtol=1e-5, atol=1e-3)
     # Where distance or angle lies on the edge itself, rounding may decide.
     for flag in ("goal", "collision", "truncated"):
         assert (getattr(got, flag) != getattr(wanted, flag)).sum() <= 2

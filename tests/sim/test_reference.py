@@ -1,4 +1,4 @@
-"""The best known plan: searched for once a case, believed only where it sails as it says."""
+"""The best known plan: one search per case, and a cached plan is used only if its return is reproduced."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ WORLD = load_world()
 
 @pytest.fixture
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the cases that were searched, in a process that knows none."""
+    """Return the list of searched cases, with empty caches."""
     found: list[str] = []
 
     def counted(case: Case, world: World) -> Plan:
@@ -64,10 +64,10 @@ def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Pat
     assert json.loads(path.read_text())["actions"] == first.actions
 
 
-def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_bundled_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [load_case(str(path), WORLD) for path in sorted((conf_dir() / "case").glob("*.yaml"))]
     names = {reference.plan_name(case, WORLD) for case in cases}
-    # Where this fails, `python -m ship_trl.sim.reference` searches for them anew.
+    # If this fails, run `python -m ship_trl.sim.reference`.
     assert {path.name for path in reference.BUNDLED_PLANS.iterdir()} == names
     monkeypatch.setattr(reference, "_known", {})
     monkeypatch.delattr(reference, "best_plan")
@@ -77,7 +77,7 @@ def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> Non
         assert best_plan(load_case(name, WORLD), WORLD) == kept[name]
 
 
-def test_a_plan_sails_as_the_planner_says() -> None:
+def test_a_rollout_reproduces_the_plan() -> None:
     case = load_case("2", WORLD)
     plan = best_plan(case, WORLD, beam=50)
     assert reference.follow_plan(case, WORLD, plan.actions) == plan

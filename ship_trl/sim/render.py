@@ -45,7 +45,7 @@ class Rasteriser:
     """Draws states of one case as the network sees them.
 
     `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. The picture depends only on
-    the state and the case. A compiled loop draws it on the CPU, torch on other devices.
+    the state, the case and the world. A compiled loop draws it on the CPU, torch on other devices.
 
     Args:
         case: goal and target ships.

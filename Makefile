@@ -18,6 +18,8 @@ BIN = $(VENV)/bin
 # Beside the other: what these tools need must not change what is run and tested.
 TOOLS = $(VENV)-tools
 INSTALL = $(BIN)/python -m pip install $(if $(LOCK),--constraint $(LOCK)) --editable
+# Where the tests are whose numbers hang on the precision: to collect all takes longer than to run them.
+PRECISION = tests/bench tests/cli
 # A second thread makes these small networks slower: one thread a process, one process a core.
 export OMP_NUM_THREADS = 1
 
@@ -40,8 +42,8 @@ test: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
-	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m precision
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m precision $(PRECISION)
 
 test-long: $(VENV)/.test
 	$(BIN)/python -m pytest -m long

@@ -1,9 +1,11 @@
-"""The real command in a process of its own."""
+"""Run the real command: in a forked child, or in a process of its own."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+from tests import forked
 
 ROOT = Path(__file__).parents[1]
 # As long as real ones, for wandb refuses others; no file and no word of a command may hold them.
@@ -11,16 +13,31 @@ KEYS = {"WANDB_API_KEY": "a1b2c3d4e5" * 4, "RAY_AUTH_TOKEN": "f6e7d8c9" * 8}
 
 
 def environment() -> dict[str, str]:
-    """Of a command: this checkout, one thread, a terminal of fixed width."""
+    """Return the environment of a command: this checkout, one thread, a terminal of fixed width."""
     found = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "COLUMNS": "120"}
     found.pop("HYDRA_FULL_ERROR", None)
     return found
 
 
 def ship_trl(
-    *arguments: str, folder: Path, verb: str = "", code: int = 0, first: str = ""
+    *arguments: str, folder: Path, verb: str = "", code: int = 0, first: str = "", new_process: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Run `python -m ship_trl VERB ...` in `folder`, after lines of Python, and check its exit code."""
+    """Run `python -m ship_trl VERB ...` in `folder`, and check its exit code.
+
+    Args:
+        arguments: what follows the verb.
+        folder: where it runs.
+        verb: empty for a run or a grid.
+        code: the exit code that it must have.
+        first: lines of Python that run before it.
+        new_process: start Python anew, which takes five seconds more than a forked child.
+    """
+    words = [*([verb] if verb else []), *arguments]
+    if not new_process:
+        ended = forked.run(*words, folder=folder, before=lambda: exec(first, {}), timeout=900.0)
+        done = subprocess.CompletedProcess(words, ended.code or 0, ended.out, ended.err)
+        assert ended.code == code, str(ended)
+        return done
     program = ["-m", "ship_trl"]
     if first:
         then = (
@@ -28,7 +45,7 @@ def ship_trl(
         )
         program = ["-c", f"{first}\n{then}"]
     done = subprocess.run(
-        [sys.executable, *program, *([verb] if verb else []), *arguments],
+        [sys.executable, *program, *words],
         cwd=folder,
         env=environment(),
         capture_output=True,

@@ -1,7 +1,5 @@
 """Each example runs as its first lines say."""
 
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +13,7 @@ from torchrl.modules import QValueActor
 from ship_trl.cli.evaluate import main
 from ship_trl.learn.loss import ForeachSoftUpdate
 from tests.command import ROOT
+from tests.forked import run_script
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRAWS = {"huber_threshold": "huber_threshold.png"}
@@ -30,9 +29,8 @@ MOST_LINES = 80
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs(path: Path, tmp_path: Path) -> None:
-    line = [sys.executable, str(path), *ARGUMENTS.get(path.stem, [])]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    subprocess.run(line, cwd=tmp_path, env=environment, check=True, timeout=120)
+    ended = run_script(path, *ARGUMENTS.get(path.stem, []), folder=tmp_path)
+    assert ended.code == 0, ended
     if path.stem in DRAWS:
         picture = np.asarray(Image.open(tmp_path / DRAWS[path.stem]))
         assert picture.std() > 5

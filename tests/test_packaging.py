@@ -10,8 +10,9 @@ import pytest
 
 import ship_trl
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[1]
 HIGH = ("+pair=high", "method=finetune", "layers=3")
+pytestmark = pytest.mark.long  # it installs
 
 
 def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> str:

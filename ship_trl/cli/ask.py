@@ -6,10 +6,10 @@
     low: FE4 above FE4 of 4 to 4
     low: FE4 (start)
 
-Estimates are interquartile means over seeds of the difference within a seed, as in the report; of times, how
-much sooner. Without a second arm it is the first one's level. Each interval stands for itself, at 95 %: what
-is asked after the runs were seen explores, and decides no claim. Of a study under way the seeds of its last
-look are shown, or the first --seeds.
+An estimate is the interquartile mean over seeds of the difference within a seed, as in the report; for times,
+how much sooner. Without a second arm it is the level of the first one. Each interval is at 95 %, adjusted for
+nothing: a question asked after the runs were seen explores, and decides no claim. A study under way shows the
+seeds of its last look, or the first --seeds.
 """
 
 from __future__ import annotations
@@ -27,38 +27,37 @@ from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.statistics import LEVEL, Estimate
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.questions import ask
-from ship_trl.study.claims.verdicts import reached
 
-# Columns of a table that goes into a file or a pipe.
-WIDEST = 1_000
+# Columns of a table in a file or a pipe, so that no line is broken.
+FILE_WIDTH = 1_000
 HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Print a row for each contrast."""
     parser = make_parser("ask", __doc__)
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study, or its kept tables")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of a study, or of its kept tables")
     parser.add_argument("questions", nargs="+", metavar="QUESTION", help="WHERE: ARM above ARM (METRIC)")
-    parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds alone")
+    parser.add_argument("--seeds", type=int, metavar="N", help="the first N seeds only")
     options = parser.parse_args(arguments)
     with refusals():
         study = finished_study(options.folder, options.seeds)
         table = Table(*HEADINGS)
         for finding in answers(study, options.questions, options.seeds):
             table.add_row(*row(finding))
-        # In a pipe no line is broken.
-        Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else WIDEST).print(table)
+        width = None if sys.stdout.isatty() else FILE_WIDTH
+        Console(highlight=False, markup=False, width=width).print(table)
 
 
 def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
-    """Measure what is asked for, on the first `seeds` seeds, or on those of the last look.
+    """Measure questions on the first `seeds` seeds, or on those of the last look.
 
-    Of `every pair` and `every arm` what has too few seeds is left out, and counted on stderr.
+    Contrasts of `every pair` and `every arm` with too few seeds are left out, and counted on stderr.
 
     Raises:
-        ConfigError: a question cannot be read, or two seeds that all its arms have are not there.
+        ConfigError: a question cannot be read, or its arms have fewer than two seeds in common.
     """
-    shown = study.first(reached(study)[-1] if seeds is None else seeds, LEVEL / 2)
+    shown = study.first(study.whole_looks[-1] if seeds is None else seeds, LEVEL / 2)
     found = []
     for question in questions:
         tests = ask(shown, question)
@@ -72,20 +71,17 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
 
 
 def row(finding: Finding) -> list[str]:
-    """Write a contrast: signs everywhere, and how many of the seeds have it above zero."""
-    beside = ", ".join(f"{name} {interval(one)}" for name, one in finding.beside.items())
+    """Format a contrast, with the number of seeds above zero."""
     above = f"{sum(value > 0 for value in finding.differences)} of {finding.seeds}"
-    low, high = (f"{end:+.3f}" for end in (finding.estimate.low, finding.estimate.high))
-    return [
-        finding.what,
-        f"{finding.estimate.value:+.3f}",
-        f"{low} to {high}",
-        str(finding.seeds),
-        above,
-        beside,
-    ]
+    beside = ", ".join(f"{name} {one.value:+.3f} ({interval(one)})" for name, one in finding.beside.items())
+    estimate = finding.estimate
+    return [finding.what, f"{estimate.value:+.3f}", interval(estimate), str(finding.seeds), above, beside]
 
 
 def interval(one: Estimate) -> str:
-    """Write an estimate with its interval."""
-    return f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})"
+    """Format the ends of an interval."""
+    return f"{one.low:+.3f} to {one.high:+.3f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -100,9 +100,7 @@ def table(
         from ship_trl.view.film import write_gif
 
         entry, env, episode = film
-        write_gif(
-            gif, entry.case, entry.world, episode, env.rasteriser, f"case {entry.case.name}, {entry.label}"
-        )
+        write_gif(gif, entry.case, entry.world, episode, env.rasteriser, entry.label)
         sys.stdout.write(f"{gif}\n")
     return wrong
 

@@ -42,7 +42,7 @@ What to run
   source_file=FILE      take the source network from a safetensors file
   source=pretrained     the trained network that comes with us, of the pair's source or the most similar case
   source_weights=NAME   learned; controls: random (has learned nothing), permuted (learned, then shuffled)
-  demonstrations=FOLDER put episodes that somebody sailed into the replay first (docs/demonstrations.md)
+  demonstrations=FOLDER put episodes that somebody sailed into the replay first (docs/tools.md)
   seed=N                0 by default
 
 How

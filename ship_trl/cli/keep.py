@@ -1,7 +1,7 @@
-"""`python -m ship_trl keep FOLDER COPY`: what a study's report needs, small enough to commit.
+"""`python -m ship_trl keep FOLDER COPY`: copies what a study's report needs, small enough to commit.
 
-With --restore, `python -m ship_trl keep --restore COPY FOLDER`, a study's folder from its copy: the
-study goes on from it, and trains nothing again of the seeds that are complete.
+`python -m ship_trl keep --restore COPY FOLDER` makes a study's folder from its copy. The study goes on
+from there, and does not train complete seeds again.
 """
 
 from __future__ import annotations
@@ -17,20 +17,18 @@ def main(arguments: list[str] | None = None) -> None:
     """Copy a study, or restore it."""
     parser = make_parser("keep", __doc__)
     parser.add_argument("--restore", action="store_true", help="from a copy to a study's folder")
-    parser.add_argument("origin", type=Path, metavar="FOLDER", help="a study's, as outputs/quick_study")
-    parser.add_argument(
-        "goal", type=Path, metavar="COPY", help="where the copy lies; with --restore, the other way"
-    )
+    parser.add_argument("origin", type=Path, metavar="FOLDER", help="of a study, as outputs/quick_study")
+    parser.add_argument("goal", type=Path, metavar="COPY", help="of the tables; with --restore in exchange")
     options = parser.parse_args(arguments)
     try:
-        (restored if options.restore else kept)(options.origin, options.goal)
+        (restore_study if options.restore else keep_study)(options.origin, options.goal)
     except ConfigError as error:
         print_error(str(error))
         sys.exit(1)
 
 
-def kept(folder: Path, copy: Path) -> None:
-    """Copy, and say how much."""
+def keep_study(folder: Path, copy: Path) -> None:
+    """Copy a study and print the size of the copy."""
     from ship_trl.study.records.tables import CURVES, RUNS, write_tables
 
     whole, broken = write_tables(folder, copy)
@@ -39,11 +37,15 @@ def kept(folder: Path, copy: Path) -> None:
     sys.stdout.write(f"{whole} runs{left}; {size / whole / 1000:.1f} kB a run in {copy}\n")
 
 
-def restored(copy: Path, folder: Path) -> None:
-    """Restore, and say what is left to train."""
+def restore_study(copy: Path, folder: Path) -> None:
+    """Restore a study and print the seeds that are left to train."""
     from ship_trl.study.records.restore import restore
     from ship_trl.study.records.tables import read_tables
 
     runs, others = restore(read_tables(copy, "copy"), folder)
     left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
     sys.stdout.write(f"{runs} runs{left}; {folder}\n")
+
+
+if __name__ == "__main__":
+    main()

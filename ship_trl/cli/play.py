@@ -50,14 +50,14 @@ def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, 
         ConfigError: there is no screen.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.game import Game
-    from ship_trl.viewer.window import NoScreenError, open_window
+    from ship_trl.view.window.display import NoScreenError, open_window
+    from ship_trl.view.window.game import Game
 
     configure_process()
     game = Game(cases, load_world(), folder, speed)
     try:
-        with open_window(size, "ship_trl") as window:
-            game.run(window)
+        with open_window(size, "ship_trl"):
+            game.run()
     except NoScreenError as error:
         raise ConfigError(
             f"no screen ({error}); python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER "

@@ -75,8 +75,6 @@ def check_film(path: Path, size: tuple[int, int], rate: float, speed: float) -> 
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise ConfigError(f"--output: {path} is there already, and is no empty folder")
     if path.suffix == ".mp4":
-        from ship_trl.viewer.film import need_ffmpeg
-
         need_ffmpeg()
         if size[0] % 2 or size[1] % 2:
             raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
@@ -84,6 +82,23 @@ def check_film(path: Path, size: tuple[int, int], rate: float, speed: float) -> 
         raise ConfigError(f"--fps: must be from 1 to {FASTEST:g}, got {rate:g}")
     if not 0.1 <= speed <= 100:
         raise ConfigError(f"--speed: must be from 0.1 to 100, got {speed:g}")
+
+
+def need_ffmpeg() -> None:
+    """Refuse an MP4 where it cannot be encoded; neither torch nor pygame is imported for it.
+
+    Raises:
+        ConfigError: imageio-ffmpeg is not installed, or finds no ffmpeg.
+    """
+    try:
+        import imageio_ffmpeg
+
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise ConfigError(
+            "--output: an MP4 needs imageio-ffmpeg (pip install imageio-ffmpeg, or the extra `film`); "
+            "a name that ends with .gif does not"
+        ) from None
 
 
 def check_chart(path: Path) -> None:
@@ -126,12 +141,14 @@ def film(
         ConfigError: a policy is not right, or there are not two to compare.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.dashboard import Look
-    from ship_trl.viewer.film import draw_film, write_film
-    from ship_trl.viewer.playlist import Playlist, sail_show
+    from ship_trl.view.dashboard import Look
+    from ship_trl.view.film import draw_film, write_film
+    from ship_trl.view.window.playlist import Playlist, view_episode
 
     configure_process()
-    acts = [Playlist(entries, compare, seed).shows()] if compare else [[sail_show(e, seed)] for e in entries]
+    acts = [[view_episode(entry, seed)] for entry in entries]
+    if compare:
+        acts = [Playlist(entries, compare, seed).views()]
     write_film(path, draw_film(acts, Look(**look), size, rate, speed), rate)
     sys.stdout.write(f"{path}\n")
 

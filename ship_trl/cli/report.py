@@ -15,10 +15,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, help="of a study, as outputs/confirmatory, or of its tables")
     parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
     parser.add_argument(
-        "--earlier", type=Path, metavar="FILE", help="claims.csv of an earlier report, to name its verdicts"
-    )
-    parser.add_argument(
-        "--seeds", type=int, metavar="N", help="the first N seeds alone, as a look after so many saw them"
+        "--seeds", type=int, metavar="N", help="the first N seeds only, as in the look after them"
     )
     options = parser.parse_args(arguments)
     with refusals():
@@ -29,4 +26,4 @@ def main(arguments: list[str] | None = None) -> None:
         output = options.output or options.folder / "report"
         if output.resolve() == options.folder.resolve():
             raise ConfigError(f"--output: {output} is the study's own folder; allowed: another one")
-        report(options.folder, output, options.earlier, options.seeds)
+        report(options.folder, output, options.seeds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import ArgumentTypeError
 from collections.abc import Iterable
+from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -112,12 +113,14 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
         known = runs[0].result.best_known_return
         best, final = [one.result.best for one in runs], [one.result.final for one in runs]
         lowest = min(score.episode_return for score in best)
+        # Rounded down, so that less than the best known return is never called 100 %.
+        share = f"{'at least ' if len(runs) > 1 else ''}{floor(100 * lowest / known)}%" if known > 0 else "-"
         yield [
             name,
             " ".join(str(one.result.seed) for one in runs),
             f"{known:.1f}",
             " ".join(f"{score.episode_return:.1f}" for score in best),
-            f"at least {lowest / known:.0%}" if known > 0 and lowest > 0 else "-",
+            share if lowest > 0 else "-",
             goals(best),
             " ".join(f"{score.episode_return:.1f}" for score in final),
             goals(final),
@@ -152,7 +155,7 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
 
 def picture(path: Path, found: list[Found]) -> None:
     """Draw learning curves: a column for each pair, a line for each arm and folder."""
-    from ship_trl.view.comparison import Curve, draw_comparison
+    from ship_trl.view.curves import Curve, draw_comparison
 
     several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}

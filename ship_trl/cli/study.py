@@ -1,4 +1,4 @@
-"""`python -m ship_trl study profile=quick`: all runs of the paper's figures and our controls."""
+"""`python -m ship_trl study profile=quick`: trains all runs of the paper's figures and our controls."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from ship_trl.run.progress import in_words
 from ship_trl.run.stop import TerminatedError, unwind_at_sigterm
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
-from ship_trl.study.launch.pace import seconds_per_run
-from ship_trl.study.launch.progress import Display, say
+from ship_trl.study.launch.progress import Display, say, seconds_per_run
 from ship_trl.study.margins import margins
 from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs
-from ship_trl.study.plan.manifest import episodes_of, write_plan
+from ship_trl.study.plan.manifest import run_config, write_plan
 from ship_trl.study.records.tables import has_tables
 from ship_trl.study.report.wandb_summary import REPORT, check_account, log_summary
 
 HELP = """\
-python -m ship_trl study: every run of figures 5 to 7 and 9, and our controls.
+python -m ship_trl study: trains every run of figures 5 to 7 and 9, and our controls.
 
   python -m ship_trl study profile=quick
   python -m ship_trl study profile=smoke pairs=[high] seeds=2
 
-Stopped and started again it goes on where it was. Keys, with their values in conf/study.yaml:
+Stopped and started again, it goes on where it was. Keys, with their values in conf/study.yaml:
 
   profile=NAME      smoke, quick or paper      seeds=N          how many
-  first_seed=N      the first of them, 0      block=N          so many are run whole before others
+  first_seed=N      the first of them, 0      block=N          seeds that are run whole before others
   pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
   output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
   processes=N       runs at once, of joblib
@@ -43,7 +42,7 @@ The report follows: <output>/report/index.html.
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Plan, say how long it will take, run what is missing."""
+    """Plan the runs, estimate their time, run what is missing, and write the report."""
     given = sys.argv[1:] if arguments is None else arguments
     if {"--help", "-h"} & set(given):
         sys.stdout.write(HELP)
@@ -59,16 +58,16 @@ def main(arguments: list[str] | None = None) -> None:
                     f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER, as "
                     f"python -m ship_trl keep --restore {config.folder} FOLDER makes of them"
                 )
-            # They are read when the runs are judged, which may be days from now.
+            # The report reads the margins, perhaps days from now: check them first.
             margins()
             write_plan(jobs, config)
-            left = study(jobs, config)
+            left = run_study(jobs, config)
             conclude(jobs, left, config)
     except KeyboardInterrupt:
         print_error("interrupted; the same command goes on where it was")
         sys.exit(130)
     except TerminatedError:
-        # The processes that it started were told, and have ended.
+        # The child processes were told, and have ended.
         print_error("terminated; the same command goes on where it was")
         sys.exit(143)
     if left:
@@ -78,12 +77,12 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(1)
 
 
-def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
-    """Run everything that is missing; returns what is missing even so."""
+def run_study(jobs: list[Job], config: StudyConfig) -> list[Job]:
+    """Run all missing jobs; returns those that have no result in the end."""
     write_jobs(jobs, config)
     for line in set_aside(jobs, config):
         say(line)
-    with Display(jobs, config, episodes_of(config)) as display:
+    with Display(jobs, config, run_config(config).learn.episodes) as display:
         missing = display.missing()
         if missing and config.launcher == "joblib":
             say(f"{len(missing)} of {len(jobs)} runs to do; how long that takes is measured first")
@@ -100,10 +99,14 @@ def study(jobs: list[Job], config: StudyConfig) -> list[Job]:
 
 
 def conclude(jobs: list[Job], left: list[Job], config: StudyConfig) -> None:
-    """Make the report of what there is, and say where everything lies."""
+    """Write the report of the finished runs, and say where everything lies."""
     from ship_trl.study.report.write import report
 
     if len(left) < len(jobs):
         report(config.folder, config.folder / REPORT)
         log_summary(config)
     say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
+
+
+if __name__ == "__main__":
+    main()

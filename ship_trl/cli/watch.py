@@ -9,6 +9,7 @@ keys.
 from __future__ import annotations
 
 import re
+import shlex
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -32,8 +33,9 @@ def main(arguments: list[str] | None = None) -> None:
         size = read_size(options.size)
         check_seed(options.seed)
         entries = find_entries(options.words or FIRST, options.colour)
-        words = " ".join([*options.words, *["--compare"] * options.compare])
-        watch(entries, options.compare, options.seed, size, words)
+        flags = [*["--compare"] * options.compare, *["--colour"] * options.colour]
+        words = [*(options.words or FIRST), *flags]
+        watch(entries, options.compare, options.seed, size, shlex.join(words))
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -66,16 +68,16 @@ def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int],
         ConfigError: a policy is not right, or there is no screen.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.playlist import Playlist
-    from ship_trl.viewer.session import Session
-    from ship_trl.viewer.window import NoScreenError, open_window
+    from ship_trl.view.window.display import NoScreenError, open_window
+    from ship_trl.view.window.playlist import Playlist
+    from ship_trl.view.window.session import Session
 
     configure_process()
     # First what is wrong with the policies: without a screen, too, this is what has to be mended.
     session = Session(Playlist(entries, compare, seed))
     try:
-        with open_window(size, "ship_trl") as window:
-            session.run(window)
+        with open_window(size, "ship_trl"):
+            session.run()
     except NoScreenError as error:
         raise ConfigError(
             f"no screen ({error}); python -m ship_trl record {words} --output film.gif makes a film"

@@ -1,4 +1,4 @@
-"""Intervals over whole episodes: states of one episode are alike, so they are no draws of their own."""
+"""Confidence intervals from resampled episodes: states of one episode are alike and no independent draws."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
-# Resamples, and the level of every interval.
+Ints = NDArray[np.int64]
+
 RESAMPLES = 2000
+# Of every interval.
 LEVEL = 0.95
 
 
 class Estimate(NamedTuple):
-    """A number and the ends of its interval."""
+    """A number and its interval."""
 
     value: float
     low: float
@@ -22,26 +25,26 @@ class Estimate(NamedTuple):
 
 
 def resamples(episodes: int, generator: np.random.Generator, count: int = RESAMPLES) -> Floats:
-    """Draw how often each episode stands in each resample: float [count, episodes]; rows sum to episodes."""
+    """Draw how often each episode is in each resample: [count, episodes], each row sums to `episodes`."""
     return generator.multinomial(episodes, np.full(episodes, 1 / episodes), count).astype(np.float64)
 
 
-def per_episode(values: Floats, episode: NDArray[np.int64]) -> Floats:
-    """Sum values [N, ...] over the states of each episode, in the order of their numbers: [E, ...]."""
-    _, place = np.unique(episode, return_inverse=True)
-    sums = np.zeros((place.max() + 1, *values.shape[1:]))
-    np.add.at(sums, place, values)
+def per_episode(values: Floats, episode: Ints) -> Floats:
+    """Sum values [N, ...] over the states of each episode: [E, ...], ordered by episode number."""
+    _, index = np.unique(episode, return_inverse=True)
+    sums = np.zeros((index.max() + 1, *values.shape[1:]))
+    np.add.at(sums, index, values)
     return sums
 
 
 def interval(value: float, resampled: Floats) -> Estimate:
-    """Give a number the percentile interval of its resamples [B]."""
+    """Add the percentile interval of the resampled values [B] to a value."""
     low, high = np.nanquantile(resampled, ((1 - LEVEL) / 2, (1 + LEVEL) / 2))
     return Estimate(value, float(low), float(high))
 
 
-def share(hits: NDArray[np.bool_], episode: NDArray[np.int64], generator: np.random.Generator) -> Estimate:
-    """Estimate the share of states [N] of which something is so."""
-    both = per_episode(np.stack((hits, np.ones_like(hits)), 1).astype(np.float64), episode)
-    sums = resamples(len(both), generator) @ both
-    return interval(float(hits.mean()), sums[:, 0] / sums[:, 1])
+def state_mean(values: Floats | Bools, episode: Ints, generator: np.random.Generator) -> Estimate:
+    """Estimate the mean of a value over states [N]."""
+    sums = per_episode(np.stack((values, np.ones_like(values)), 1).astype(np.float64), episode)
+    resampled = resamples(len(sums), generator) @ sums
+    return interval(float(values.mean()), resampled[:, 0] / resampled[:, 1])

@@ -1,10 +1,10 @@
-"""How alike what two layers say of the same states is: centred kernel alignment.
+"""Similarity of what two layers encode: debiased linear centred kernel alignment (CKA).
 
 Linear CKA (Kornblith, Norouzi, Lee and Hinton 2019, Similarity of Neural Network Representations Revisited)
-is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)) with K = X X' and L = Y Y' of the activations X [N, P], Y [N, Q].
-It is 1 where Y is X turned and scaled. Here HSIC is the unbiased estimator (Song et al. 2012, Feature
-Selection via Dependence Maximization): with more features than states, as in the first layers, the biased one
-calls independent noise alike.
+is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)), where K = X X' and L = Y Y' are the Gram matrices of the
+activations X [N, P] and Y [N, Q]. It is 1 if Y is a rotated and scaled X. HSIC is estimated without bias
+(Song et al. 2012, Feature Selection via Dependence Maximization). The biased estimator reports independent
+noise as similar where features outnumber states, as they do in the first layers.
 """
 
 from __future__ import annotations
@@ -12,23 +12,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.explain.bootstrap import LEVEL, Estimate
+from ship_trl.explain.bootstrap import LEVEL, Estimate, Floats, Ints
 
-Floats = NDArray[np.float64]
-# Groups of episodes of the jackknife.
-GROUPS = 10
-# Standard errors from the middle to an end of an interval, at `LEVEL`.
-ERRORS = 1.96
+JACKKNIFE_GROUPS = 10
+# Half an interval, in standard errors, at `LEVEL`.
+STANDARD_ERRORS = 1.96
 assert LEVEL == 0.95
 
 
 def gram(activations: Tensor) -> Floats:
-    """Compute the inner products of states: [N, ...] to [N, N], scaled so that its diagonal has mean 1.
+    """Compute the Gram matrix of activations, [N, ...] to [N, N], scaled to a diagonal of mean 1.
 
-    A layer in which nothing fires gives zeros.
+    A layer without any activity gives zeros.
     """
     flat = activations.flatten(1).float()
     flat = flat - flat.mean(0)
@@ -47,22 +44,22 @@ def hsic(k: Floats, l: Floats) -> float:  # noqa: E741 (the names of the paper)
 
 
 def cka(k: Floats, l: Floats) -> float:  # noqa: E741
-    """Compute debiased linear CKA of two Gram matrices [N, N]: 1 alike, 0 unrelated, NaN of a constant."""
+    """Compute debiased linear CKA of two Gram matrices [N, N]; NaN if one of them is constant."""
     scale = hsic(k, k) * hsic(l, l)
     return hsic(k, l) / math.sqrt(scale) if scale > 0 else math.nan
 
 
-def estimate(k: Floats, l: Floats, episode: NDArray[np.int64]) -> Estimate:  # noqa: E741
-    """Compute CKA with an interval, by the jackknife over groups of whole episodes.
+def estimate(k: Floats, l: Floats, episode: Ints) -> Estimate:  # noqa: E741
+    """Compute CKA with a jackknife interval over groups of whole episodes.
 
-    A bootstrap would not do: it holds states twice, and a state is like itself.
+    A bootstrap would repeat states, and a repeated state is similar to itself.
     """
-    group = np.unique(episode, return_inverse=True)[1] % GROUPS
-    whole = cka(k, l)
-    left = []
-    for g in range(GROUPS):
+    group = np.unique(episode, return_inverse=True)[1] % JACKKNIFE_GROUPS
+    value = cka(k, l)
+    left_out = []
+    for g in range(JACKKNIFE_GROUPS):
         kept = np.flatnonzero(group != g)
-        left.append(cka(k[np.ix_(kept, kept)], l[np.ix_(kept, kept)]))
-    apart = np.array(left) - np.mean(left)
-    error = math.sqrt((GROUPS - 1) / GROUPS * float((apart**2).sum()))
-    return Estimate(whole, whole - ERRORS * error, min(1.0, whole + ERRORS * error))
+        left_out.append(cka(k[np.ix_(kept, kept)], l[np.ix_(kept, kept)]))
+    deviations = np.array(left_out) - np.mean(left_out)
+    error = math.sqrt((JACKKNIFE_GROUPS - 1) / JACKKNIFE_GROUPS * float((deviations**2).sum()))
+    return Estimate(value, value - STANDARD_ERRORS * error, min(1.0, value + STANDARD_ERRORS * error))

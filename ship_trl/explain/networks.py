@@ -1,4 +1,4 @@
-"""Which networks are looked at: those named, what they came from, and untrained ones as a control."""
+"""The networks to compare: the named ones, the origin of the first, and untrained ones as a control."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from yaml import YAMLError
 from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Config, Method, plain
+from ship_trl.explain.rows import Compared, Role
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork
@@ -30,43 +31,32 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.casebase import CONFIG
 from ship_trl.transfer.layers import apply
 
-# Networks of drawn weights, beside which every probe is judged.
-UNTRAINED = 3
+UNTRAINED_NETWORKS = 3
 
 
 @dataclass(frozen=True)
-class Subject:
-    """A network by the name that it has on the page, and what its result folder says of it.
+class Origin:
+    """What the result folder of a network tells of its training; None where that is not known.
 
-    `source` is the network that its layers were copied from, `before` itself as training began; None where
-    that is not known. `copied` names the layers that were copied, `frozen` says that they could not change.
+    `source` is the network that layers were `copied` from, `before` the network as training began.
     """
 
-    name: str
-    network: DuelingNetwork
     result: Result | None = None
     source: DuelingNetwork | None = None
     before: DuelingNetwork | None = None
     copied: tuple[str, ...] = ()
-    frozen: bool = False
-
-    @property
-    def kin(self) -> tuple[str, ...] | None:
-        """What networks that were trained alike, but for their seed, have in common."""
-        if self.result is None:
-            return None
-        return self.result.pair, self.result.arm, self.result.target
+    is_frozen: bool = False
 
 
-def load_subjects(entries: list[Entry]) -> list[Subject]:
-    """Load every network of the command line, and where it came from as far as that is known.
+def load_networks(entries: list[Entry]) -> list[Compared]:
+    """Load every network of the command line; the first is the explained one.
 
     Raises:
-        ConfigError: a policy without a network, networks that do not see or act alike, or of other layers.
+        ConfigError: a policy without a network, or networks of different layers, observations or actions.
     """
-    found: list[Subject] = []
-    names = name_entries(entries)
-    for entry, name in zip(entries, names, strict=True):
+    results = [result_of(entry) for entry in entries]
+    found: list[Compared] = []
+    for entry, result, name in zip(entries, results, name_entries(entries, results), strict=True):
         env = ShipEnv(entry.case, entry.world, 1, colour=entry.colour)
         _, network = load_with_network(entry.policy, env)
         if found and plain(network.config) != plain(found[0].network.config):
@@ -74,7 +64,8 @@ def load_subjects(entries: list[Entry]) -> list[Subject]:
                 f"policy: {entry.policy} is of another network than {entries[0].policy}; "
                 "allowed: networks of the same layers"
             )
-        found.append(with_origin(entry, Subject(name, network, result_of(entry))))
+        settings = (result.pair, result.arm, result.target) if result else None
+        found.append(Compared(name, Role.beside if found else Role.explained, network, settings))
     return found
 
 
@@ -86,9 +77,8 @@ def result_of(entry: Entry) -> Result | None:
         return None
 
 
-def name_entries(entries: list[Entry]) -> list[str]:
-    """Name networks as shortly as tells them apart: by arm and seed, then with the pair, then by path."""
-    results = [result_of(entry) for entry in entries]
+def name_entries(entries: list[Entry], results: list[Result | None]) -> list[str]:
+    """Give networks short names that differ: arm and seed, else with the pair, else the path."""
     forms = (
         lambda r, e: f"{r.arm} seed {r.seed}" if r else Path(e.policy).stem,
         lambda r, e: f"{r.pair} {r.arm} seed {r.seed}" if r else e.policy,
@@ -101,11 +91,14 @@ def name_entries(entries: list[Entry]) -> list[str]:
     raise ConfigError(f"policy: {next(n for n in names if names.count(n) > 1)} is given twice")
 
 
-def with_origin(entry: Entry, subject: Subject) -> Subject:
-    """Add the network as its training began, and its source, where its folder still leads to them."""
-    result, folder = subject.result, Path(entry.policy).parent
+def find_origin(entry: Entry, name: str) -> Origin:
+    """Find the source of a network, and draw the network as training began from the seed of its run.
+
+    Without a result, or if that network does not return what the result says, they are left out.
+    """
+    result, folder = result_of(entry), Path(entry.policy).parent
     if result is None:
-        return subject
+        return Origin()
     try:
         config = read_config(folder / CONFIG)
         given = result.source_network
@@ -115,10 +108,9 @@ def with_origin(entry: Entry, subject: Subject) -> Subject:
         case = load_case(result.target, entry.world, f"{folder / RESULT}: target")
         run = Run(config, case, None, folder, result.config_hash, pretrained)
         channels, actions = (3 if entry.colour else 1), len(entry.world.actions)
-        # As train_run begins.
-        before = DuelingNetwork(
-            channels, actions, Generator().manual_seed(run.stream("weights")), config.network
-        )
+        # As make_parts does.
+        weights = Generator().manual_seed(run.stream("weights"))
+        before = DuelingNetwork(channels, actions, weights, config.network)
         transfer = find_transfer(run, before, None)
         source = None
         if transfer:
@@ -128,30 +120,29 @@ def with_origin(entry: Entry, subject: Subject) -> Subject:
         env = ShipEnv(case, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:
-        print_error(f"{subject.name}: the network before training is left out: {error}")
-        return subject
+        print_error(f"{name}: the network before training is left out: {error}")
+        return Origin(result)
     if not abs(reached - result.before.episode_return) < SHOWN:
         print_error(
-            f"{subject.name}: the network before training is left out: it should return "
+            f"{name}: the network before training is left out: it should return "
             f"{result.before.episode_return:.1f} and returns {reached:.1f}"
         )
-        return dataclasses.replace(subject, source=source)
+        return Origin(result, source)
     layers = before.conv_names
     if config.method is Method.scratch:
         copied: tuple[str, ...] = ()
     else:
         copied = (*layers, "shared") if config.layers == "all" else layers[: int(config.layers)]
-    frozen = config.method is Method.feature_extraction
-    return dataclasses.replace(subject, source=source, before=before, copied=copied, frozen=frozen)
+    return Origin(result, source, before, copied, config.method is Method.feature_extraction)
 
 
 def read_config(path: Path) -> Config:
     """Read the configuration of a run.
 
     Raises:
-        ConfigError: there is none, or it lacks something.
+        ConfigError: the file is missing, damaged or incomplete.
     """
-    # Not in configurations of older programs, which knew one of each.
+    # Keys that older versions did not write, with what those versions did.
     older = {
         "network": plain(load_network()),
         "checkpoint": {"every": 1.0, "seconds": 0.0},
@@ -169,11 +160,28 @@ def read_config(path: Path) -> Config:
     return config
 
 
-def untrained(like: DuelingNetwork, generator: Generator) -> list[DuelingNetwork]:
-    """Draw networks of the same layers as `like`, as they are drawn before training."""
+def make_untrained(like: DuelingNetwork, generator: Generator) -> list[DuelingNetwork]:
+    """Draw networks of the same layers as `like`, with the weights that training begins with."""
     found = []
-    for _ in range(UNTRAINED):
-        drawn = copy.deepcopy(like)
-        drawn.reset(generator)
-        found.append(drawn)
+    for _ in range(UNTRAINED_NETWORKS):
+        network = copy.deepcopy(like)
+        network.reset(generator)
+        found.append(network)
     return found
+
+
+def add_controls(
+    named: list[Compared], origin: Origin, untrained: list[DuelingNetwork]
+) -> tuple[Compared, ...]:
+    """Add the origin of the first network and untrained networks to the named ones."""
+    first = named[0].name
+    past = [
+        (f"{first} before training", Role.before, origin.before),
+        (f"source of {first}", Role.source, origin.source),
+    ]
+    return (
+        named[0],
+        *(Compared(name, role, network) for name, role, network in past if network is not None),
+        *named[1:],
+        *(Compared(f"untrained {k}", Role.untrained, one) for k, one in enumerate(untrained, 1)),
+    )

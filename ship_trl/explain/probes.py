@@ -1,8 +1,8 @@
-"""Linear probes: how well a quantity can be read from a layer by ridge regression (Alain and Bengio 2016).
+"""Linear probes: how well ridge regression reads a quantity from a layer (Alain and Bengio 2016).
 
-A probe that reads well shows that a layer holds a quantity, not that training put it there: pixels hold it
-too, and so does a layer of random weights. So each probe stands beside one on raw pixels, one on the same
-layer of untrained networks, and one whose labels are shuffled.
+A layer that a probe reads well holds the quantity. That does not mean that training put it there: pixels and
+layers with random weights hold it too. So the controls are probes on raw pixels, on the same layer of
+untrained networks, and with shuffled labels.
 """
 
 from __future__ import annotations
@@ -12,119 +12,111 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-from ship_trl.explain.bootstrap import per_episode
+from ship_trl.explain.bootstrap import Floats, Ints, per_episode
 from ship_trl.explain.states import Quantity, StateSet
 
-Floats = NDArray[np.float64]
-# Penalties tried, in units of the Gram matrix's mean diagonal.
+# In units of the Gram matrix's mean diagonal.
 PENALTIES = tuple(float(10.0**power) for power in range(-5, 3))
 
 
 @dataclass(frozen=True)
-class Reading:
-    """How a probe of one layer does on held-out episodes.
+class Probe:
+    """A fitted probe and its accuracy on held-out episodes.
 
-    `errors` [E] are its squared errors summed over each episode, `spread` [E, 2 + D] what the variance of the
-    truth is made of: states, sum of squares, sums. `checked` is R^2 on the episodes that chose the `penalty`,
-    `shuffled` that of a probe fitted to shuffled labels; `predicted` and `truth` are [N, D].
+    `errors` [E] are squared errors, summed by episode. `moments` [E, 2 + D] are counts of states, sums of
+    squares and sums of the labels, which give their variance. `validation_r2` is R² on the episodes that
+    choose the `penalty`, `shuffled_r2` that of a probe with shuffled labels. `predicted` and `labels` are
+    [N, D].
     """
 
     errors: Floats
-    spread: Floats
-    checked: float
-    shuffled: float
+    moments: Floats
+    validation_r2: float
+    shuffled_r2: float
     penalty: float
     predicted: Floats
-    truth: Floats
+    labels: Floats
 
     @property
     def r2(self) -> float:
-        """The share of variance explained: 1 is perfect, 0 no better than the mean."""
-        return float(self.resampled(np.ones((1, len(self.errors))))[0])
+        """Compute R²: 1 is perfect, 0 no better than the mean."""
+        return float(self.resampled_r2(np.ones((1, len(self.errors))))[0])
 
-    def resampled(self, counts: Floats) -> Floats:
-        """Compute R^2 of resampled episodes: how often each is there [B, E] to [B]."""
-        sums = counts @ self.spread
+    def resampled_r2(self, counts: Floats) -> Floats:
+        """Compute R² of resampled episodes: counts [B, E] to [B]."""
+        sums = counts @ self.moments
         total = sums[:, 1] - (sums[:, 2:] ** 2).sum(1) / sums[:, 0]
         left: Floats = 1.0 - counts @ self.errors / total
         return left
 
 
-def read(kernel: Floats, quantity: Quantity, drawn: StateSet, generator: np.random.Generator) -> Reading:
-    """Fit a probe and judge it on held-out episodes.
+def fit_probe(kernel: Floats, quantity: Quantity, states: StateSet, generator: np.random.Generator) -> Probe:
+    """Fit a probe and test it on held-out episodes.
 
     Args:
-        kernel: inner products of what the layer gives for all states [N, N].
-        quantity: what is read; states in which it is not seen are left out.
-        drawn: the states.
+        kernel: Gram matrix of a layer's activations [N, N].
+        quantity: the labels; states in which it is not visible are left out.
+        states: how episodes are split.
         generator: shuffles the labels of the control.
     """
     fitted, checked, tested = (
-        np.flatnonzero(part & quantity.seen) for part in (drawn.fitted, drawn.checked, drawn.held_out)
+        np.flatnonzero(part & quantity.visible) for part in (states.fitted, states.checked, states.held_out)
     )
     both = np.concatenate((fitted, checked))
-    # Units that make bearings and distances alike, so that the penalty means the same.
-    truth = quantity.values / quantity.values[both].std(0).mean()
-    shuffled = truth.copy()
-    shuffled[both] = truth[generator.permutation(both)]
-    labels = (truth, shuffled)
-    tried = predict(kernel, np.hstack(labels), fitted, checked, PENALTIES)
-    halves = np.split(tried, 2, axis=-1)
-    scores = [[r2(one, y[checked]) for one in half] for half, y in zip(halves, labels, strict=True)]
-    chosen = [PENALTIES[int(np.argmax(score))] for score in scores]
-    predicted, aimless = (
-        predict(kernel, y, both, tested, (penalty,))[0] for y, penalty in zip(labels, chosen, strict=True)
+    # Bearings and distances get the same scale, so that a penalty means the same for both.
+    labels = quantity.values / quantity.values[both].std(0).mean()
+    shuffled = labels.copy()
+    shuffled[both] = labels[generator.permutation(both)]
+    kinds = (labels, shuffled)
+    tried = np.split(predict(kernel, np.hstack(kinds), fitted, checked, PENALTIES), 2, axis=-1)
+    scores = [[r2(one, y[checked]) for one in half] for half, y in zip(tried, kinds, strict=True)]
+    penalties = [PENALTIES[int(np.argmax(score))] for score in scores]
+    predicted, control = (
+        predict(kernel, y, both, tested, (penalty,))[0] for y, penalty in zip(kinds, penalties, strict=True)
     )
-    real = truth[tested]
-    episode = drawn.episode[tested]
-    parts = np.column_stack((np.ones(len(real)), (real**2).sum(1), real))
-    return Reading(
-        per_episode(((predicted - real) ** 2).sum(1), episode),
-        per_episode(parts, episode),
-        max(scores[0]),
-        r2(aimless, real),
-        chosen[0],
-        predicted,
-        real,
+    truth = labels[tested]
+    episode = states.episode[tested]
+    moments = np.column_stack((np.ones(len(truth)), (truth**2).sum(1), truth))
+    return Probe(
+        errors=per_episode(((predicted - truth) ** 2).sum(1), episode),
+        moments=per_episode(moments, episode),
+        validation_r2=max(scores[0]),
+        shuffled_r2=r2(control, truth),
+        penalty=penalties[0],
+        predicted=predicted,
+        labels=truth,
     )
 
 
-def predict(
-    kernel: Floats,
-    truth: Floats,
-    fitted: NDArray[np.int64],
-    asked: NDArray[np.int64],
-    penalties: Sequence[float],
-) -> Floats:
+def predict(kernel: Floats, labels: Floats, fitted: Ints, tested: Ints, penalties: Sequence[float]) -> Floats:
     """Fit ridge regression, with an intercept that is not penalised, and predict.
 
     Args:
-        kernel: [N, N].
-        truth: [N, D].
-        fitted: numbers of the states that it is fitted on.
-        asked: numbers of those that it predicts.
-        penalties: P of them, each in units of the mean diagonal over the fitted states.
+        kernel: Gram matrix of all states [N, N].
+        labels: of all states [N, D].
+        fitted: indices of the states to fit on.
+        tested: indices of the states to predict.
+        penalties: P penalties, in units of the mean diagonal over the fitted states.
 
     Returns:
-        [P, len(asked), D].
+        [P, len(tested), D].
     """
-    inner, other = kernel[np.ix_(fitted, fitted)], kernel[np.ix_(asked, fitted)]
+    inner, other = kernel[np.ix_(fitted, fitted)], kernel[np.ix_(tested, fitted)]
     columns, middle = inner.mean(0), float(inner.mean())
     inner = inner - columns - columns[:, None] + middle
     other = other - other.mean(1, keepdims=True) - columns + middle
-    scale, mean = float(np.trace(inner)) / len(inner), truth[fitted].mean(0)
-    found = np.empty((len(penalties), len(asked), truth.shape[1]))
-    found[:] = mean
+    scale, mean = float(np.trace(inner)) / len(inner), labels[fitted].mean(0)
+    predicted = np.empty((len(penalties), len(tested), labels.shape[1]))
+    predicted[:] = mean
     for k, penalty in enumerate(penalties if scale > 0 else ()):
         ridge = inner.copy()
         ridge[np.diag_indices_from(ridge)] += penalty * scale
         factor = scipy.linalg.cho_factor(ridge, overwrite_a=True, check_finite=False)
-        found[k] += other @ scipy.linalg.cho_solve(factor, truth[fitted] - mean, check_finite=False)
-    return found
+        predicted[k] += other @ scipy.linalg.cho_solve(factor, labels[fitted] - mean, check_finite=False)
+    return predicted
 
 
-def r2(predicted: Floats, truth: Floats) -> float:
-    """Share of the variance of the truth [N, D] that is explained."""
-    return float(1.0 - ((predicted - truth) ** 2).sum() / ((truth - truth.mean(0)) ** 2).sum())
+def r2(predicted: Floats, labels: Floats) -> float:
+    """Compute the share of the variance of labels [N, D] that is explained."""
+    return float(1.0 - ((predicted - labels) ** 2).sum() / ((labels - labels.mean(0)) ** 2).sum())

@@ -1,7 +1,8 @@
-"""The rows of what is measured, and the networks that they are of."""
+"""Measurements as rows of tables, whose fields are columns of the CSVs, and the measured networks."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -10,7 +11,7 @@ from ship_trl.learn.network import DuelingNetwork
 
 
 class Role(StrEnum):
-    """What a network is on the page."""
+    """Why a network is measured; `before` is the explained one as its training began."""
 
     explained = "explained"
     before = "before training"
@@ -20,18 +21,21 @@ class Role(StrEnum):
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A network that is measured: by its name, in its role; `kin` is alike of those trained alike."""
+class Compared:
+    """A network to measure. Networks of the same `settings` differ in their seed only; None if unknown."""
 
     name: str
     role: Role
     network: DuelingNetwork
-    kin: tuple[str, ...] | None = None
+    settings: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
 class ProbeRow:
-    """How well a quantity is read from a layer of a network; a difference is None without its control."""
+    """Accuracy of the probe of a quantity on one layer; a difference is None where it has no control.
+
+    `checked_r2` is R² on the validation episodes, which choose the penalty; `r2` is on held-out episodes.
+    """
 
     network: str
     role: str
@@ -47,7 +51,7 @@ class ProbeRow:
 
 @dataclass(frozen=True)
 class CKARow:
-    """How alike a layer of two networks is; `alike` says that they were trained alike but for the seed."""
+    """CKA of a layer of two networks; `alike` marks two that differ in their seed only."""
 
     first: str
     first_role: str
@@ -60,11 +64,11 @@ class CKARow:
 
 @dataclass(frozen=True)
 class LayerRow:
-    """A layer in numbers.
+    """Activity and weights of a layer.
 
-    `silent` counts filters that fire nowhere on any state, `active` is the share of places and states where
-    they do, `changed` the norm of what training changed of the weights over that of the weights before.
-    `neighbours` is the correlation of neighbouring weights, of conv1, with its interval over filters.
+    `silent` counts filters that are zero on all states, `active` is the share of positive activations.
+    `changed` is the norm of the change of the weights by training, over their norm before. `neighbours` is
+    the correlation of neighbouring weights of conv1, with an interval over filters.
     """
 
     network: str
@@ -79,10 +83,11 @@ class LayerRow:
 
 @dataclass(frozen=True)
 class ErasedRow:
-    """How often the chosen action is another one with a thing erased, over states in which it is seen.
+    """Effect of erasing a thing from the pictures of the states that show it.
 
-    `moved` is how far the advantages of all actions move, over how far they vary between states, and
-    `gradient` the mean gradient on its pixels over that of all pixels.
+    `changed` is the share of states in which the greedy action changes. `moved` is the change of the
+    advantages over their spread between states, `gradient` the mean gradient on the thing's pixels over that
+    of all pixels.
     """
 
     network: str
@@ -97,20 +102,49 @@ class ErasedRow:
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows, and what the figures need besides."""
+    """All measurements; the first network is the explained one."""
 
-    shown: tuple[Shown, ...]
+    networks: tuple[Compared, ...]
     layers: tuple[str, ...]
     probes: list[ProbeRow]
-    alike: list[CKARow]
+    cka: list[CKARow]
     by_layer: list[LayerRow]
     erased: list[ErasedRow]
 
     @property
-    def explained(self) -> Shown:
+    def explained(self) -> Compared:
         """The first network of the command line."""
-        return self.shown[0]
+        return self.networks[0]
 
-    def role(self, role: Role) -> list[Shown]:
-        """Networks of a role."""
-        return [one for one in self.shown if one.role is role]
+    @property
+    def explained_probes(self) -> list[ProbeRow]:
+        """Probes of the explained network."""
+        return [row for row in self.probes if row.network == self.explained.name]
+
+    def with_role(self, role: Role) -> list[Compared]:
+        """Select networks by role."""
+        return [one for one in self.networks if one.role is role]
+
+    def cka_between(self, first: Role, second: Role, layer: str) -> list[CKARow]:
+        """Select CKA of a layer between networks of two roles."""
+        roles = {first.value, second.value}
+        return [row for row in self.cka if row.layer == layer and {row.first_role, row.second_role} == roles]
+
+    def cka_between_seeds(self, layer: str) -> list[CKARow]:
+        """Select CKA of a layer between networks that differ in their seed only.
+
+        These are networks with the settings of the explained one if there are two, else all.
+        """
+        rows = [row for row in self.cka if row.layer == layer and row.alike]
+        settings = self.explained.settings
+        same = {one.name for one in self.networks if one.settings is not None and one.settings == settings}
+        return [row for row in rows if {row.first, row.second} <= same] or rows
+
+    def best_probes(self) -> Iterator[ProbeRow]:
+        """Select the best layer of each quantity, by R² on the validation episodes.
+
+        On the held-out episodes the best of several layers would look better than it is.
+        """
+        for quantity in dict.fromkeys(row.quantity for row in self.explained_probes):
+            rows = [row for row in self.explained_probes if row.quantity == quantity]
+            yield max(rows, key=lambda row: row.checked_r2)

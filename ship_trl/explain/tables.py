@@ -1,9 +1,9 @@
-"""The numbers behind the figures, as CSV."""
+"""The numbers behind the figures, as CSV files."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.pictures import Looked
+from ship_trl.explain.pictures import SaliencyMaps
 from ship_trl.explain.rows import Measured
 from ship_trl.explain.states import StateSet
 from ship_trl.files.disk import replacing
@@ -23,25 +23,25 @@ Row = dict[str, Any]
 
 
 def write_tables(
-    output: Path, measured: Measured, drawn: StateSet, looked: list[Looked], picture: Tensor
+    output: Path, measured: Measured, states: StateSet, saliency: list[SaliencyMaps], picture: Tensor
 ) -> None:
-    """Write every table into a folder; `picture` [C, 84, 84] is that whose maps are drawn."""
+    """Write every table into a folder; `picture` [C, 84, 84] is the one whose activations are drawn."""
     for name, rows in (
-        ("probes", map(flat, measured.probes)),
-        ("cka", map(flat, measured.alike)),
-        ("layers", map(flat, measured.by_layer)),
-        ("erased", map(flat, measured.erased)),
-        ("states", of_states(drawn)),
-        ("saliency", of_saliency(looked)),
-        ("filters", of_filters(measured)),
-        ("maps", of_maps(measured.explained.network, picture)),
+        ("probes", map(flatten, measured.probes)),
+        ("cka", map(flatten, measured.cka)),
+        ("layers", map(flatten, measured.by_layer)),
+        ("erased", map(flatten, measured.erased)),
+        ("states", state_rows(states)),
+        ("saliency", saliency_rows(saliency)),
+        ("filters", filter_rows(measured)),
+        ("maps", activation_rows(measured.explained.network, picture)),
     ):
         with replacing(output / f"{name}.csv") as draft:
             pd.DataFrame(list(rows)).to_csv(draft, index=False)
 
 
-def flat(row: Any) -> Row:
-    """Give a row as columns; an estimate is three of them."""
+def flatten(row: Any) -> Row:
+    """Convert a row to columns; an estimate gives three."""
     values: Row = {}
     for field in dataclasses.fields(row):
         value = getattr(row, field.name)
@@ -53,44 +53,43 @@ def flat(row: Any) -> Row:
     return values
 
 
-def of_states(drawn: StateSet) -> Iterable[Row]:
-    """Give each state and what there is to be read from it; nothing where that is not seen."""
-    columns: Row = dict(zip(("x", "y", "heading", "step"), drawn.states.numpy().T, strict=True))
-    columns |= {"episode": drawn.episode, "held_out": drawn.held_out, "random": drawn.random}
-    for quantity in drawn.quantities:
+def state_rows(states: StateSet) -> Iterable[Row]:
+    """List the states and their quantities, which are empty where they are not visible."""
+    columns: Row = dict(zip(("x", "y", "heading", "step"), states.states.numpy().T, strict=True))
+    columns |= {"episode": states.episode, "held_out": states.held_out, "random": states.random}
+    for quantity in states.quantities:
         parts = ("sin", "cos") if quantity.kind == "bearing" else ("m",)
         for part, values in zip(parts, quantity.values.T, strict=True):
-            columns[f"{quantity.name}, {part}"] = np.where(quantity.seen, values, np.nan)
+            columns[f"{quantity.name}, {part}"] = np.where(quantity.visible, values, np.nan)
     return (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
 
 
-def of_saliency(looked: list[Looked]) -> Iterable[Row]:
-    """Give saliency pixel by pixel."""
-    for one in looked:
-        for row, column in np.ndindex(*one.fall.shape):
-            yield {
-                "state": one.title,
-                "row": row,
-                "column": column,
-                "gradient": one.gradient[row, column],
-                "gradient_untrained": one.control[row, column],
-                "occlusion": one.fall[row, column],
-            }
+def array_rows(axes: Sequence[str], **arrays: Any) -> Iterable[Row]:
+    """List the elements of arrays of one shape, with their indices."""
+    for index in np.ndindex(next(iter(arrays.values())).shape):
+        yield dict(zip(axes, index, strict=True)) | {name: array[index] for name, array in arrays.items()}
 
 
-def of_filters(measured: Measured) -> Iterable[Row]:
-    """Give the filters of the first layer of every network."""
-    for one in measured.shown:
+def saliency_rows(saliency: list[SaliencyMaps]) -> Iterable[Row]:
+    """List saliency by pixel."""
+    for one in saliency:
+        maps = {"gradient": one.gradient, "gradient_untrained": one.control, "occlusion": one.occlusion}
+        for row in array_rows(("row", "column"), **maps):
+            yield {"state": one.title} | row
+
+
+def filter_rows(measured: Measured) -> Iterable[Row]:
+    """List the weights of conv1 of every network."""
+    for one in measured.networks:
         weight = one.network.get_parameter("conv1.weight").detach().numpy()
-        for (number, channel, row, column), value in np.ndenumerate(weight):
-            place = {"channel": channel, "row": row, "column": column}
-            yield {"network": one.name, "filter": number, **place, "weight": value}
+        for row in array_rows(("filter", "channel", "row", "column"), weight=weight):
+            yield {"network": one.name} | row
 
 
 @torch.no_grad()
-def of_maps(network: DuelingNetwork, picture: Tensor) -> Iterable[Row]:
-    """Give what each layer makes of a picture; a unit of a linear layer stands at row and column 0."""
-    for layer, given in network.activations(picture[None]).items():
-        maps = given[0].reshape(given.shape[1], *(given.shape[2:] or (1, 1))).numpy()
-        for (number, row, column), value in np.ndenumerate(maps):
-            yield {"layer": layer, "filter": number, "row": row, "column": column, "activation": value}
+def activation_rows(network: DuelingNetwork, picture: Tensor) -> Iterable[Row]:
+    """List the activations of each layer for a picture; units of linear layers have row and column 0."""
+    for layer, values in network.activations(picture[None]).items():
+        maps = values[0].reshape(values.shape[1], *(values.shape[2:] or (1, 1))).numpy()
+        for row in array_rows(("filter", "row", "column"), activation=maps):
+            yield {"layer": layer} | row

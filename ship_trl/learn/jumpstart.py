@@ -1,7 +1,6 @@
-"""What a network scores before training, over many draws of the layers that are not copied.
+"""Greedy returns before training, over many draws of the layers that are not copied.
 
-One draw says little: before training a network often holds one action, and whether that leads to
-the goal is luck.
+One draw tells little: before training a network often repeats one action, which reaches the goal by chance.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from ship_trl.learn.backend import Draw
 from ship_trl.learn.fast.inference import CachedInference
 from ship_trl.learn.network import DuelingNetwork
 
-# One ship's observation [1, ...] to its action [1].
+# Maps the observation of one ship [1, ...] to its action [1].
 Decide = Callable[[Tensor], Tensor]
 
 
@@ -30,54 +29,57 @@ def jumpstart(
     draws: int,
     generator: Generator,
 ) -> list[float]:
-    """Greedy returns of `draws` networks that share the first layers of `network`, and draw the others.
+    """Compute greedy returns of networks that share the first layers of `network` and redraw the others.
 
-    They sail side by side: a step of many ships costs little more than a step of one. `network` stays
-    as it is, and so does every other stream.
+    Their episodes run side by side: a step of many ships costs little more than a step of one. Neither
+    `network` nor any other random stream changes.
 
     Args:
-        env: the world, with a batch of as many ships as sail at once.
-        draw: states to pixels.
-        network: what training begins with.
+        env: its batch size limits how many ships run side by side.
+        draw: maps states to pixels.
+        network: the network that training begins with.
         copied: how many conv layers, counted from the image, are shared.
-        draws: how many.
-        generator: of the draws, on the CPU.
+        draws: how many networks.
+        generator: draws the weights, on the CPU.
     """
-    shared, drawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
-    fleet = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
-    look: Callable[[Tensor], Tensor] = draw
+    shared, redrawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
+    networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
+    encode: Callable[[Tensor], Tensor] = draw
     decide: list[Decide]
     if env.device is not None and env.device.type == "cpu" and cut_by_words(network.geometry):
-        inferences = [CachedInference(each, draw.background, copied) for each in fleet]
+        inferences = [CachedInference(each, draw.background, copied) for each in networks]
         decide = [inference.actions for inference in inferences]
         if copied >= network.linear_from:
-            # What so many layers make of the pictures is computed for all ships at once.
-            look, decide = lambda state: inferences[0].encode(draw(state)), [g.actions_on for g in inferences]
+            # All networks share these layers: encode the pictures of all ships in one batch.
+            encode, decide = (
+                lambda state: inferences[0].encode(draw(state)),
+                [g.actions_on for g in inferences],
+            )
     else:
-        decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in fleet]  # type: ignore[misc]
+        decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in networks]  # type: ignore[misc]
     found: list[float] = []
     while len(found) < draws:
-        count = min(len(fleet), draws - len(found))
-        for each in fleet[:count]:
-            drawn.reset(generator, shared)
-            each.load_state_dict(drawn.state_dict())
-        found += sail(env, look, decide[:count])
+        count = min(len(networks), draws - len(found))
+        for each in networks[:count]:
+            redrawn.reset(generator, shared)
+            each.load_state_dict(redrawn.state_dict())
+        found += run_episodes(env, encode, decide[:count])
     return found
 
 
 @torch.no_grad()
-def sail(env: EnvBase, look: Callable[[Tensor], Tensor], decide: Sequence[Decide]) -> list[float]:
-    """Sail one greedy episode of each decider, in the first rows of the batch, and give their returns."""
+def run_episodes(env: EnvBase, encode: Callable[[Tensor], Tensor], decide: Sequence[Decide]) -> list[float]:
+    """Run one greedy episode of each policy, in the first rows of the batch, and return their returns."""
     step = env.reset()
     totals = torch.zeros(len(decide), dtype=torch.float64, device=env.device)
-    going = list(range(len(decide)))
-    while going:
+    running = list(range(len(decide)))
+    while running:
         action = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
-        for ship, seen in zip(going, look(step["state"][going]).split(1), strict=True):
-            action[ship] = decide[ship](seen)[0]
+        for ship, observation in zip(running, encode(step["state"][running]).split(1), strict=True):
+            action[ship] = decide[ship](observation)[0]
         stepped, step = env.step_and_maybe_reset(step.set("action", action))
         after = stepped["next"]
-        totals[going] += after["reward"][going, 0]
+        totals[running] += after["reward"][running, 0]
         ended = after["done"].squeeze(-1).tolist()
-        going = [ship for ship in going if not ended[ship]]
+        running = [ship for ship in running if not ended[ship]]
     return [float(total) for total in totals]

@@ -1,4 +1,4 @@
-"""Episodes of any policy: the world is deterministic, so one rollout of a greedy one is exact."""
+"""Roll out any policy. The environment is deterministic, so one episode of a greedy policy is exact."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Policy = Callable[[TensorDictBase], TensorDictBase]
 
 @dataclass(frozen=True)
 class Episode:
-    """One episode as it was sailed, of T steps.
+    """An episode of T steps.
 
-    `states` float [T + 1, S], `actions` int64 [T], `q_values` float [T, A], None where the policy wrote
-    no `action_value`, `rewards` float [T], raw; `dcpa` in metres, infinite without target ships.
+    `states` float [T + 1, S], `actions` int64 [T], raw `rewards` float [T]. `q_values` float [T, A] is None
+    if the policy wrote no `action_value`. `dcpa` is in metres, infinite without target ships.
     """
 
     states: Tensor
@@ -32,12 +32,12 @@ class Episode:
 
     @property
     def episode_return(self) -> float:
-        """The return: undiscounted sum of raw rewards."""
+        """Undiscounted sum of raw rewards."""
         return float(self.rewards.sum(dtype=torch.float64))
 
     @property
     def length(self) -> int:
-        """Steps sailed."""
+        """Number of steps."""
         return len(self.actions)
 
     @property
@@ -47,44 +47,44 @@ class Episode:
 
 
 def outcome(goal: bool, collision: bool) -> str:
-    """Name how an episode ended."""
+    """Name the end of an episode: goal, collision or timeout."""
     return "goal" if goal else "collision" if collision else "timeout"
 
 
 @torch.no_grad()
 def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
-    """Sail one episode in each of the N environments of a batch.
+    """Roll out one episode in each of the N environments of a batch.
 
-    TorchRL's `EnvBase.rollout` ends with the first episode of a batch, or goes on into the next ones.
+    TorchRL's `EnvBase.rollout` stops with the first episode of a batch that ends, or runs into the next ones.
 
     Args:
-        env: with `state`, `action`, and `goal`, `collision`, `dcpa` to report.
-        policy: reads `state` or anything else that the environment gives.
+        env: has the keys `state`, `action`, `goal`, `collision` and `dcpa`.
+        policy: reads `state` or any other observation.
     """
     current = env.reset()
     steps = []
-    sailing = torch.ones(env.batch_size, dtype=torch.bool, device=env.device)
-    while bool(sailing.any()):
+    running = torch.ones(env.batch_size, dtype=torch.bool, device=env.device)
+    while bool(running.any()):
         stepped, current = env.step_and_maybe_reset(policy(current))
         steps.append(stepped)
-        sailing &= ~stepped["next", "done"].squeeze(-1)
+        running &= ~stepped["next", "done"].squeeze(-1)
     done = torch.stack([step["next", "done"].squeeze(-1) for step in steps])
     lengths = (done.to(torch.int8).argmax(0) + 1).tolist()
     return [episode(steps[:length], row) for row, length in enumerate(lengths)]
 
 
 def episode(steps: list[TensorDictBase], row: int) -> Episode:
-    """Take one environment's episode out of the steps of a batch."""
+    """Extract the episode of one environment from the steps of a batch."""
 
-    def taken(key: str) -> Tensor:
+    def stack(key: str) -> Tensor:
         return torch.stack([step[key][row] for step in steps]).cpu()
 
     last = steps[-1]["next"]
     return Episode(
-        states=torch.cat((taken("state"), last["state"][row : row + 1].cpu())),
-        actions=taken("action"),
+        states=torch.cat((stack("state"), last["state"][row : row + 1].cpu())),
+        actions=stack("action"),
         rewards=torch.stack([step["next", "reward"][row, 0] for step in steps]).cpu(),
-        q_values=taken("action_value") if "action_value" in steps[0] else None,
+        q_values=stack("action_value") if "action_value" in steps[0] else None,
         goal=bool(last["goal"][row, 0]),
         collision=bool(last["collision"][row, 0]),
         dcpa=float(last["dcpa"][row, 0]),

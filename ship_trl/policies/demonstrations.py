@@ -1,7 +1,7 @@
 """Demonstrations: episodes that somebody sailed, kept as one JSON file each. No torch.
 
 The world is deterministic, so that a case and its actions are the whole episode: whoever reads a
-demonstration sails it again. docs/demonstrations.md describes the format.
+demonstration sails it again. docs/tools.md describes the format.
 """
 
 from __future__ import annotations

@@ -20,9 +20,8 @@ from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.random_policy import random_return
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
-from ship_trl.view.curve import draw_curve
+from ship_trl.view.curves import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
-from ship_trl.view.transfer import draw_transfer
 
 
 def write_files(run: Run, parts: Parts, known: float) -> None:
@@ -38,7 +37,9 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
         returns = [episode.episode_return for episode in finished]
         draw_transfer(run.folder / console.TRANSFER, config.arm, returns, scratch_curves, known, run.title)
     best = history.best.sailed
-    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, run.title)
+    origin = "" if config.method is Method.scratch else f" from case {config.source}"
+    title = f"{config.arm}{origin}, seed {config.seed}"
+    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, title)
 
 
 def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:

@@ -27,8 +27,8 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.transfer.casebase import Entry
 from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted
 
-# So many networks sail side by side before training; each takes 3 MB.
-FLEET = 25
+# Networks that run side by side before training; each takes 3 MB.
+JUMPSTART_BATCH = 25
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,11 @@ def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
     if layers == "all":
         return [rollout(eval_env, agent.greedy)[0].episode_return]
     env = ShipEnv(
-        run.target, config.world, min(count, FLEET), colour=config.colour, device=str(eval_env.device)
+        run.target,
+        config.world,
+        min(count, JUMPSTART_BATCH),
+        colour=config.colour,
+        device=str(eval_env.device),
     )
     generator = Generator().manual_seed(run.stream("jumpstart"))
     return jumpstart(env, agent.draw, agent.network, layers, count, generator)

@@ -19,7 +19,7 @@ from ship_trl.study.analysis.metrics import METRICS
 
 @dataclass
 class Margins:
-    """A share of what could be gained: `gains` are by target case and metric."""
+    """The margin as a share of the possible gain, and the possible gains by target case and metric."""
 
     margin: float = MISSING
     gains: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -40,11 +40,10 @@ def read_margins(path: Path) -> Margins:
         raise ConfigError(f"{path.name}: cannot be read: {' '.join(str(error).split())}") from None
     numbers = {"margin": found.margin}
     for case, gains in found.gains.items():
-        for metric, gain in gains.items():
-            if metric not in METRICS:
-                allowed = ", ".join(METRICS)
-                raise ConfigError(f"{path.name}: gains.{case}: no metric {metric}; allowed: {allowed}")
-            numbers[f"gains.{case}.{metric}"] = gain
+        numbers |= {f"gains.{case}.{metric}": gain for metric, gain in gains.items()}
+        if unknown := sorted(gains.keys() - METRICS.keys()):
+            allowed = ", ".join(METRICS)
+            raise ConfigError(f"{path.name}: gains.{case}: no metric {unknown[0]}; allowed: {allowed}")
     for key, value in numbers.items():
         if not (math.isfinite(value) and value > 0):
             raise ConfigError(f"{path.name}: {key}: must be above 0, got {value}")
@@ -57,10 +56,12 @@ def margins() -> Margins:
     return read_margins(conf_dir() / "analysis.yaml")
 
 
-def margin(target: str, metric: str) -> float | None:
-    """Return the margin of a metric on a target case: a share of what could be gained there.
+def possible_gain(target: str, metric: str) -> float | None:
+    """Return how much transfer could gain in a metric on a target case; None where it was not measured."""
+    return margins().gains.get(target, {}).get(metric)
 
-    None where it is not known what could be gained: then nothing is said of equality.
-    """
-    gain = margins().gains.get(target, {}).get(metric)
+
+def margin(target: str, metric: str) -> float | None:
+    """Return the margin of a metric on a target case; None where the possible gain is unknown."""
+    gain = possible_gain(target, metric)
     return None if gain is None else margins().margin * gain

@@ -1,4 +1,4 @@
-"""By which rules a study is judged: the analysis plan, as it was when the study was begun."""
+"""The analysis plan by which a study is judged, as it was when the study was begun."""
 
 from __future__ import annotations
 
@@ -24,16 +24,13 @@ def digest() -> str | None:
 
 
 def stamp() -> dict[str, Any]:
-    """Return what names the rules: digest, commit and time of the plan's text, and the time of now."""
+    """Return digest and commit of the plan, and the present time."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"digest": digest(), "commit": committed(conf_dir().parent), "begun": now}
+    return {"digest": digest(), "commit": last_commit(conf_dir().parent), "begun": now}
 
 
-def committed(checkout: Path) -> str | None:
-    """Return commit and time of the last change of the plan, None where that is not known.
-
-    A plan that has been changed since its commit has none.
-    """
+def last_commit(checkout: Path) -> str | None:
+    """Return commit and time of the plan's last change; None if unknown or not committed."""
     paths = [PLAN_TEXT, f"conf/{NUMBERS}"]
 
     def git(*words: str) -> str:
@@ -46,13 +43,12 @@ def committed(checkout: Path) -> str | None:
         return None
 
 
-def told(rules: dict[str, Any]) -> str:
-    """Say by which rules a study is judged, and whether they are still those that it was begun with."""
+def describe_rules(rules: dict[str, Any]) -> str:
+    """Say which plan judges a study, and whether the plan has changed since the study was begun."""
     if not rules:
-        return "No plan was kept with these runs: nothing says that the rules are older than they."
-    words = f"Rules: {PLAN_TEXT}, commit {rules['commit']}; the study was begun at {rules['begun']}."
-    if rules["commit"] is None:
-        words = f"Rules: {PLAN_TEXT}, of no commit; the study was begun at {rules['begun']}."
-    if digest() != rules["digest"]:
-        words += " They have been changed since."
-    return words
+        return "No plan was kept with these runs, so nothing shows that the rules are older than the runs."
+    commit = "no commit" if rules["commit"] is None else f"commit {rules['commit']}"
+    words = f"Rules: {PLAN_TEXT}, {commit}; the study was begun at {rules['begun']}."
+    if digest() == rules["digest"]:
+        return words
+    return f"{words} The text has changed since; that commit has it as it was when the study was begun."

@@ -1,1 +1,1 @@
-"""Transfer: which layers are copied, which source to take, where trained networks are kept."""
+"""Transfer: copy and freeze layers, rank sources by similarity, keep trained networks."""

@@ -1,8 +1,8 @@
-"""The case base: trained networks kept by case, found again by similarity. No torch.
+"""The case base: trained networks stored by case and found by similarity. No torch.
 
 An entry is a folder `<case>/<arm>/seed=<k>-<config hash>/` with `entry.json` (case, its fingerprint,
-config hash, scores), `config.yaml` and `policy.safetensors`. It is filled under another name and
-renamed, so two processes never see half an entry.
+config hash, scores), `config.yaml` and `policy.safetensors`. It is written under a temporary name and
+renamed, so that no process sees an incomplete entry.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
 ENTRY, CONFIG = "entry.json", "config.yaml"
-# Beside the networks of the cases: locks, and what the planner found.
+# Folders beside those of the cases: locks, and routes found by the planner.
 LOCKS, PLANS = ".locks", ".plans"
-# Half-way between the paper's high pair (0.83) and its low one (0.45), table 2.
+# Halfway between the paper's high pair (0.83) and its low one (0.45), table 2.
 HIGH_SIMILARITY = 0.64
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A stored network: where it lies, of which case and arm, by which settings, how good.
+    """A stored network: its folder, case, arm, settings and scores.
 
-    `network` are its layers, None if the paper's.
+    `network` describes its layers; None means those of the paper.
     """
 
     path: Path
@@ -50,12 +50,12 @@ class Entry:
 
     @property
     def policy(self) -> Path:
-        """The network of its best greedy evaluation."""
+        """Path of the weights with the best greedy evaluation."""
         return self.path / POLICY
 
     @property
     def best_return(self) -> float:
-        """The best greedy return; minus infinity where none is written down."""
+        """Best greedy return; minus infinity if the entry has none."""
         try:
             return float(self.scores["best"]["return"])
         except (KeyError, TypeError, ValueError, OverflowError):
@@ -64,7 +64,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Match:
-    """A case ranked against a target by every measure, and the arm that the paper's conclusions favour."""
+    """A source case, its value by every measure, and the arm that the paper recommends for it."""
 
     case: Case
     measured: dict[str, float]
@@ -73,13 +73,13 @@ class Match:
 
 
 class CaseBase:
-    """Entries below `folder`; made when the first is stored."""
+    """The entries below a folder, which is created with the first entry."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def entries(self) -> list[Entry]:
-        """All whole entries, sorted by path; a folder that is not one is passed over."""
+        """List all valid entries, sorted by path; skip other folders."""
         found = []
         for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
             try:
@@ -87,38 +87,38 @@ class CaseBase:
                 one = Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()})
             except (OSError, ValueError, TypeError, AttributeError):
                 continue
-            words = (str(one.path), one.case, one.fingerprint, one.arm, one.config_hash)
-            if all(type(word) is str and word.isprintable() for word in words) and type(one.seed) is int:
+            texts = (str(one.path), one.case, one.fingerprint, one.arm, one.config_hash)
+            if all(type(text) is str and text.isprintable() for text in texts) and type(one.seed) is int:
                 found.append(one)
         return found
 
     def representative(self, case: Case) -> Entry | None:
-        """Find the stored network with the best greedy return, which stands for its case (section 4.3).
+        """Find the stored network of a case with the best greedy return (section 4.3).
 
-        Those of other layers than the paper's are passed over.
+        Networks with other layers than the paper's are skipped.
         """
-        kept = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
-        fit = [e for e in kept if e.network is None and e.best_return > -math.inf]
-        return max(fit, key=lambda entry: entry.best_return, default=None)
+        stored = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
+        usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
+        return max(usable, key=lambda entry: entry.best_return, default=None)
 
     def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
-        """Folder of an entry, there or not."""
+        """Return the folder of an entry, which may not exist."""
         return self.folder / case.name / arm / f"seed={seed}-{config_hash}"
 
     def lock(self, case: Case, arm: str, seed: int, config_hash: str) -> FileLock:
-        """Held while an entry is made, so that two processes do not make the same one.
+        """Return the lock to hold while an entry is made, so that no other process makes it too.
 
-        Its file, below `.locks`, stays: taking it away could take it from under one who waits.
+        Its file below `.locks` is never deleted: another process may be waiting for it.
         """
         locks = self.folder / LOCKS
         locks.mkdir(parents=True, exist_ok=True)
         return FileLock(locks / f"{case.name}-{arm}-{seed}-{config_hash}.lock")
 
     def refuse_links(self, case: Case, arm: str, seed: int, config_hash: str) -> None:
-        """Refuse a case base in which an entry, a plan or a lock would be written through a link.
+        """Refuse a case base where an entry, a plan or a lock would be written through a link.
 
         Raises:
-            ConfigError: there is one.
+            ConfigError: there is such a link.
         """
         places = (self.place(case, arm, seed, config_hash), self.folder / LOCKS, self.folder / PLANS)
         for place in places:
@@ -128,12 +128,12 @@ class CaseBase:
                 )
 
     def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
-        """Find the entry trained on just this case by just these settings, or None."""
+        """Find the entry of exactly this case and these settings, or None."""
         place = self.place(case, arm, seed, config_hash)
         found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
         # A power cut can leave an empty file.
-        whole = found and found[0].policy.is_file() and found[0].policy.stat().st_size > 0
-        return found[0] if whole else None
+        is_complete = found and found[0].policy.is_file() and found[0].policy.stat().st_size > 0
+        return found[0] if is_complete else None
 
     def retain(
         self,
@@ -145,7 +145,7 @@ class CaseBase:
         run: Path,
         network: dict[str, Any] | None = None,
     ) -> Entry:
-        """Keep a finished run's network; an entry already there stays (it is the same network)."""
+        """Store the network of a finished run; keep an existing entry, which has the same network."""
         place = self.place(case, arm, seed, config_hash)
         entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(case, arm, seed, config_hash):
@@ -154,7 +154,7 @@ class CaseBase:
         draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}")
         for name in (POLICY, CONFIG):
             if (run / name).is_symlink():
-                # It may lead to a file of this machine, which would be copied to where it can be read.
+                # A link could publish a private file of this machine.
                 raise ConfigError(f"output: {run / name} is a link; allowed: the file itself")
         draft.mkdir(parents=True)
         try:
@@ -170,7 +170,7 @@ class CaseBase:
             draft.rename(place)
             sync(place.parent)
         except OSError:
-            # Another process stored the same entry between our look and our rename.
+            # Another process may have stored the same entry in the meantime.
             if not (place / ENTRY).is_file():
                 raise
         finally:
@@ -179,9 +179,9 @@ class CaseBase:
 
 
 def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") -> list[Match]:
-    """Rank cases to transfer from, the most alike first, by one of `MEASURES`.
+    """Rank source cases by one of `MEASURES`, the most similar first.
 
-    Ties keep the order given, so the ranking is the same on every machine.
+    On ties keep the order of `bases`, so that the ranking is the same on every machine.
     """
     matches = [
         Match(
@@ -198,9 +198,9 @@ def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") 
 def recommend(base: Case, target: Case) -> tuple[Method, int]:
     """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3).
 
-    High: three frozen layers, which beat four. Else: finetuning of the first layer alone, because
-    the return falls with every further layer. These are the paper's findings, not ours; a study
-    measures whether they hold.
+    High similarity: freeze three layers, which beat four. Low similarity: finetune the first layer only,
+    because the return falls with every further layer. These are the paper's findings; a study measures
+    whether they hold.
     """
     if similarity(base, target) >= HIGH_SIMILARITY:
         return Method.feature_extraction, 3

@@ -26,7 +26,7 @@ Weights = Mapping[str, Tensor]
 
 @dataclasses.dataclass(frozen=True)
 class Transfer:
-    """What is taken from a source network: its weights, how many layers, and whether they freeze."""
+    """Weights of a source network, how many of its layers to copy, and whether to freeze them."""
 
     weights: Weights
     layers: int | str
@@ -34,7 +34,7 @@ class Transfer:
 
 
 def apply(network: DuelingNetwork, transfer: Transfer) -> None:
-    """Copy the transfer's layers into `network`, and freeze them if it says so."""
+    """Copy the layers of a transfer into `network`, and freeze them if the transfer says so."""
     whole = transfer.layers == "all"
     names = () if whole else network.conv_names[: int(transfer.layers)]
     for key, parameter in network.named_parameters():
@@ -44,7 +44,7 @@ def apply(network: DuelingNetwork, transfer: Transfer) -> None:
 
 
 def permuted(weights: Weights, generator: Generator) -> Weights:
-    """Shuffle the numbers of each weight tensor and of each bias: the same scale, but no features."""
+    """Shuffle the values within each weight and bias tensor: the scale stays, the features go."""
     found = {}
     for name in sorted(weights):
         value = weights[name]
@@ -56,8 +56,8 @@ def permuted(weights: Weights, generator: Generator) -> Weights:
 def save_weights(
     path: Path, network: DuelingNetwork, about: Mapping[str, object], dtype: torch.dtype = torch.float32
 ) -> None:
-    """Write all weights as safetensors, with `about` and the network's layers (JSON) in the header."""
-    # Contiguous copies: safetensors knows no channels-last.
+    """Write all weights as safetensors; the header holds `about` and the network's layers as JSON."""
+    # Contiguous copies: safetensors does not support channels-last.
     tensors = {
         key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
     }
@@ -71,7 +71,7 @@ def opened(path: Path, key: str) -> Iterator[Any]:
     """Open a safetensors file.
 
     Raises:
-        ConfigError: no such file, or not safetensors (a pickle, or cut short).
+        ConfigError: the file is missing, truncated, or in another format such as pickle.
     """
     if not path.is_file():
         raise ConfigError(f"{key}: no file {path}; a safetensors file is allowed")
@@ -84,10 +84,10 @@ def opened(path: Path, key: str) -> Iterator[Any]:
 
 
 def saved_network(path: Path, key: str) -> Network:
-    """Read which network a file's weights are of; the paper's where its header says nothing.
+    """Read the layers of a file's network; the paper's if the header names none.
 
     Raises:
-        ConfigError: it is no safetensors file, or its header says what is no network, or not its own.
+        ConfigError: not a safetensors file, or its header names no valid network, or another one.
     """
     with opened(path, key) as file:
         header = (file.metadata() or {}).get("ship_trl", "{}")
@@ -100,7 +100,7 @@ def saved_network(path: Path, key: str) -> Network:
             raise ConfigError("network: must hold conv and hidden")
         values = OmegaConf.merge(OmegaConf.structured(Network), about["network"])
         network: Any = OmegaConf.to_object(values)
-        # Before a network is made: a file that promises a large one must be as large.
+        # Check shapes before allocating: a small file must not claim a large network.
         maps = shapes.get("conv1.weight", [0, 0])[1]
         for n, layer in enumerate(geometry(network), 1):
             if shapes.get(f"conv{n}.weight") != [layer.filters, maps, layer.kernel, layer.kernel]:
@@ -116,13 +116,13 @@ def saved_network(path: Path, key: str) -> Network:
 
 
 def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:
-    """Read weights for a network of `network`'s architecture; nothing is unpickled.
+    """Read weights that fit `network`, without unpickling anything.
 
-    Half precision, which takes half the room in a file, is widened to float32.
+    Float16 weights are converted to float32.
 
     Raises:
-        ConfigError: no such file, not safetensors (a pickle, or cut short), another architecture,
-            or weights that are not finite.
+        ConfigError: the file is missing, truncated, not safetensors, or of another architecture, or has
+            weights that are not finite.
     """
     wanted = network.state_dict()
     with opened(path, key) as file:
@@ -144,6 +144,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
 
 
 def _mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:
+    """Describe the first tensor whose name or shape differs; empty if all fit."""
     for name in sorted(wanted.keys() | got.keys()):
         if name not in got:
             return f"{name} is missing"

@@ -1,6 +1,6 @@
-"""What transfer has gained between two cases, as a study measured it. No torch.
+"""Gains of transfer between cases, as measured by a study. No torch.
 
-A study's report writes the table (`transfers.csv`); that of the confirmatory study comes with the package.
+A study's report writes the table (`transfers.csv`). The table of the confirmatory study is bundled.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
 PACKAGED = Path(__file__).parent / TABLE
-# Bytes of a table, at most: one of a hundred transfers has 8,000.
-LARGEST = 1_000_000
+# A table of a hundred transfers has 8,000 bytes.
+MAX_TABLE_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """What an arm gained from a source on a target, over scratch with the same exploration.
+    """The gain of an arm from a source on a target, over scratch with the same exploration.
 
-    The fingerprints say what the cases are, whatever they are called. `gain` is the interquartile mean over
-    `seeds` of the difference of areas under the learning curve, as scores, from `low` to `high`: intervals
-    that hold together, at 95 %, for all transfers to the target. `epsilon_start` is None where it was the
-    usual one; the source learned with the usual one in any case.
+    Fingerprints identify the cases independently of their names. `gain` is the interquartile mean over
+    `seeds` of the difference of areas under the learning curve, as scores. `low` and `high` are its
+    simultaneous 95 % interval over all transfers to the target. `epsilon_start` is None for the default; the
+    source always learned with the default.
     """
 
     source: str
@@ -46,12 +46,12 @@ class Transfer:
     high: float
 
     def commands(self) -> list[str]:
-        """Return the commands that do it, of which the last one transfers."""
+        """Return the commands that repeat the transfer; the last one transfers."""
         run = f"python -m ship_trl profile={self.profile}"
         transfer = f"{run} source={self.source} target={self.target} +arm={self.arm}"
         if self.epsilon_start is None:
             return [transfer]
-        # A source that the transfer itself trained would explore as little as the transfer does.
+        # Train the source first: a source that the transfer trains would use its epsilon_start too.
         folder = "outputs/source"
         network = f'source_file="{folder}/{self.source}/scratch/seed=0/{POLICY}"'
         start = f"learn.epsilon_start={self.epsilon_start:g}"
@@ -66,18 +66,18 @@ def read_transfers(path: Path) -> list[Transfer]:
     """Read a table of transfers.
 
     Raises:
-        ConfigError: it is none; `--measured` is what it was given as.
+        ConfigError: it is not a table of transfers; the message names the option `--measured`.
     """
-    return read_table(path, COLUMNS, transfer, LARGEST, "--measured", f"a report's {TABLE}")
+    return read_table(path, COLUMNS, transfer, MAX_TABLE_BYTES, "--measured", f"a report's {TABLE}")
 
 
 def transfer(row: dict[str, str]) -> Transfer:
-    """Make a transfer of a row's cells.
+    """Convert the cells of a row to a transfer.
 
     Raises:
-        ValueError: they are of none.
+        ValueError: a cell is not valid.
     """
-    # They stand in a command that is meant to be pasted.
+    # Names become part of a command that people paste into a shell.
     names = [row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint")]
     if not all(re.fullmatch(r"\w[\w.-]{0,99}", name) for name in names):
         raise ValueError("a case that is no name")
@@ -98,9 +98,9 @@ def transfer(row: dict[str, str]) -> Transfer:
 
 
 def transfers_to(target: Case, known: Iterable[Transfer], cases: Iterable[Case]) -> list[Transfer]:
-    """Return what was measured on a target from other `cases`, with the most that is shown first.
+    """Select the transfers to a target from other `cases`, the largest lower bound first.
 
-    A case is what it was measured as, whatever it was called there; its name here is put in.
+    Cases are matched by fingerprint and renamed to their names here.
     """
     names = {case.fingerprint: case.name for case in cases if case.fingerprint != target.fingerprint}
     found = [

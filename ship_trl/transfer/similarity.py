@@ -1,4 +1,4 @@
-"""How alike two cases are: equation 8 with the rules of section 4.1, and equation 7. No torch."""
+"""Similarity of two cases: equation 8 with the rules of section 4.1, and equation 7. No torch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEW_DIRECTION = 0.4
 
 @dataclass(frozen=True)
 class Rule:
-    """One comparison of section 4.1: what was compared, and what it added."""
+    """One comparison of section 4.1: the attribute, and its weights in common and different."""
 
     what: str
     common: float
@@ -30,8 +30,8 @@ class Rule:
 def rules(base: Case, target: Case) -> list[Rule]:
     """Compare two cases attribute by attribute (section 4.1).
 
-    The paper's rules speak of ships that the target has and the base has not. A ship that only the
-    base has counts by the same weights, as equation 8 asks ("different or missing"): our choice.
+    The paper's rules cover ships that only the target has. Ships that only the base has count by the
+    same weights, as equation 8 suggests ("different or missing"): our choice.
     """
     same = base.ideal_path == target.ideal_path
     found = [Rule("ideal path", SAME_PATH, 0.0) if same else Rule("ideal path", 0.0, SAME_PATH)]
@@ -54,7 +54,7 @@ def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
 
 
 def in_words(base: Case, target: Case) -> tuple[str, str]:
-    """Say what two cases have in common and what not, with the weight of each: "1 ideal path", "0"."""
+    """Format what two cases share and how they differ, with weights, such as "1 ideal path" and "0"."""
     found = rules(base, target)
     common = " + ".join(f"{rule.common:g} {rule.what}" for rule in found if rule.common)
     different = " + ".join(f"{rule.different:g} {rule.what}" for rule in found if rule.different)
@@ -62,7 +62,7 @@ def in_words(base: Case, target: Case) -> tuple[str, str]:
 
 
 def similarity(base: Case, target: Case) -> float:
-    """Equation 8, from 0 (nothing in common) to 1 (the same)."""
+    """Compute equation 8, from 0 (nothing in common) to 1 (equal)."""
     found = rules(base, target)
     common = ALPHA * sum(rule.common for rule in found)
     different = BETA * sum(rule.different for rule in found)
@@ -70,11 +70,10 @@ def similarity(base: Case, target: Case) -> float:
 
 
 def characteristics(case: Case, world: World) -> dict[str, float]:
-    """Compute what equation 7 compares, each scaled to about 0 to 1 (our choice; the paper names none).
+    """Compute the characteristics of equation 7, scaled to about 0 to 1 (our choice; the paper names none).
 
-    Number of target ships, goal's distance, and of the target ship that comes nearest to own ship
-    keeping course at the speed of straight travel: how near (DCPA), when (TCPA) and its course
-    relative to own ship's.
+    They are the number of target ships, the distance of the goal, and DCPA, TCPA and relative course of
+    the target ship with the smallest DCPA, if own ship keeps its course.
     """
     speed = max((v for v, turn in world.actions if turn == 0.0), default=world.actions[0][0])
     heading = math.radians(case.heading)
@@ -101,7 +100,7 @@ def characteristics(case: Case, world: World) -> dict[str, float]:
 
 
 def distance(base: Case, target: Case, world: World, weights: dict[str, float] | None = None) -> float:
-    """Equation 7, with the squares that the word Euclidean asks for; 0 is the same case."""
+    """Compute equation 7, with squares as in a Euclidean distance; 0 means equal cases."""
     a, b = characteristics(base, world), characteristics(target, world)
     weight = weights or dict.fromkeys(a, 1.0)
     return math.sqrt(sum(weight[name] * (a[name] - b[name]) ** 2 for name in a))
@@ -109,13 +108,13 @@ def distance(base: Case, target: Case, world: World, weights: dict[str, float] |
 
 @dataclass(frozen=True)
 class Measure:
-    """How alike a base and a target are, as a number; `nearer` says whether less of it is more alike."""
+    """A measure of similarity of base and target; with `nearer`, smaller values are more similar."""
 
     value: Callable[[Case, Case, World], float]
     nearer: bool = False
 
 
-# By the word that stands for it on a command line. A measure of your own is one more line here.
+# By their names on the command line. To add a measure, add a line.
 MEASURES = {
     "similarity": Measure(lambda base, target, _: similarity(base, target)),
     "distance": Measure(distance, nearer=True),

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.ask import answers, main
-from ship_trl.study.analysis.statistics import level_of
+from ship_trl.study.analysis.statistics import estimate_mean
 from ship_trl.study.analysis.study import Study
+from ship_trl.study.plan.manifest import Manifest
 from tests.command import ship_trl
-from tests.study.synthetic import write_study
-from tests.study.test_sensitivity import study_of
+from tests.study.synthetic import study_of, write_study
 
 # Ten seeds of a study that is begun with ten, looked at after five.
 SCRATCH = np.linspace(0.5, 0.6, 10)
@@ -20,12 +20,12 @@ GAINS = np.array([0.1, -0.1, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3])
 def test_the_interval_is_of_95_percent() -> None:
     (found,) = answers(study_of(scratch=SCRATCH, FE1=SCRATCH + GAINS), ["high: FE1 above scratch"])
     assert found.seeds == 10 and found.differences == pytest.approx(GAINS)
-    assert found.estimate == pytest.approx(level_of(np.array(found.differences), 0.025))
+    assert found.estimate == pytest.approx(estimate_mean(np.array(found.differences), 0.025))
 
 
 def test_seeds_beyond_the_last_look_are_left_out() -> None:
     nine = study_of(scratch=SCRATCH[:9], FE1=(SCRATCH + GAINS)[:9])
-    planned = type(nine)(nine.records, planned=tuple(range(10)))
+    planned = Study(nine.records, plan=Manifest(tuple(range(10))))
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"])] == [5]
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"], seeds=7)] == [7]
 

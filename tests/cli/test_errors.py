@@ -177,7 +177,7 @@ def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
 
 
 def test_wandb_runs_offline_and_are_grouped(tmp_path: Path) -> None:
-    ship_trl("-m", *SMOKE[:2], "+arm=scratch,FT1", "logger=wandb", folder=tmp_path)
+    ship_trl("-m", *SMOKE[:2], "+arm=scratch,FT1", "logger=wandb", "hydra/launcher=basic", folder=tmp_path)
     runs = sorted((tmp_path / "outputs/smoke/wandb").glob("offline-run-*"))
     assert len(runs) == 3  # scratch, the source of FT1, FT1
     assert all(list(run.glob("run-*.wandb")) for run in runs)

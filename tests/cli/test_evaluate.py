@@ -2,15 +2,13 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from ship_trl.cli.evaluate import main
-from tests.command import ROOT, ship_trl
+from tests.command import ship_trl
 
 LINE = [
     *("target=2", "method=scratch", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30"),
@@ -204,12 +202,6 @@ def test_what_is_wrong_is_said(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.py").write_text("nothing\n")
     assert said in refused(capsys, *words.split())
-
-
-def test_help_knows_no_torch() -> None:
-    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", "evaluate", "--help"]
-    done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
-    assert "target=CASE" in done.stdout and " torch\n" not in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from torch import Generator
 
 from ship_trl.cli.explain import choose_entries, main
 from ship_trl.config.network import load_network
-from ship_trl.explain.networks import load_subjects, untrained
+from ship_trl.explain.networks import Origin, find_origin, make_untrained
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import save_weights
 from tests.command import ROOT, ship_trl
@@ -27,11 +27,8 @@ SMOKE = (
     "learn.jumpstart_draws=0",
     "output=runs",
 )
-WORDS = (
-    *("runs/high/FE2/seed=0", "runs/1/scratch/seed=0", "target=2"),
-    *("--episodes", "60", "--output", "page"),
-)
-FIGURES = {"probes", "change", "matrix", "erased", "saliency", "filters", "maps", "states"}
+RUN, SOURCE = Path("runs/high/FE2/seed=0"), Path("runs/1/scratch/seed=0")
+FIGURES = {"probes", "change", "erased", "saliency", "filters", "maps"}
 TABLES = {"probes", "cka", "layers", "erased", "saliency", "filters", "maps", "states"}
 
 
@@ -47,7 +44,8 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(trained: Path) -> Path:
-    done = ship_trl(*WORDS, verb="explain", folder=trained)
+    line = (str(RUN), str(SOURCE), "target=2", "--episodes", "60", "--output", "page")
+    done = ship_trl(*line, verb="explain", folder=trained)
     assert "probes 7 of 7" in done.stdout and "page/index.html" in done.stdout and done.stderr == ""
     return trained / "page"
 
@@ -62,10 +60,10 @@ def test_everything_is_written(page: Path) -> None:
     html = (page / "index.html").read_text()
     assert html.count("data:image/png;base64,") == len(FIGURES)
     assert "http://" not in html and "https://" not in html
-    assert "conv1 and conv2 were copied and frozen" in html
+    assert html.count("<td>conv1, conv2</td>") == 2, "copied and frozen layers"
 
 
-def test_layers_that_were_frozen_are_alike_and_the_others_are_not(page: Path) -> None:
+def test_frozen_layers_stay_and_the_others_change(page: Path) -> None:
     rows = pd.read_csv(page / "cka.csv")
     mine = rows[(rows.first_role == "explained") & (rows.second_role == "before training")].set_index("layer")
     assert mine.cka[["conv1", "conv2"]].tolist() == pytest.approx([1, 1])
@@ -82,64 +80,63 @@ def test_shuffled_labels_are_not_read(page: Path) -> None:
     assert ((rows.r2_low <= rows.r2) & (rows.r2 <= rows.r2_high)).all()
 
 
-def test_of_a_file_alone_there_is_a_page_too(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_alone_gets_a_page_too(trained: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone.safetensors"
-    shutil.copyfile(trained / "runs" / "high" / "FE2" / "seed=0" / "policy.safetensors", alone)
+    shutil.copyfile(trained / RUN / "policy.safetensors", alone)
     main([str(alone), "target=1", "--episodes", "60", "--seed", "3"])
-    assert "Not known: the first network is a file" in capsys.readouterr().out
-    assert (tmp_path / "outputs" / "explain" / "index.html").is_file()
+    roles = set(pd.read_csv(tmp_path / "outputs/explain/layers.csv").role)
+    assert roles == {"explained", "untrained"} and (tmp_path / "outputs/explain/index.html").is_file()
 
 
-def test_a_source_that_is_gone_is_named(
+def origin_of(run: Path) -> Origin:
+    (entry,) = choose_entries([str(run)], False)
+    return find_origin(entry, "mine")
+
+
+def test_a_missing_source_is_named(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The source is named relative to where the run was started.
     monkeypatch.chdir(trained)
-    run = trained / "runs" / "high" / "FE2" / "seed=0"
-    (whole,) = load_subjects(choose_entries([str(run)], False))
-    assert whole.source is not None and whole.before is not None and whole.copied == ("conv1", "conv2")
+    whole = origin_of(RUN)
+    assert whole.source is not None and whole.before is not None
+    assert whole.copied == ("conv1", "conv2") and whole.is_frozen
     moved = tmp_path / "moved"
-    shutil.copytree(run, moved)
+    shutil.copytree(RUN, moved)
     result = json.loads((moved / "result.json").read_text())
-    for changes, said in (
+    for changes, message in (
         ({"source_network": "gone.safetensors"}, "source_file: no file gone.safetensors; a safetensors file"),
         ({"before": result["before"] | {"return": 1.0}}, "it should return 1.0 and returns "),
     ):
         (moved / "result.json").write_text(json.dumps(result | changes))
-        (found,) = load_subjects(choose_entries([str(moved)], False))
-        assert found.before is None
-        told = capsys.readouterr().err
-        assert (
-            told.startswith("ship_trl: FE2 seed 0: the network before training is left out: ")
-            and said in told
-        )
+        assert origin_of(moved).before is None
+        error = capsys.readouterr().err
+        assert error.startswith("ship_trl: mine: the network before training is left out: ")
+        assert message in error
 
 
-def test_the_network_before_training_is_the_one_that_training_began_with(
+def test_the_start_of_a_run_from_scratch_is_drawn_again(
     trained: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(trained)
-    (first,) = load_subjects(choose_entries(["runs/1/scratch/seed=0"], False))
+    first = origin_of(SOURCE)
     assert first.before is not None and first.source is None and first.copied == ()
-    drawn = untrained(first.network, Generator().manual_seed(0))
-    assert len(
-        {float(one.get_parameter("conv1.weight").detach().sum()) for one in (first.before, *drawn)}
-    ) == 1 + len(drawn)
+    networks = [first.before, *make_untrained(first.before, Generator().manual_seed(0))]
+    sums = {float(one.get_parameter("conv1.weight").detach().sum()) for one in networks}
+    assert len(sums) == len(networks)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     with pytest.raises(SystemExit) as left:
         main(list(words))
     assert left.value.code == 1
-    told = capsys.readouterr().err
-    assert len(told.splitlines()) == 1 and told.startswith("ship_trl: ")
-    return told
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1 and error.startswith("ship_trl: ")
+    return error
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         ("random target=2", "policy: random has no network; allowed: a result folder or a safetensors file"),
         ("FE2", "target: none given for FE2"),
@@ -158,39 +155,37 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         ("RUN target=2 --output TAKEN", "TAKEN: File exists"),
     ],
 )
-def test_what_is_wrong_is_said(
+def test_wrong_input_is_refused(
     words: str,
-    said: str,
+    message: str,
     trained: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(trained)
-    run = trained / "runs" / "high" / "FE2" / "seed=0"
-    places = {"RUN": str(run), "SOURCE": str(trained / "runs" / "1" / "scratch" / "seed=0")}
+    five, world, taken = tmp_path / "five.safetensors", tmp_path / "world", trained / "TAKEN"
+    places = {"RUN": str(RUN), "SOURCE": str(SOURCE), "FIVE": str(five), "WORLD": str(world)}
     if "FIVE" in words:
-        places["FIVE"] = five(tmp_path / "five.safetensors")
+        save_weights(five, DuelingNetwork(1, 7, Generator().manual_seed(0), load_network("five")), {})
     if "WORLD" in words:
-        places["WORLD"] = str(tmp_path / "world")
-        shutil.copytree(run, places["WORLD"])
-        config = tmp_path / "world" / "config.yaml"
+        shutil.copytree(RUN, world)
+        config = world / "config.yaml"
         config.write_text(config.read_text().replace("max_steps: 60", "max_steps: 61"))
-    taken = trained / "TAKEN"
     taken.write_text("mine")
-    assert said in refused(capsys, *(places.get(word, word) for word in words.split()))
+    assert message in refused(capsys, *(places.get(word, word) for word in words.split()))
     assert taken.read_text() == "mine"
 
 
-def test_a_page_of_no_name_is_written_through_no_link(
+def test_the_default_output_follows_no_link(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "outputs").mkdir()
     (tmp_path / "private").mkdir()
     (tmp_path / "outputs/explain").symlink_to(tmp_path / "private")
-    said = refused(capsys, str(trained / "runs/high/FE2/seed=0"), "target=2")
-    assert "--output: outputs/explain is a link" in said and not list((tmp_path / "private").iterdir())
+    error = refused(capsys, str(trained / RUN), "target=2")
+    assert "--output: outputs/explain is a link" in error and not list((tmp_path / "private").iterdir())
 
 
 @pytest.mark.parametrize(
@@ -203,9 +198,8 @@ def test_a_page_of_no_name_is_written_through_no_link(
     ],
 )
 def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tmp_path: Path) -> None:
-    run = tmp_path / "seed=0"
-    shutil.copytree(trained / "runs/1/scratch/seed=0", run)
-    (run / "policy.safetensors").unlink()
+    shutil.copytree(trained / SOURCE, tmp_path / "seed=0")
+    (tmp_path / "seed=0/policy.safetensors").unlink()
     verb, *words = line.replace("RUN", "seed=0").split()
     done = ship_trl(*words, verb=verb, folder=tmp_path, code=1)
     assert done.stderr.splitlines() == [
@@ -215,13 +209,7 @@ def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tm
     assert [path.name for path in tmp_path.iterdir()] == ["seed=0"]
 
 
-def five(path: Path) -> str:
-    """Save an untrained network of other layers."""
-    save_weights(path, DuelingNetwork(1, 7, Generator().manual_seed(0), load_network("five")), {})
-    return str(path)
-
-
-def test_help_knows_no_torch() -> None:
+def test_help_imports_no_torch() -> None:
     line = [sys.executable, "-X", "importtime", "-m", "ship_trl", "explain", "--help"]
     done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
     assert "target=CASE" in done.stdout and " torch\n" not in done.stderr

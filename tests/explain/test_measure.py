@@ -1,5 +1,6 @@
-"""What is measured of networks: by role, from a seed, and beside controls."""
+"""Networks are measured by role, from a seed, and beside controls; page tables follow from the rows."""
 
+import dataclasses
 import math
 from functools import cache
 
@@ -8,94 +9,124 @@ import pytest
 import torch
 from torch import Generator
 
-from ship_trl.explain.measure import PIXELS, cast, measure, neighbours
-from ship_trl.explain.networks import Subject, untrained
-from ship_trl.explain.rows import Measured, Role
-from ship_trl.explain.saliency import things
-from ship_trl.sim.cases import load_world
-from ship_trl.sim.render import Rasteriser
-from tests.explain.worlds import case_of, some_states
+from ship_trl.explain.bootstrap import Estimate
+from ship_trl.explain.measure import PIXELS, measure, neighbour_correlation
+from ship_trl.explain.networks import Origin, add_controls, make_untrained
+from ship_trl.explain.page import make_tables
+from ship_trl.explain.pictures import draw_activations
+from ship_trl.explain.rows import CKARow, Compared, Measured, Role
+from ship_trl.explain.saliency import erase_things
+from ship_trl.learn.network import DuelingNetwork
+from tests.explain.worlds import env_of, some_states
 from tests.learn.networks import network
 
 
-@cache
-def small(seed: int = 0) -> Measured:
-    drawn = some_states()
-    first = network("single", seed=seed)
-    subjects = [
-        Subject("mine", first, source=network("single", seed=8), before=network("single", seed=9)),
-        Subject("other", network("single", seed=7)),
-    ]
-    shown = cast(subjects, untrained(first, Generator().manual_seed(1)))
-    held = drawn.states[torch.from_numpy(drawn.held_out)]
-    erased = things(case_of(), load_world(), Rasteriser(case_of(), load_world()), held)
-    said: list[str] = []
-    found = measure(shown, drawn, erased, 0, said.append)
-    assert len(said) == len(shown) + 2
+def measure_some(first: DuelingNetwork, origin: Origin, *others: Compared) -> Measured:
+    states = some_states()
+    untrained = make_untrained(first, Generator().manual_seed(1))
+    networks = add_controls([Compared("mine", Role.explained, first), *others], origin, untrained)
+    erased = erase_things(env_of(), states.states[torch.from_numpy(states.held_out)])
+    lines: list[str] = []
+    found = measure(networks, states, erased, 0, lines.append)
+    assert len(lines) == len(networks) + 2
     return found
 
 
+@cache
+def measured() -> Measured:
+    origin = Origin(source=network("single", seed=8), before=network("single", seed=9))
+    other = Compared("other", Role.beside, network("single", seed=7))
+    return measure_some(network("single"), origin, other)
+
+
 def test_every_network_has_its_role() -> None:
-    found = small()
-    assert [one.role for one in found.shown] == [
-        *(Role.explained, Role.before, Role.source, Role.beside),
-        *[Role.untrained] * 3,
-    ]
-    assert len({one.name for one in found.shown}) == 7
+    found = measured()
+    roles = [Role.explained, Role.before, Role.source, Role.beside, *[Role.untrained] * 3]
+    assert [one.role for one in found.networks] == roles
+    assert len({one.name for one in found.networks}) == 7
     assert found.layers == ("conv1", "shared")
 
 
 def test_the_same_seed_gives_the_same_numbers() -> None:
-    first, again = small(), small.__wrapped__()
-    assert first.probes == again.probes and first.alike == again.alike
-    assert first.erased == again.erased and first.by_layer == again.by_layer
+    first, again = (dataclasses.replace(one, networks=()) for one in (measured(), measured.__wrapped__()))
+    assert first == again
 
 
-def test_every_reading_has_its_controls() -> None:
-    found = small()
+def test_every_probe_has_its_controls() -> None:
+    found = measured()
+    pixels = {row.quantity: row.r2.value for row in found.probes if row.role == PIXELS}
     for row in found.probes:
         assert (row.over_pixels is None) == (row.role == PIXELS)
         assert (row.over_untrained is None) == (row.role in (PIXELS, Role.untrained))
-    pixels = {row.quantity: row.r2.value for row in found.probes if row.role == PIXELS}
-    for row in found.probes:
         if row.over_pixels is not None:
             assert row.over_pixels.value == pytest.approx(row.r2.value - pixels[row.quantity])
             assert row.over_pixels.low <= row.over_pixels.high
 
 
-def test_every_two_networks_are_compared_once() -> None:
-    found = small()
-    pairs = [frozenset((row.first, row.second)) for row in found.alike if row.layer == "conv1"]
+def test_every_pair_of_networks_is_compared_once() -> None:
+    pairs = [frozenset((row.first, row.second)) for row in measured().cka if row.layer == "conv1"]
     assert len(pairs) == len(set(pairs)) == 7 * 6 // 2
 
 
-def test_training_is_measured_from_where_it_began() -> None:
-    found = small()
-    mine, before = found.explained.network, found.role(Role.before)[0].network
+def test_training_is_measured_from_its_start() -> None:
+    found = measured()
+    new, old = (
+        one.network.get_parameter("conv1.weight").detach()
+        for one in (found.explained, *found.with_role(Role.before))
+    )
     (row,) = (r for r in found.by_layer if r.network == "mine" and r.layer == "conv1")
-    old = before.get_parameter("conv1.weight").detach()
-    apart = (mine.get_parameter("conv1.weight").detach() - old).norm() / old.norm()
-    assert row.changed == pytest.approx(float(apart))
+    assert row.changed == pytest.approx(float((new - old).norm() / old.norm()))
     assert all(r.changed is None for r in found.by_layer if r.network != "mine")
 
 
-def test_a_filter_that_never_fires_is_silent() -> None:
-    drawn = some_states()
+def test_a_filter_that_is_always_zero_is_silent() -> None:
     net = network("single")
     with torch.no_grad():
         net.get_parameter("conv1.bias")[0] = -1e6
-    shown = cast([Subject("mine", net)], untrained(net, Generator().manual_seed(1)))
-    held = drawn.states[torch.from_numpy(drawn.held_out)]
-    erased = things(case_of(), load_world(), Rasteriser(case_of(), load_world()), held)
-    found = measure(shown, drawn, erased, 0, lambda _: None)
+    found = measure_some(net, Origin())
     (row,) = (r for r in found.by_layer if r.network == "mine" and r.layer == "conv1")
-    fires = net.activations(drawn.pixels)["conv1"].flatten(1) > 0
-    assert row.silent == int((~fires.any(0)).sum()) >= 1
+    active = net.activations(some_states().pixels)["conv1"].flatten(1) > 0
+    assert row.silent == int((~active.any(0)).sum()) >= 1
 
 
 def test_neighbouring_weights_of_a_smooth_filter_correlate() -> None:
     noise = torch.randn(32, 1, 8, 8, generator=Generator().manual_seed(0))
     ramp = torch.linspace(-1, 1, 8).expand(32, 1, 8, 8) * torch.arange(1, 33)[:, None, None, None]
-    drawn, smooth = (neighbours(w, np.random.default_rng(0)) for w in (noise, ramp))
-    assert drawn.low < 0.05 and drawn.high > -0.1 and smooth.low > 0.7
-    assert math.isnan(neighbours(torch.ones(4, 1, 8, 8), np.random.default_rng(0)).value)
+    rough, smooth = (neighbour_correlation(w, np.random.default_rng(0)) for w in (noise, ramp))
+    assert rough.low < 0.05 and rough.high > -0.1 and smooth.low > 0.7
+    assert math.isnan(neighbour_correlation(torch.ones(4, 1, 8, 8), np.random.default_rng(0)).value)
+
+
+def test_the_best_layer_is_chosen_on_validation_episodes_and_marked_against_controls() -> None:
+    row = next(r for r in measured().explained_probes if r.over_pixels)
+    above, below, around = Estimate(0.2, 0.1, 0.3), Estimate(-0.2, -0.3, -0.1), Estimate(0, -0.1, 0.1)
+    rows = [
+        dataclasses.replace(row, layer="conv1", checked_r2=0.7, over_pixels=above, over_untrained=below),
+        dataclasses.replace(row, layer="shared", checked_r2=0.5, over_pixels=around, over_untrained=above),
+        *(r for r in measured().probes if r.role == Role.untrained),
+    ]
+    tables = make_tables(dataclasses.replace(measured(), probes=rows))
+    (best,) = tables["best"].rows
+    assert best[:2] == [row.quantity, "conv1"]
+    assert best[3:5] == ["0.20 (0.10 to 0.30) ▲", "-0.20 (-0.30 to -0.10) ▼"]
+    assert [line[-2:] for line in tables["layers"].rows] == [["0 ▲ 1 ▼", "1 ▲ 0 ▼"], ["1 ▲ 0 ▼", "0 ▲ 0 ▼"]]
+
+
+def test_seeds_of_the_same_settings_come_first() -> None:
+    net, mine, other = network("single"), ("low", "FT3", "4"), ("low", "scratch", "4")
+    networks = [Compared(name, Role.beside, net, other) for name in ("one", "two")]
+    networks = [
+        Compared("mine", Role.explained, net, mine),
+        Compared("twin", Role.beside, net, mine),
+        *networks,
+    ]
+    value = Estimate(0.5, 0.4, 0.6)
+    rows = [CKARow(a, "", b, "", "conv1", True, value) for a, b in (("one", "two"), ("mine", "twin"))]
+    found = dataclasses.replace(measured(), networks=tuple(networks), cka=rows)
+    assert found.cka_between_seeds("conv1") == rows[1:]
+    assert dataclasses.replace(found, cka=rows[:1]).cka_between_seeds("conv1") == rows[:1]
+
+
+def test_activations_of_layers_without_maps_are_drawn() -> None:
+    pixels = some_states().pixels[:3]
+    assert len(draw_activations(network("single"), pixels[0], pixels).axes) > 3

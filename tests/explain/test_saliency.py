@@ -1,77 +1,70 @@
-"""Gradient, occlusion and erased things say what moves the chosen action."""
-
-import dataclasses
+"""Gradient, occlusion and erased things show which pixels the greedy action depends on."""
 
 import torch
 
-from ship_trl.explain.saliency import PATCH, advantage, choose, gradient, moved, occlusion, things
-from ship_trl.sim.cases import load_world
-from ship_trl.sim.render import Rasteriser
-from tests.explain.worlds import a_network, case_of, some_states
+from ship_trl.explain.saliency import (
+    PATCH,
+    advantage,
+    advantage_change,
+    erase_things,
+    gradient,
+    greedy_actions,
+    occlusion,
+)
+from tests.explain.worlds import a_network, env_of, some_states
 
 
-def test_things_are_what_differs_from_the_sea() -> None:
-    world, states = load_world(), some_states().states[::20]
-    draw = Rasteriser(case_of(), world)
-    whole = draw(states)
-    erased = things(case_of(), world, draw, states)
-    assert [one.thing for one in erased] == ["the line to the goal", "ship 1", "ship 2", "all ships"]
-    for one in erased:
-        changed = (one.pixels != whole).any(1)
-        assert torch.equal(changed & ~one.where, torch.zeros_like(changed))
-        assert bool(changed[one.seen].flatten(1).any(1).all())
-    every = torch.where(erased[0].where[:, None], draw.background, erased[3].pixels)
-    assert torch.equal(
-        every[..., 42:44, 41:43], draw.background[:, 42:44, 41:43].expand_as(every[..., 42:44, 41:43])
-    )
-    alone = Rasteriser(dataclasses.replace(case_of(), target_ships=[]), world)(states)
-    assert torch.equal(erased[3].pixels, alone)
+def test_only_the_pixels_of_a_thing_change() -> None:
+    states, background = some_states().states[::20], env_of().rasteriser.background
+    pixels = env_of().rasteriser(states)
+    line, *ships, all_ships = erase_things(env_of(), states)
+    assert [one.thing for one in (line, *ships, all_ships)] == [
+        *("the line to the goal", "ship 1", "ship 2", "all ships")
+    ]
+    for one in (line, *ships, all_ships):
+        changed = (one.pixels != pixels).any(1)
+        assert not bool((changed & ~one.mask).any())
+        assert bool(changed[one.visible].flatten(1).any(1).all())
+    # Without line and ships the centre shows the background.
+    empty = torch.where(line.mask[:, None], background, all_ships.pixels)[..., 42:44, 41:43]
+    assert torch.equal(empty, background[:, 42:44, 41:43].expand_as(empty))
 
 
-def test_the_gradient_is_that_of_the_advantage() -> None:
+def test_the_gradient_is_the_slope_of_the_advantage() -> None:
     network, pixels = a_network(), some_states().pixels[:2]
     found = gradient(network, pixels)
-    action, step = choose(network, pixels), 8.0
-    where = divmod(int(found[0].argmax()), 84)
+    action, step = greedy_actions(network, pixels), 8.0
+    row, column = divmod(int(found[0].argmax()), 84)
     up, down = pixels.float(), pixels.float()
-    up[0, 0, where[0], where[1]] += step
-    down[0, 0, where[0], where[1]] -= step
+    up[0, 0, row, column] += step
+    down[0, 0, row, column] -= step
     with torch.no_grad():
         slope = (advantage(network, up, action) - advantage(network, down, action))[0] / (2 * step)
     assert found.shape == (2, 84, 84) and bool((found >= 0).all())
-    torch.testing.assert_close(found[0][where], 255 * slope.abs(), rtol=0.1, atol=1e-3)
+    torch.testing.assert_close(found[0, row, column], 255 * slope.abs(), rtol=0.1, atol=1e-3)
 
 
-def test_occlusion_is_zero_where_nothing_is_drawn() -> None:
-    world = load_world()
-    draw, network = Rasteriser(case_of(), world), a_network()
-    picture = some_states().pixels[7]
-    fall = occlusion(network, picture, draw.background)
-    near = torch.nn.functional.max_pool2d(
-        (picture != draw.background).any(0).float()[None], PATCH, 1, PATCH // 2
-    )[0]
-    assert bool((fall[near == 0] == 0).all()) and bool((fall[near > 0] != 0).any())
-    assert bool((occlusion(network, draw.background, draw.background) == 0).all())
-
-
-def test_a_square_hidden_is_what_occlusion_measures() -> None:
-    draw, network = Rasteriser(case_of(), load_world()), a_network()
-    picture = some_states().pixels[7]
-    fall = occlusion(network, picture, draw.background)
-    row, column = divmod(int(fall.abs().argmax()), 84)
-    hidden, half = picture.clone(), PATCH // 2
+def test_occlusion_is_the_drop_with_a_square_hidden() -> None:
+    network, picture, background = a_network(), some_states().pixels[7], env_of().rasteriser.background
+    drop, half = occlusion(network, picture, background), PATCH // 2
+    drawn = (picture != background).any(0).float()[None]
+    near = torch.nn.functional.max_pool2d(drawn, PATCH, 1, half)[0] > 0
+    assert bool((drop[~near] == 0).all()) and bool((drop[near] != 0).any())
+    assert bool((occlusion(network, background, background) == 0).all())
+    row, column = divmod(int(drop.abs().argmax()), 84)
+    hidden = picture.clone()
     rows = slice(max(0, row - half), row + half + 1)
     columns = slice(max(0, column - half), column + half + 1)
-    hidden[:, rows, columns] = draw.background[:, rows, columns]
-    action = choose(network, picture[None])
+    hidden[:, rows, columns] = background[:, rows, columns]
+    action = greedy_actions(network, picture[None])
     with torch.no_grad():
         known = advantage(network, picture[None], action) - advantage(network, hidden[None], action)
-    torch.testing.assert_close(fall[row, column], known[0], rtol=1e-3, atol=1e-5)
+    torch.testing.assert_close(drop[row, column], known[0], rtol=1e-3, atol=1e-5)
 
 
-def test_pictures_that_stay_move_nothing() -> None:
+def test_advantages_change_with_the_pictures() -> None:
     network, pixels = a_network(), some_states().pixels[:40]
-    assert moved(network, pixels, pixels) == 0
+    assert advantage_change(network, pixels, pixels) == 0
     shuffled = pixels[torch.randperm(40, generator=torch.Generator().manual_seed(0))]
-    # Any picture for any other: the difference of two draws varies by the square root of two.
-    assert 1.0 < moved(network, pixels, shuffled) < 1.7
+    # The difference of two independent draws spreads by the square root of two.
+    assert 1.0 < advantage_change(network, pixels, shuffled) < 1.7

@@ -1,1 +1,1 @@
-"""Faults made on purpose, and what must survive each: `python -m tests.faults`."""
+"""Make faults on purpose and check what survives: `python -m tests.faults`."""

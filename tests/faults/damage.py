@@ -1,6 +1,6 @@
-"""What may become of a file: cut short, bits turned over, another kind of file, or made to do harm.
+"""Damage a file: cut it, flip bits, change a value, or put a hostile file in its place.
 
-Each damage takes a path and a generator of random numbers, and puts something else in its place.
+Each damage takes a path and a random generator, and returns what it did.
 """
 
 import io
@@ -18,53 +18,28 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from PIL import Image
 
-# Made by whatever a hostile file lets run.
+# A file that only a hostile file can make.
 EXECUTED = "EXECUTED"
-# Values that no reader expects where it reads them.
+# Values that no reader expects.
 ODD: tuple[Any, ...] = (
-    *(None, True, -1, 0, 1, 2**31, 2**63, 2**64, 10**400, 1e308, -1e308, float("nan"), float("inf"), 1.5),
-    *(
-        "",
-        "x",
-        "nan",
-        "1e999",
-        "../../../../etc/passwd",
-        "/etc/passwd",
-        "a\x00b",
-        "\ud800",
-        "\n\n",
-        "${oc.env:HOME}",
-    ),
-    *(
-        "${seed}",
-        "??? ",
-        "x" * 100_000,
-        [],
-        {},
-        [[]],
-        [None],
-        {"": 1},
-        [1] * 50,
-        "☃",
-        "-1",
-        "0x10",
-        "0" * 5000,
-    ),
+    *(None, True, -1, 0, 1, 2**31, 2**63, 10**400, 1.5, 1e308, -1e308, float("nan"), float("inf")),
+    *("", "x", "nan", "1e999", "-1", "0x10", "0" * 5000, "x" * 100_000, "\n\n", "a\x00b", "\ud800", "☃"),
+    *("../../../../etc/passwd", "/etc/passwd", "${oc.env:HOME}", "${seed}", "???"),
+    *([], {}, [[]], [None], {"": 1}, [1] * 50),
 )
-
+LINKS = ("/etc/passwd", "/dev/zero", "/dev/null", "/proc/self/mem", "/", "/nowhere/at/all")
 Damage = Callable[[Path, random.Random], str]
 
 
 def replace(path: Path, data: bytes) -> None:
-    """Put other bytes in a file's place; another name of the same file keeps its own."""
+    """Write a new file in place of another; other links of that one keep its content."""
     path.unlink()
     path.write_bytes(data)
 
 
 def cut(path: Path, rng: random.Random) -> str:
-    """Cut a file short."""
+    """Keep the beginning."""
     data = path.read_bytes()
     size = rng.randrange(len(data)) if data else 0
     replace(path, data[:size])
@@ -72,145 +47,109 @@ def cut(path: Path, rng: random.Random) -> str:
 
 
 def flip(path: Path, rng: random.Random) -> str:
-    """Turn bits over; of a large file half of them in its beginning, where its header is."""
+    """Flip bits, half of them in the first 2,000 bytes, where a header is."""
     data = bytearray(path.read_bytes())
     places = []
     for _ in range(rng.choice((1, 1, 1, 2, 8, 64))):
-        end = len(data) if rng.random() < 0.5 else min(len(data), 2000)
-        if end:
-            place, bit = rng.randrange(end), rng.randrange(8)
-            data[place] ^= 1 << bit
-            places.append(f"{place}.{bit}")
+        if size := len(data) if rng.random() < 0.5 else min(len(data), 2000):
+            places.append(rng.randrange(size))
+            data[places[-1]] ^= 1 << rng.randrange(8)
     replace(path, bytes(data))
-    return f"bits turned over at {', '.join(places[:8])}"
+    return f"bits flipped in bytes {places[:8]}"
 
 
-def empty(path: Path, rng: random.Random) -> str:
-    """Leave nothing in a file."""
-    replace(path, b"")
-    return "emptied"
-
-
-def noise(path: Path, rng: random.Random) -> str:
-    """Fill a file with noise, as many zeros, or twice with itself."""
+def fill(path: Path, rng: random.Random) -> str:
+    """Fill with noise, zeros, nothing, or the content twice."""
     data = path.read_bytes()
-    kind = rng.choice(("noise", "zeros", "itself twice"))
-    made = {"noise": rng.randbytes(len(data)), "zeros": bytes(len(data)), "itself twice": data + data}
+    made = {
+        "noise": rng.randbytes(len(data)),
+        "zeros": bytes(len(data)),
+        "nothing": b"",
+        "it twice": data * 2,
+    }
+    kind = rng.choice(sorted(made))
     replace(path, made[kind])
     return f"filled with {kind}"
 
 
-def spliced(path: Path, rng: random.Random) -> str:
-    """Take some bytes out of a file, or put some of its own in at another place."""
-    data = path.read_bytes()
-    one, other, to = sorted(rng.randrange(len(data) + 1) for _ in range(3))
-    replace(
-        path, data[:one] + data[other:] if rng.random() < 0.5 else data[:to] + data[one:other] + data[to:]
-    )
-    return f"spliced at {one}, {other}, {to}"
-
-
 def swap(path: Path, rng: random.Random) -> str:
     """Put a file of another kind in its place."""
-    name = rng.choice(sorted(others()))
-    replace(path, others()[name])
-    return f"{name} in its place"
-
-
-@cache
-def others() -> dict[str, bytes]:
-    """Give files of other kinds, some of which would run something or fill the memory."""
-    made: dict[str, bytes] = {}
-    for kind in ("GIF", "PNG"):
-        file = io.BytesIO()
-        Image.new("L", (84, 84)).save(file, kind)
-        made[kind] = file.getvalue()
-    made["a pickle"] = pickle.dumps(Executes())
-    made["a shell script"] = f"#!/bin/sh\ntouch {EXECUTED}\n".encode()
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("../../archive/data.pkl", pickle.dumps(Executes()))
-        archive.writestr("zeros", bytes(200_000_000))
-    made["a zip bomb"] = file.getvalue()
-    made["an xz bomb"] = lzma.compress(bytes(300_000_000), preset=0)
-    made["YAML tags"] = f"!!python/object/apply:os.system ['touch {EXECUTED}']\n".encode()
-    made["a YAML tag in a key"] = f"start: !!python/object/apply:os.system ['touch {EXECUTED}']\n".encode()
-    made["exploding aliases"] = laughs("l", 9)
-    made["long aliases"] = laughs("start", 25)
-    made["a list without end"] = b"&a [*a]\n"
-    made["a deep list"] = b"[" * 200_000
-    made["a deep object"] = b'{"a":' * 200_000
-    made["deep YAML"] = b"".join(b" " * k + b"a:\n" for k in range(3000))
-    made["a JSON list"] = b"[1, 2]"
-    made["a JSON null"] = b"null"
-    made["a JSON text"] = b'"text"'
-    made["an empty object"] = b"{}"
-    made["a very long number"] = b'{"a": ' + b"9" * 100_000 + b"}"
-    made["a CSV of one column"] = b"a\n" * 1000
-    made["a CSV line without end"] = b"episode," * 500_000
-    made["an open quote"] = b'episode,steps\n"' + b"x" * 100_000
-    made["UTF-16"] = "start: [0, 0]\n".encode("utf-16")
-    made["Latin-1"] = "start: \xe4\xff\n".encode("latin-1")
-    made["carriage returns"] = b"\r" * 1000
-    for name, size in {"of 2^63": 2**63, "of 2^40": 2**40, "of 99 MB": 99_000_000, "of nothing": 0}.items():
-        made[f"a safetensors header {name}"] = struct.pack("<Q", size) + b"{}" * 50
-    for name, text in HEADERS.items():
-        made[f"safetensors with {name}"] = struct.pack("<Q", len(text)) + text.encode() + bytes(64)
-    return made
-
-
-HEADERS = {
-    "a huge shape": '{"conv1.weight":{"dtype":"F32","shape":[4294967296,4294967296],"data_offsets":[0,64]}}',
-    "offsets beyond the file": '{"a":{"dtype":"F32","shape":[1000000],"data_offsets":[0,4000000]}}',
-    "no tensor": '{"__metadata__":{"ship_trl":"[]"}}',
-    "a list for its network": '{"__metadata__":{"ship_trl":"{\\"network\\": []}"}}',
-    "a deep network": '{"__metadata__":{"ship_trl":"' + "[" * 100_000 + '"}}',
-}
+    name = rng.choice(sorted(hostile_files()))
+    replace(path, hostile_files()[name])
+    return f"replaced by {name}"
 
 
 class Executes:
-    """What a pickle of it runs when it is read."""
+    """Runs a command when it is unpickled."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return os.system, (f"touch {EXECUTED}",)
 
 
-def laughs(key: str, levels: int) -> bytes:
-    """YAML whose aliases stand for lists of lists, ten times as many at each level."""
-    lines = [f"{key}0: &a0 [x, x]"]
-    lines += [f"{key}{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, levels)]
-    return "\n".join(lines).encode()
+@cache
+def hostile_files() -> dict[str, bytes]:
+    """Make files of other kinds, some of which would run something or fill the memory."""
+    made = pickle.dumps(Executes())
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("archive/data.pkl", made)
+        file.writestr("zeros", bytes(100_000_000))
+    levels = [f"l{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 9)]
+    headers = {
+        "a huge shape": '{"conv1.weight":{"dtype":"F32","shape":[99999999,9999999],"data_offsets":[0,9]}}',
+        "offsets beyond the file": '{"a":{"dtype":"F32","shape":[1000000],"data_offsets":[0,4000000]}}',
+        "no tensor": '{"__metadata__":{"ship_trl":"[]"}}',
+        "a wrong network": '{"__metadata__":{"ship_trl":"{\\"network\\": []}"}}',
+        "a deep network": '{"__metadata__":{"ship_trl":"' + "[" * 100_000 + '"}}',
+    }
+    return {
+        "a GIF": b"GIF89aT\x00T\x00\x87\x00\x00" + bytes(500),
+        "a pickle": made,
+        "a zip bomb": archive.getvalue(),
+        "an xz bomb": lzma.compress(bytes(100_000_000), preset=0),
+        "YAML tags": f"start: !!python/object/apply:os.system ['touch {EXECUTED}']\n".encode(),
+        "YAML aliases": "\n".join(["l0: &a0 [x, x]", *levels]).encode(),
+        "a YAML list of itself": b"&a [*a]\n",
+        "a deep list": b"[" * 200_000,
+        "deep YAML": b"".join(b" " * k + b"a:\n" for k in range(3000)),
+        "an empty object": b"{}",
+        "a long number": b'{"a": ' + b"9" * 100_000 + b"}",
+        "a long CSV line": b"episode," * 500_000,
+        "UTF-16": "start: [0, 0]\n".encode("utf-16"),
+        "Latin-1": "start: \xe4\xff\n".encode("latin-1"),
+        **{f"a header of {n} bytes": struct.pack("<Q", n) + b"{}" * 50 for n in (0, 99_000_000, 1 << 63)},
+        **{
+            f"{n} in a header": struct.pack("<Q", len(t)) + t.encode() + bytes(64) for n, t in headers.items()
+        },
+    }
 
 
-def odd_value(path: Path, rng: random.Random) -> str:
-    """Change a value of a file whose form stays whole: JSON, YAML, CSV, or the header of safetensors."""
+def change_value(path: Path, rng: random.Random) -> str:
+    """Change one value of JSON, YAML, CSV, or the header of safetensors; the form stays whole."""
     data = path.read_bytes()
     try:
         if path.suffix == ".json":
             values = json.loads(data)
-            where = change(values, rng)
+            what = change_tree(values, rng)
             made = json.dumps(values).encode()
         elif path.suffix == ".yaml":
             values = yaml.safe_load(data)
-            where = change(values, rng)
+            what = change_tree(values, rng)
             made = yaml.safe_dump(values, sort_keys=False).encode()
         elif path.suffix == ".csv":
-            lines = data.decode().split("\n")
-            row = rng.randrange(len(lines))
-            cells = lines[row].split(",")
-            column = rng.randrange(len(cells))
-            cells[column] = str(rng.choice(ODD))[:10_000]
-            lines[row], where = ",".join(cells), f"line {row}, cell {column}: {cells[column]:.40}"
-            made = "\n".join(lines).encode(errors="replace")
+            rows = [line.split(",") for line in data.decode().split("\n")]
+            row = rng.choice(rows)
+            what = row[rng.randrange(len(row))] = str(rng.choice(ODD))[:10_000]
+            made = "\n".join(map(",".join, rows)).encode(errors="replace")
         elif path.suffix == ".safetensors":
             (size,) = struct.unpack("<Q", data[:8])
             header = json.loads(data[8 : 8 + size])
             if rng.random() < 0.5:
                 about = json.loads(header["__metadata__"]["ship_trl"])
-                where = change(about, rng)
+                what = change_tree(about, rng)
                 header["__metadata__"]["ship_trl"] = json.dumps(about)
             else:
-                where = change(header, rng)
+                what = change_tree(header, rng)
             text = json.dumps(header).encode()
             made = struct.pack("<Q", len(text)) + text + data[8 + size :]
         else:
@@ -218,66 +157,42 @@ def odd_value(path: Path, rng: random.Random) -> str:
     except (ValueError, yaml.YAMLError):
         return flip(path, rng)
     replace(path, made)
-    return f"an odd value: {where}"
+    return f"changed: {what:.60}"
 
 
-def change(values: Any, rng: random.Random) -> str:
-    """Change one value inside lists and objects, or take it out, or give its key another name."""
-    trail: list[str] = []
-    while True:
-        keys = list(values) if isinstance(values, dict) else list(range(len(values)))
-        if not keys:
-            return f"{'.'.join(trail)} is empty"
-        key = rng.choice(keys)
-        trail.append(str(key))
-        inner = values[key]
-        if isinstance(inner, dict | list) and inner and rng.random() < 0.8:
-            values = inner
-            continue
-        how = rng.random()
-        if how < 0.1:
-            del values[key]
-            return f"{'.'.join(trail)} taken out"
-        if how < 0.15 and isinstance(values, dict):
-            values["odd"] = values.pop(key)
-            return f"{'.'.join(trail)} renamed"
-        values[key] = rng.choice(ODD)
-        return f"{'.'.join(trail)}: {str(values[key])[:40]!a}"
+def change_tree(values: Any, rng: random.Random) -> str:
+    """Change, remove or rename one value inside lists and objects."""
+    keys = list(values) if isinstance(values, dict) else list(range(len(values)))
+    if not keys:
+        return "nothing, for it is empty"
+    key = rng.choice(keys)
+    if isinstance(values[key], dict | list) and values[key] and rng.random() < 0.8:
+        return f"{key}.{change_tree(values[key], rng)}"
+    how = rng.random()
+    if how < 0.1:
+        del values[key]
+        return f"{key} removed"
+    if how < 0.15 and isinstance(values, dict):
+        values["odd"] = values.pop(key)
+        return f"{key} renamed"
+    values[key] = rng.choice(ODD)
+    return f"{key} is {str(values[key])[:40]!a}"
 
 
-def special(path: Path, rng: random.Random) -> str:
-    """Put something in a file's place that is no file."""
-    kind = rng.choice(("directory", "FIFO", "link to itself", "link to nothing", *LINKS))
+def no_file(path: Path, rng: random.Random) -> str:
+    """Remove a file or its folder, or put a folder, a pipe or a link in its place."""
+    kind = rng.choice(("nothing", "nothing", "no folder", "a folder", "a pipe", "itself", *LINKS))
     path.unlink()
-    if kind == "directory":
+    if kind == "no folder":
+        shutil.rmtree(path.parent)
+    elif kind == "a folder":
         path.mkdir()
-    elif kind == "FIFO":
+    elif kind == "a pipe":
         os.mkfifo(path)
-    elif kind == "link to itself":
-        path.symlink_to(path)
-    elif kind == "link to nothing":
-        path.symlink_to("/nowhere/at/all")
-    else:
-        path.symlink_to(kind)
-    return kind
+    elif kind != "nothing":
+        path.symlink_to(path if kind == "itself" else kind)
+    return f"replaced by {kind}"
 
 
-LINKS = ("/etc/passwd", "/dev/zero", "/dev/null", "/proc/self/mem", "/")
-
-
-def not_readable(path: Path, rng: random.Random) -> str:
-    """Take a file away, or its whole folder."""
-    if rng.random() < 0.7:
-        path.unlink()
-        return "taken away"
-    shutil.rmtree(path.parent)
-    return "taken away with its folder"
-
-
-DAMAGES: tuple[Damage, ...] = (
-    *(cut, flip, empty, noise, spliced, not_readable),
-    # These find the most.
-    *(odd_value,) * 6,
-    *(swap,) * 4,
-    *(special,) * 2,
-)
+# Changed values find the most.
+DAMAGES: tuple[Damage, ...] = (cut, flip, fill, *[change_value] * 4, *[swap] * 3, *[no_file] * 2)

@@ -1,159 +1,103 @@
-"""SIGKILL at any moment: the same command, given again until it comes through, leaves what it would have.
+"""Kill a run or a study at any moment: the same command, given again, leaves what it would have left.
 
-A run or a study is started and killed, again and again, and then let come through. It is killed after a
-random time, or by itself before one of its steps that change the file system, counted from its start: a
-time alone would seldom meet the moment between two of those. Of a study the whole group is killed, or only
-the process that was started, or only the grid that it has started.
-
-Survived: the command that comes through ends with exit code 0, without a traceback; every file has the bytes
-that it has without a kill, but for times; and no file is there that is not there without a kill, but a
-draft outside the folders of runs: of a kill while one was written, which nothing reads.
+A run is killed after a random time, or before a random step that changes its folder; a time alone would
+seldom fall between two of those. Of a study either all processes are killed, or its own, or its grid's.
+Passed: the command then ends with exit code 0, all files have the same bytes but for times, and no other
+file is left but a draft outside the folders of runs.
 """
 
 import itertools
 import os
 import random
-import re
 import shutil
 import signal
-import sys
-import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from tests.faults.command import Child, run
-from tests.faults.runs import ALONE, SHORT, STUDY, TRANSFER, a_folder, undisturbed, wanted
-from tests.faults.trial import DRAFT, Trial, difference, state
+from tests.faults.changes import counted, die_at
+from tests.faults.library import ALONE, STUDY, TRANSFER, expected, new_folder, undisturbed
+from tests.faults.trial import Trial, contents, difference, drop_drafts
+from tests.forked import Child, Ended, run
 from tests.study.commands import descendants
 
-# What changes a folder, as Python reports it to an audit hook before it does so.
-CHANGES = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.chmod", "os.truncate"}
-WRITES = os.O_WRONLY | os.O_RDWR
-# A command is let come through after at most so many kills.
-MOST = 24
+MAX_KILLS = 24
+KILLED = Ended(-signal.SIGKILL, "", "", 0.0)
 
 
-def changes(event: str, arguments: tuple[object, ...], below: str) -> bool:
-    """Whether an event changes something below a folder."""
-    if event not in CHANGES or not isinstance(arguments[0], str | os.PathLike):
-        return False
-    if event == "open" and not (isinstance(arguments[2], int) and arguments[2] & WRITES):
-        return False
-    return str(Path.cwd() / os.fspath(arguments[0])).startswith(below)
+@cache
+def count_steps(words: tuple[str, ...]) -> int:
+    """Count the steps of a command that change its folder."""
+    with TemporaryDirectory() as place:
+        counter = Path(place) / "steps"
+        ended = run(*words, folder=new_folder(Path(place)), before=counted(counter))
+        assert ended.code == 0, ended
+        return counter.stat().st_size
 
 
-def die_at(step: int) -> Callable[[], None]:
-    """Let a child be killed before the step of that number, from 0, that changes its folder."""
-
-    def install() -> None:
-        below, count = str(Path.cwd()), itertools.count()
-
-        def hook(event: str, arguments: tuple[object, ...]) -> None:
-            if changes(event, arguments, below) and next(count) == step:
-                os.kill(os.getpid(), signal.SIGKILL)
-
-        sys.addaudithook(hook)
-
-    return install
+def kill_at_step(words: tuple[str, ...], folder: Path, rng: random.Random) -> tuple[Ended, str]:
+    """Kill a command before a step, and say when."""
+    step = rng.randrange(count_steps(words))
+    return run(*words, folder=folder, before=die_at(step)), f"step {step}"
 
 
-def steps(arguments: tuple[str, ...]) -> int:
-    """Count the steps of a run that change its folder."""
-
-    def install() -> None:
-        below = str(Path.cwd())
-        with (Path.cwd() / "steps").open("w", buffering=1) as file:
-            os.set_inheritable(file.fileno(), True)
-            kept = os.dup(file.fileno())
-
-        def hook(event: str, given: tuple[object, ...]) -> None:
-            if changes(event, given, below):
-                os.write(kept, b".")
-
-        sys.addaudithook(hook)
-
-    folder = a_folder(undisturbed(arguments)[0], 1)
-    done = run(*arguments, folder=folder, before=install)
-    count = (folder / "steps").stat().st_size
-    shutil.rmtree(folder)
-    assert done.code == 0 and count > 0, done
-    return count
+def kill_in_time(words: tuple[str, ...], folder: Path, rng: random.Random) -> tuple[Ended, str]:
+    """Kill a command after a time, and say when."""
+    after = rng.uniform(0, undisturbed(words)[1].seconds)
+    child = Child(words, folder)
+    return child.wait(after) or child.kill(), f"{after:.2f} s"
 
 
-def of_runs(rng: random.Random, place: Path) -> Iterator[Trial]:
+def kill_part(words: tuple[str, ...], folder: Path, rng: random.Random) -> tuple[Ended, str]:
+    """Kill a command, or all its processes, or first those that it has started; say when."""
+    after, whom = rng.uniform(0, 0.7 * undisturbed(words)[1].seconds), rng.choice(("all", "parent", "grid"))
+    child = Child(words, folder)
+    ended = child.wait(after)
+    if not ended and whom == "grid":
+        for process in set(descendants(child.pid)) - {child.pid}:
+            os.kill(process, signal.SIGKILL)
+        reported = child.wait(rng.uniform(0, 3))
+        ended = KILLED if reported and reported.is_refusal else reported
+    return ended or child.kill(whom != "parent"), f"{whom}, {after:.1f} s"
+
+
+def run_trials(rng: random.Random, place: Path) -> Iterator[Trial]:
     """Kill single runs."""
-    counts = {arguments: steps(arguments) for arguments in (ALONE, TRANSFER)}
     for number in itertools.count():
-        arguments = rng.choice((ALONE, TRANSFER))
-        folder, seconds = a_folder(place, number), undisturbed(arguments)[1]
-        kills, words, done = 0, [], None
-        for _ in range(rng.randint(1, MOST)):
-            if rng.random() < 0.5:
-                step = rng.randrange(counts[arguments])
-                done = run(*arguments, folder=folder, before=die_at(step))
-                words.append(f"step {step}")
-            else:
-                after = rng.uniform(0, seconds)
-                child = Child(arguments, folder)
-                done = child.wait(after) or child.kill()
-                words.append(f"{after:.2f} s")
-            assert done is not None
-            if done.code != -signal.SIGKILL:
-                break
-            kills += 1
-        what = f"{folder}: {' '.join(arguments[len(SHORT) :])}: killed at {', '.join(words)}"
-        yield conclude(done if done and done.code else None, arguments, "ship_trl", folder, what, kills)
+        words = rng.choice((ALONE, TRANSFER))
+        yield trial(words, new_folder(place, number), rng, (kill_at_step, kill_in_time))
 
 
-def of_studies(rng: random.Random, place: Path) -> Iterator[Trial]:
-    """Kill studies: the whole group, the process that was started, or the grid alone."""
+def study_trials(rng: random.Random, place: Path) -> Iterator[Trial]:
+    """Kill studies."""
     for number in itertools.count():
-        folder, seconds = a_folder(place, number), undisturbed(STUDY, "ship_trl.study")[1]
-        kills, words = 0, []
-        for _ in range(rng.randint(1, MOST)):
-            child = Child(STUDY, folder, "ship_trl.study")
-            after, whom = rng.uniform(0, 0.7 * seconds), rng.choice(("group", "parent", "grid"))
-            if child.wait(after) is not None:
-                break
-            words.append(f"{whom} after {after:.1f} s")
-            kills += 1
-            if whom == "grid":
-                for process in descendants(child.pid):
-                    if process != child.pid:
-                        os.kill(process, signal.SIGKILL)
-                after = rng.uniform(0, 3)
-                if child.wait(after) is not None:
-                    break
-                words[-1] += f", group {after:.1f} s later"
-                kills += 1
-            child.kill(group=whom != "parent")
-        what = f"{folder}: study: killed {', '.join(words)}"
-        yield conclude(None, STUDY, "ship_trl.study", folder, what, kills)
+        yield trial(STUDY, new_folder(place, number), rng, (kill_part,))
 
 
-def without_drafts(found: dict[str, bytes]) -> dict[str, bytes]:
-    """Leave out the drafts that no run's folder holds; in those a run begins anew."""
-    return {
-        name: data
-        for name, data in found.items()
-        if not DRAFT.search(name) or re.search(r"(^|/)seed=\d+/", name)
-    }
-
-
-def conclude(
-    ended: object, arguments: tuple[str, ...], module: str, folder: Path, what: str, kills: int
+def trial(
+    words: tuple[str, ...],
+    folder: Path,
+    rng: random.Random,
+    how: tuple[Callable[..., tuple[Ended, str]], ...],
 ) -> Trial:
-    """Let a command come through, and compare what it left; `ended` is one that failed without a kill."""
-    lost = ""
-    if ended is not None and getattr(ended, "code", 0) not in (0, -signal.SIGKILL):
-        lost = str(ended)
-    else:
-        started = time.monotonic()
-        done = run(*arguments, folder=folder, module=module)
-        if done.code != 0 or "Traceback" in done.err:
-            lost = f"it does not come through ({time.monotonic() - started:.0f} s): {done}"
-        else:
-            lost = difference(wanted(arguments, module), without_drafts(state(folder)))
-    if not lost:
+    """Kill a command again and again, then let it end, and compare what it leaves."""
+    said: list[str] = []
+    ended = KILLED
+    for _ in range(rng.randint(1, MAX_KILLS)):
+        ended, when = rng.choice(how)(words, folder, rng)
+        if ended.code != KILLED.code:
+            break
+        said.append(when)
+    problem = str(ended) if ended.code not in (0, KILLED.code) else finish(words, folder)
+    if not problem:
         shutil.rmtree(folder)
-    return Trial(what, lost, kills)
+    return Trial(f"{folder}: {' '.join(words)}: killed at {', '.join(said)}", problem, len(said))
+
+
+def finish(words: tuple[str, ...], folder: Path) -> str:
+    """Let a command end that was killed; return what is wrong with it or with what it leaves."""
+    ended = run(*words, folder=folder)
+    if ended.code != 0 or "Traceback" in ended.err:
+        return f"it does not go on: {ended}"
+    return difference(expected(words), drop_drafts(contents(folder)))

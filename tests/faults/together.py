@@ -1,11 +1,8 @@
-"""Two processes at once on one output folder, and on one entry of the case base.
+"""Start two commands at once that want the same run, or the same source of the case base.
 
-The same command twice, or two transfers from the same source, are started within a moment of each other; now
-and then the first is killed.
-
-Survived: both end with exit code 0 (but one that was killed), without a traceback, and every file has the
-bytes that it has where one command follows the other. Where none is killed the source was trained once, and
-of the same command twice one trained and the other showed the finished run.
+Passed: both end with exit code 0 (but one that was killed), and all files have the bytes that they have where
+one command follows the other. If none was killed, the source was trained once; of two equal commands one
+trained, and the other showed the finished run.
 """
 
 import itertools
@@ -13,71 +10,49 @@ import random
 import shutil
 import time
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
-from tests.faults.command import Child, run
-from tests.faults.kills import without_drafts
-from tests.faults.runs import ALONE, SHORT, TRANSFER, a_folder, undisturbed
-from tests.faults.trial import Trial, difference, state
+from tests.faults.library import ALONE, SHORT, TRANSFER, expected, new_folder, undisturbed
+from tests.faults.trial import Trial, contents, difference, drop_drafts
+from tests.forked import Child, run
 
 OTHER = (*SHORT, "source=near", "target=met", "method=feature_extraction", "layers=2")
 PAIRS = {
     "the same run": (ALONE, ALONE),
     "the same transfer": (TRANSFER, TRANSFER),
-    "one source": (TRANSFER, OTHER),
+    "two transfers of a source": (TRANSFER, OTHER),
     "a source and its transfer": (ALONE, TRANSFER),
 }
 
 
-@cache
-def one_after_the_other(name: str) -> dict[str, bytes]:
-    """Give what two commands leave that follow each other."""
-    folder = a_folder(Path(mkdtemp(prefix="faults-")), 0)
-    for arguments in PAIRS[name]:
-        done = run(*arguments, folder=folder)
-        assert done.code == 0, done
-    return state(folder)
-
-
-def of_two(rng: random.Random, place: Path) -> Iterator[Trial]:
-    """Start two at once."""
+def trials(rng: random.Random, place: Path) -> Iterator[Trial]:
+    """Start the second a moment later, and kill the first now and then."""
     for number in itertools.count():
-        name = rng.choice(list(PAIRS))
-        seconds = undisturbed(TRANSFER)[1]
-        later = rng.choice((0.0, rng.uniform(0, 0.2), rng.uniform(0, seconds)))
-        killed = rng.uniform(0, seconds) if rng.random() < 0.3 else None
-        yield two(name, later, killed, a_folder(place, number))
+        seconds = undisturbed(TRANSFER)[1].seconds
+        pause = rng.choice((0.0, rng.uniform(0, 0.2), rng.uniform(0, seconds)))
+        kill = rng.uniform(0, seconds) if rng.random() < 0.3 else None
+        yield trial(rng.choice(list(PAIRS)), pause, kill, new_folder(place, number))
 
 
-def two(name: str, later: float, killed: float | None, folder: Path) -> Trial:
-    """Start two, the second later by so many seconds, and kill the first after so many more."""
+def trial(name: str, pause: float, kill: float | None, folder: Path) -> Trial:
+    """Start two commands with a pause between them, and kill the first after so many seconds more."""
     first = Child(PAIRS[name][0], folder)
-    time.sleep(later)
+    time.sleep(pause)
     second = Child(PAIRS[name][1], folder)
-    if killed is not None:
-        ended = first.wait(killed) or first.kill()
-        dones = [second.finish(300.0)]
-        if ended is not None and ended.code != 0:
-            # Whatever it was at is left to do.
-            dones.append(run(*PAIRS[name][0], folder=folder))
-    else:
-        dones = [first.finish(300.0), second.finish(300.0)]
-    words = [str(done) for done in dones if done.code != 0 or "Traceback" in done.err]
-    said = "".join(done.out for done in dones)
-    if killed is None and not words:
-        trained, shown = said.count("two trainings"), said.count("holds this run already")
-        if trained > 1:
-            words.append("the source was trained twice")
-        if "same" in name and shown != 1:
-            words.append(f"{shown} of two showed a finished run")
-    if not words:
-        words = [difference(one_after_the_other(name), without_drafts(state(folder)))]
-    lost = "; ".join(filter(None, words))
-    if not lost:
+    ended = [first.finish()] if kill is None else [first.wait(kill) or first.kill()]
+    ended.append(second.finish())
+    if kill is not None and ended[0].code != 0:
+        ended[0] = run(*PAIRS[name][0], folder=folder)
+    problems = [str(one) for one in ended if one.code != 0 or "Traceback" in one.err]
+    if kill is None and not problems:
+        out = "".join(one.out for one in ended)
+        if out.count("two trainings") > 1:
+            problems.append("the source was trained twice")
+        if "same" in name and (shown := out.count("holds this run already")) != 1:
+            problems.append(f"{shown} of two showed a finished run")
+    if not problems and (found := difference(expected(*PAIRS[name]), drop_drafts(contents(folder)))):
+        problems.append(found)
+    if not problems:
         shutil.rmtree(folder)
-    what = f"{folder}: {name}, {later:.2f} s later" + (
-        f", first killed after {killed:.2f} s" if killed else ""
-    )
-    return Trial(what, lost)
+    what = f"{folder}: {name}, {pause:.2f} s apart" + (f", the first killed at {kill:.2f} s" if kill else "")
+    return Trial(what, "; ".join(problems))

@@ -1,4 +1,4 @@
-"""What one trial is, and what a folder holds after it."""
+"""Describe one trial, and compare what two folders hold after it."""
 
 import json
 import random
@@ -8,61 +8,66 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-# Files that differ from run to run and decide nothing: what was said, what locks are held by, and what the
-# last grid of a study was asked for.
-PASSING = {"log.txt", ".locks", "multirun.yaml"}
-# Keys of JSON files that say when or how long.
-TIMES = {"seconds", "begun"}
-# As a report has it in a sentence.
-MOMENT = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+Z:0-9]*")
-
-# A file that is written beside another, to be renamed over it.
+# Files that differ between equal runs: logs, locks, and the grid that a study asked Hydra for.
+IGNORED_FILES = {"log.txt", ".locks", "multirun.yaml"}
+# Keys of JSON files that hold a time, and a time within text.
+TIME_KEYS = {"seconds", "begun"}
+TIME = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+Z:0-9]*")
+# A draft: a file that is written beside another one, and then renamed over it.
 DRAFT = re.compile(r"(^|/)\.(?!locks/|plans/)[^/]*(/[^/]*)?$")
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What was done, how many faults that were, and what was lost, if anything was."""
+    """What was done, what went wrong (empty if nothing), and how many faults were made."""
 
     what: str
-    lost: str = ""
+    problem: str = ""
     faults: int = 1
 
 
-# Makes trials without end, from a generator of random numbers, in a folder of its own.
+# Yields trials without end; takes a random generator and an empty folder.
 Kind = Callable[[random.Random, Path], Iterator[Trial]]
 
 
-def state(folder: Path) -> dict[str, bytes]:
-    """Give every file below a folder by its name, without what says when; drafts are among them."""
+def contents(folder: Path) -> dict[str, bytes]:
+    """Read all files below a folder, drafts too, without times and the folder's own name."""
     found = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
-        if PASSING & set(name.parts) or not path.is_file() or path.is_symlink():
+        if IGNORED_FILES & set(name.parts) or not path.is_file() or path.is_symlink():
             continue
-        # Jobs of a study and its report name the folder that they lie in.
         data = path.read_bytes().replace(str(folder.resolve()).encode(), b"FOLDER")
-        found[str(name)] = timeless(data) if path.suffix == ".json" else MOMENT.sub(b"TIME", data)
+        found[str(name)] = drop_times(data) if path.suffix == ".json" else TIME.sub(b"TIME", data)
     return found
 
 
-def timeless(data: bytes) -> bytes:
-    """Take the times out of a JSON file; what is no JSON stays."""
+def drop_times(data: bytes) -> bytes:
+    """Remove the keys of times from a JSON file; return other files as they are."""
 
-    def without(value: Any) -> Any:
+    def dropped(value: Any) -> Any:
         if isinstance(value, dict):
-            return {key: without(one) for key, one in value.items() if key not in TIMES}
+            return {key: dropped(inner) for key, inner in value.items() if key not in TIME_KEYS}
         return value
 
     try:
-        return json.dumps(without(json.loads(data))).encode()
+        return json.dumps(dropped(json.loads(data))).encode()
     except ValueError:
         return data
 
 
-def difference(wanted: dict[str, bytes], got: dict[str, bytes]) -> str:
-    """Say in a line how one state differs from another; nothing where they are alike."""
-    words = [f"{name} is missing" for name in wanted.keys() - got.keys()]
-    words += [f"{name} is too much" for name in got.keys() - wanted.keys()]
-    words += [f"{name} differs" for name in wanted.keys() & got.keys() if wanted[name] != got[name]]
+def drop_drafts(found: dict[str, bytes]) -> dict[str, bytes]:
+    """Leave out drafts outside the folders of runs: a kill may leave one, and nothing reads it."""
+    return {
+        name: data
+        for name, data in found.items()
+        if not DRAFT.search(name) or re.search(r"(^|/)seed=\d+/", name)
+    }
+
+
+def difference(wanted: dict[str, bytes], found: dict[str, bytes]) -> str:
+    """Name up to four differences between two folders; return an empty text if there are none."""
+    words = [f"{name} is missing" for name in wanted.keys() - found.keys()]
+    words += [f"{name} is left behind" for name in found.keys() - wanted.keys()]
+    words += [f"{name} differs" for name in wanted.keys() & found.keys() if wanted[name] != found[name]]
     return "; ".join(sorted(words)[:4])

@@ -26,7 +26,9 @@ def run(*words: str) -> Run:
         return make_run(to_config(compose("config", [*words])))
 
 
-@pytest.mark.parametrize("pair", ["high", "low", "lowest"])
+@pytest.mark.parametrize(
+    "pair", ["high", *(pytest.param(x, marks=pytest.mark.long) for x in ("low", "lowest"))]
+)
 def test_the_shipped_settings_have_five_seeds(pair: str) -> None:
     found = scratch_returns(run(f"+pair={pair}", "+arm=FT3"))
     assert found is not None and found.shape == (5, 600)
@@ -47,32 +49,24 @@ def test_other_settings_have_none(change: str) -> None:
 
 
 def test_a_run_of_ones_own_stands_beside_it(tmp_path: Path) -> None:
-    ship_trl("target=2", "method=scratch", *SMOKE, "output=runs", folder=tmp_path)
     line = ("+pair=high", "+arm=FT3", *SMOKE)
-    found = scratch_returns(run(*line, "output=runs"))
-    curve = split(read_curve(Path("runs/2/scratch/seed=0")))[0]
-    assert found is not None and found.tolist() == [curve["return"].tolist()]
-    assert scratch_returns(run(*line, "output=elsewhere")) is None
     told = ship_trl(*line, "output=runs", folder=tmp_path)
-    picture = tmp_path / "runs" / "high" / "FT3" / "seed=0" / "transfer.png"
-    assert "beside learning from scratch: runs/high/FT3/seed=0/transfer.png" in told.stdout
-    with Image.open(picture) as drawn:
-        assert drawn.size == (1200, 750)
-
-
-def test_without_one_a_run_says_how_to_get_it(tmp_path: Path) -> None:
-    told = ship_trl("+pair=high", "+arm=FT3", *SMOKE, folder=tmp_path)
     assert "no run from scratch of these settings" in told.stdout
     assert not list(tmp_path.rglob("transfer.png"))
-
-
-def test_a_curve_cut_short_is_passed_over(tmp_path: Path) -> None:
     ship_trl("target=2", "method=scratch", *SMOKE, "output=runs", folder=tmp_path)
-    transfer = run("+pair=high", "+arm=FT3", *SMOKE, "output=runs")
-    path = Path("runs/2/scratch/seed=0/curve.csv")
-    assert scratch_returns(transfer) is not None
-    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-2]))
-    assert scratch_returns(transfer) is None
+    found = scratch_returns(run(*line, "output=runs"))
+    path = Path("runs/2/scratch/seed=0")
+    curve = split(read_curve(path))[0]
+    assert found is not None and found.tolist() == [curve["return"].tolist()]
+    assert scratch_returns(run(*line, "output=elsewhere")) is None
+    told = ship_trl(*line, "output=runs", "seed=1", folder=tmp_path)
+    picture = tmp_path / "runs" / "high" / "FT3" / "seed=1" / "transfer.png"
+    assert "beside learning from scratch: runs/high/FT3/seed=1/transfer.png" in told.stdout
+    with Image.open(picture) as drawn:
+        assert drawn.size == (1200, 750)
+    # A curve that is cut short is passed over.
+    (path / "curve.csv").write_text("".join((path / "curve.csv").read_text().splitlines(keepends=True)[:-2]))
+    assert scratch_returns(run(*line, "output=runs")) is None
 
 
 def test_runs_without_its_demonstrations_do_not_stand_beside_it(tmp_path: Path) -> None:

@@ -87,7 +87,19 @@ ARMS = {
 }
 
 
-@pytest.mark.parametrize("arm", ARMS)
+# Those that take longest show the least.
+SLOW = [
+    pytest.param(arm, marks=pytest.mark.long) for arm in ("some layers frozen", "features of three ships")
+]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a run from scratch leaves that is never stopped."""
+    return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
+
+
+@pytest.mark.parametrize("arm", ["states", "features", "three ships at once", *SLOW])
 def test_stopped_and_killed_it_ends_with_the_same_bytes(
     arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
 ) -> None:
@@ -108,9 +120,10 @@ def test_stopped_and_killed_it_ends_with_the_same_bytes(
 
 
 def test_it_goes_on_from_the_checkpoint_before_a_damaged_one(
-    after: Callable[[int, Callable[[], Any]], None], capsys: pytest.CaptureFixture[str]
+    whole: dict[str, Any],
+    after: Callable[[int, Callable[[], Any]], None],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    whole = left(train("one", *SCRATCH))
     after(9, cut)
     with pytest.raises(PowerCutError):
         train("other", *SCRATCH)
@@ -130,8 +143,9 @@ def test_it_goes_on_from_the_checkpoint_before_a_damaged_one(
     assert f"goes on from its checkpoint, episode {newest.about.episode - 1} of 9" in said
 
 
-def test_a_signal_during_the_last_checkpoint_stops_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = left(train("one", *SCRATCH))
+def test_a_signal_during_the_last_checkpoint_stops_it_too(
+    whole: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     write = Checkpoints.write
 
     def last(checkpoints: Checkpoints, tensors: Any, about: About) -> None:
@@ -195,34 +209,36 @@ def test_other_arithmetic_is_refused_and_a_grid_begins_anew(
     assert "the run begins anew" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("name", "wrong"),
-    [
-        ("training.counters", torch.tensor(3)),
-        ("training.counters", torch.tensor([5.0, 300.0, 10.0])),
-        ("training.returns", torch.zeros(7)),
-        ("training.replay.generator", torch.zeros(16)),
-        ("curve", torch.tensor([255], dtype=torch.uint8)),
-        ("curve", torch.from_numpy(np.frombuffer(b"episode,return\n1,2,3\n", dtype=np.uint8).copy())),
-    ],
-)
+WRONG = [
+    ("training.counters", torch.tensor(3)),
+    ("training.counters", torch.tensor([5.0, 300.0, 10.0])),
+    ("training.returns", torch.zeros(7)),
+    ("training.replay.generator", torch.zeros(16)),
+    ("curve", torch.tensor([255], dtype=torch.uint8)),
+    ("curve", torch.from_numpy(np.frombuffer(b"episode,return\n1,2,3\n", dtype=np.uint8).copy())),
+]
+
+
 def test_a_whole_checkpoint_of_other_contents_is_refused(
-    name: str, wrong: torch.Tensor, after: Callable[[int, Callable[[], Any]], None]
+    after: Callable[[int, Callable[[], Any]], None],
 ) -> None:
     after(9, cut)
     with pytest.raises(PowerCutError):
         train("out", *SCRATCH)
     checkpoints = Checkpoints(Path("out/4/scratch/seed=0"))
     found, _ = checkpoints.read(make_run(composed(*LINE, *SCRATCH)).config_hash)
-    assert found is not None and name in found.tensors
-    for _ in range(2):
-        checkpoints.write(found.tensors | {name: wrong}, found.about)
-    with pytest.raises(ConfigError, match=r"is not what this program writes .* remove out/4/scratch/seed=0"):
-        train("out", *SCRATCH)
+    assert found is not None
+    for name, wrong in WRONG:
+        assert name in found.tensors
+        for _ in range(2):
+            checkpoints.write(found.tensors | {name: wrong}, found.about)
+        words = r"is not what this program writes .* remove out/4/scratch/seed=0"
+        with pytest.raises(ConfigError, match=words):
+            train("out", *SCRATCH)
 
 
 def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(
-    after: Callable[[int, Callable[[], Any]], None], monkeypatch: pytest.MonkeyPatch
+    whole: dict[str, Any], after: Callable[[int, Callable[[], Any]], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Parts] = []
     make = training.make_parts
@@ -244,17 +260,15 @@ def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(
     assert about is not None and about.episode == 5
     after(10**9, cut)
     # It goes on from there, where the weights were good.
-    whole = left(train("one", *SCRATCH))
     assert left(train("out", *SCRATCH)) == whole
 
 
 def test_a_full_disk_costs_the_checkpoint_and_not_the_training(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    whole: dict[str, Any], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    whole = left(train("one", *SCRATCH))
     monkeypatch.setattr(Checkpoints, "write", full)
     assert left(train("other", *SCRATCH)) == whole
     assert "no checkpoint at episode 1: No space left on device" in capsys.readouterr().out

@@ -8,13 +8,19 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, in_place_of, load_case
-from tests.fuzz.case_files import GOOD
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 SHIPPED = [*PAPER, "ship"]
 # Whatever stands in its braces.
 NO_INTERPOLATION = "not readable as YAML: line"
 SHIP = "  - {x: 100.0, y: 300.0, heading: 180.0, speed: 15.0}\n"
+GOOD = f"""\
+start: [0.0, 0.0]
+heading: 90.0
+goal: [0.0, 600.0]
+ideal_path: straight
+target_ships:
+{SHIP}"""
 
 
 def without(field: str) -> str:

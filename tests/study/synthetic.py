@@ -14,7 +14,7 @@ from ship_trl.files.result import write_result
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.records.record import Greedy, Record, Training
+from ship_trl.study.records.record import Episodes, Record
 from tests.a_result import a_result, an_evaluation
 
 BEST, RANDOM = 80.0, -320.0
@@ -118,15 +118,27 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     """A run that never was a file; one greedy evaluation an episode, and one before."""
     totals = returns_of(scores)
     goal = scores > 0.5
-    training = Training(totals, goal, ~goal, np.full(len(scores), 50.0), np.full(len(scores), 0.1))
+    count = np.arange(len(scores) + 1)
+    training = Episodes(count[1:], np.full(len(scores), 0.1), totals, goal, ~goal, np.full(len(scores), 50.0))
     judged = np.concatenate([returns_of(np.zeros(1)), totals])
     there = np.concatenate([[False], goal])
-    greedy = Greedy(judged, there, ~there, np.full(len(judged), 50.0), np.arange(len(judged)))
+    greedy = Episodes(count, np.full(len(count), np.nan), judged, there, ~there, np.full(len(count), 50.0))
     return Record(
         Path(part, pair, arm), part, pair, None, "2", arm, seed, "quick", "", BEST, RANDOM, RANDOM, RANDOM,
         training, greedy,
         computed={},
     )  # fmt: skip
+
+
+def study_of(**arms: NDArray[np.float64]) -> Study:
+    """Runs of pair high, each at one score throughout, by arm and seed."""
+    return Study(
+        {
+            ("pairs", "high", arm, seed): make_record(np.full(40, score), "pairs", "high", arm, seed)
+            for arm, scores in arms.items()
+            for seed, score in enumerate(scores)
+        }
+    )
 
 
 def make_study(

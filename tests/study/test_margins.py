@@ -7,13 +7,13 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.study.margins import margin, read_margins
-from ship_trl.study.plan.config import NEW_CASE, names, read
+from ship_trl.study.plan.config import NEW_CASE, options, read_option
 
 
 def test_the_shipped_file_is_right() -> None:
     shipped = read_margins(conf_dir() / "analysis.yaml")
     assert shipped.margin == 0.2
-    targets = {str(read("pair", pair)["target"]) for pair in names("pair")} | {NEW_CASE}
+    targets = {str(read_option("pair", pair)["target"]) for pair in options("pair")} | {NEW_CASE}
     assert set(shipped.gains) == targets and all("area" in gain for gain in shipped.gains.values())
 
 

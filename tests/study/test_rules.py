@@ -32,15 +32,15 @@ def test_the_commit_and_time_of_the_plan_are_named(checkout: Path) -> None:
     line = ["git", "-C", str(checkout), "log", "-1", "--format=%H of %cI"]
     wanted = subprocess.run(line, capture_output=True, text=True, check=True).stdout.strip()
     found = rules.stamp()
-    assert found["commit"] == wanted and wanted in rules.told(found)
-    assert "changed since" not in rules.told(found)
+    assert found["commit"] == wanted and wanted in rules.describe_rules(found)
+    assert "changed since" not in rules.describe_rules(found)
 
 
 def test_a_plan_that_was_changed_has_no_commit_and_is_said_to_be_changed(checkout: Path) -> None:
     before = rules.stamp()
     (checkout / rules.PLAN_TEXT).write_text("other rules")
-    assert rules.stamp()["commit"] is None and "of no commit" in rules.told(rules.stamp())
-    assert "They have been changed since." in rules.told(before)
+    assert rules.stamp()["commit"] is None and "no commit" in rules.describe_rules(rules.stamp())
+    assert "changed since" in rules.describe_rules(before)
 
 
 def test_without_a_repository_or_a_plan_nothing_is_claimed(
@@ -48,7 +48,7 @@ def test_without_a_repository_or_a_plan_nothing_is_claimed(
 ) -> None:
     monkeypatch.setattr(rules, "conf_dir", lambda: tmp_path / "conf")
     assert rules.stamp() | {"begun": ""} == {"digest": None, "commit": None, "begun": ""}
-    assert "nothing says that the rules are older" in rules.told({})
+    assert "nothing shows that the rules are older" in rules.describe_rules({})
 
 
 def test_a_study_keeps_the_rules_and_the_seeds_that_it_was_begun_with(tmp_path: Path) -> None:
@@ -60,5 +60,7 @@ def test_a_study_keeps_the_rules_and_the_seeds_that_it_was_begun_with(tmp_path: 
     first = read_study(tmp_path)
     begin(5)
     later, jobs = read_study(tmp_path), json.loads((tmp_path / "study.json").read_text())["jobs"]
-    assert first.planned == later.planned == (0, 1, 2) and {job["seed"] for job in jobs} == set(range(5))
-    assert first.rules == later.rules and first.rules["begun"] in rules.told(first.rules)
+    assert first.plan.seeds == later.plan.seeds == (0, 1, 2)
+    assert {job["seed"] for job in jobs} == set(range(5))
+    begun = first.plan.rules
+    assert begun == later.plan.rules and begun["begun"] in rules.describe_rules(begun)

@@ -1,27 +1,43 @@
-"""A contrast between arms: its estimate, its interval, and the p-values that verdicts stand on."""
+"""Contrasts between arms, measured on a study: estimate, interval, and the p-values behind verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
 
-from ship_trl.study.analysis.power import seen_effect
+from ship_trl.study.analysis.metrics import TIMES, curve, has_reached, measure
+from ship_trl.study.analysis.spread import spread_test
 from ship_trl.study.analysis.statistics import (
     LEVEL,
     Estimate,
     Sample,
-    level_of,
+    estimate_mean,
+    min_detectable_effect,
     p_above,
     p_below,
     p_within,
     standard_error,
 )
+from ship_trl.study.analysis.study import Place, Places, Study
+from ship_trl.study.margins import margin
 
-# Two or three seeds cannot show how seeds vary: below this there is no verdict.
-LEAST_SEEDS = 5
+# Two or three seeds cannot show how seeds vary: with fewer there is no verdict.
+MIN_SEEDS = 5
+# Seed of all resampling: the same study gives the same report.
+SEED = 2022
+# The metric of contrasts of spread; all other contrasts are of levels.
+SPREAD = "spread"
+# The least share of an arm's runs that reach the threshold for its times to count as equal to others.
+MIN_REACHED = 0.75
+# Metrics that show whether the choice of a metric matters.
+SENSITIVITY = {
+    "area": ("greedy area",),
+    "asymptote": ("greedy asymptote",),
+    "time": ("time to 0.5", "time to 0.8"),
+}
 
 
 class Verdict(StrEnum):
@@ -42,15 +58,15 @@ class Claimed(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """A contrast measured: positive is the claimed direction.
+    """A measured contrast; positive is the claimed direction.
 
-    Estimate, interval and p-values are of one quantity: the interquartile mean over seeds of the
-    difference within a seed, or the logarithm of a ratio of spreads. All p are one-sided and of this
-    contrast alone: `p` that what is claimed is not so, `against` that its opposite is not so, and
-    `within` that the difference is beyond the margin (1 where there is none). `error` is the standard
-    error, not a number for spreads; `adjusted` is `against` by Holm's method within its figure; `beside`
-    is the same contrast by other metrics, which decide nothing. `differences` are those of each seed, in
-    order; spreads have none.
+    Estimate, interval and p-values are of the interquartile mean over seeds of the difference within a seed,
+    or of the logarithm of a ratio of spreads. All p-values are one-sided.
+
+    `p` is for the claim, `against` for its opposite, and `within` for a difference within the margin (1
+    without a margin). `adjusted` is `against` by Holm's method over all contrasts of the figure. `error` is
+    the standard error, NaN for spreads. `beside` is the same contrast by other metrics, which decide nothing.
+    `differences` are by seed, in order; spreads have none.
     """
 
     claim: str
@@ -71,14 +87,20 @@ class Finding:
 
     @property
     def as_claimed(self) -> bool:
-        """Whether the estimate, however unsure, is what is claimed."""
-        bound = 0.0 if self.claimed is Claimed.above else (self.margin or 0.0)
+        """Whether the estimate, however uncertain, agrees with the claim."""
         value = self.estimate.value
-        return value > 0 if self.claimed is Claimed.above else value <= bound
+        return value > 0 if self.claimed is Claimed.above else value <= (self.margin or 0.0)
 
-    def seen(self, level: float = LEVEL / 2) -> float:
-        """Return the least difference that so many seeds would show four times in five at a level."""
-        return seen_effect(self.seeds, level) * self.error
+    def min_detectable(self, level: float = LEVEL / 2) -> float:
+        """Return the least difference that so many seeds detect four times in five at a level."""
+        return min_detectable_effect(self.seeds, level) * self.error
+
+
+@dataclass(frozen=True)
+class Gain(Estimate):
+    """How much an arm is above scratch, and over how many seeds."""
+
+    seeds: int
 
 
 def contrast(
@@ -90,28 +112,28 @@ def contrast(
     claimed: Claimed = Claimed.above,
     level: float = LEVEL / 2,
 ) -> Finding:
-    """Measure differences by seed [S], above zero as claimed.
+    """Measure differences by seed.
 
     Args:
-        claim: the hypothesis's name.
+        claim: name of the hypothesis.
         what: the contrast in words.
         metric: what differs.
-        differences: a number a seed; positive is the claimed direction.
+        differences: a number a seed, [S]; positive is the claimed direction.
         margin: within which a difference counts as none.
         claimed: what the claim is.
-        level: one-sided, that the interval leaves out.
+        level: one-sided, left out at each end of the interval.
     """
     p, against = p_above(differences), p_below(differences)
     if claimed is Claimed.no_more:
-        # What is no more than another must not be more by the margin; without one nothing can be said.
-        known = margin is not None
-        p = p_below(differences, margin) if known else 1.0  # type: ignore[arg-type]
-        against = p_above(differences, margin) if known else 1.0  # type: ignore[arg-type]
+        # "No more" is measured against the margin; without a margin nothing can be said.
+        p, against = 1.0, 1.0
+        if margin is not None:
+            p, against = p_below(differences, margin), p_above(differences, margin)
     return Finding(
         claim,
         what,
         metric,
-        level_of(differences, level),
+        estimate_mean(differences, level),
         p,
         against,
         seeds=len(differences),
@@ -121,3 +143,57 @@ def contrast(
         error=standard_error(differences)[0],
         differences=tuple(map(float, differences)),
     )
+
+
+def measure_levels(
+    study: Study,
+    claim: str,
+    what: str,
+    places: Places,
+    weights: Mapping[str, float],
+    metric: str,
+    claimed: Claimed = Claimed.above,
+) -> list[Finding]:
+    """Measure a weighted sum of arms within each seed; nothing with fewer than two seeds in common."""
+    runs = study.matched(places)
+    if min(map(len, runs.values()), default=0) < 2:
+        return []
+
+    def differences(of: str) -> Sample:
+        parts = [share * np.array([measure(r, of) for r in runs[name]]) for name, share in weights.items()]
+        return np.sum(parts, axis=0)
+
+    bound = margin(next(iter(runs.values()))[0].target, metric)
+    if metric in TIMES:
+        shares = [np.mean([has_reached(record) for record in records]) for records in runs.values()]
+        # Times of runs that are cut off at their end are equal without being alike.
+        bound = None if min(shares) < MIN_REACHED else bound
+    found = contrast(claim, f"{what} ({metric})", metric, differences(metric), bound, claimed, study.level)
+    beside = {name: estimate_mean(differences(name), study.level) for name in SENSITIVITY.get(metric, ())}
+    return [replace(found, beside=beside)]
+
+
+def measure_spread(
+    study: Study, claim: str, where: str, places: Places, steady: str, other: str
+) -> list[Finding]:
+    """Measure how much less one arm's curves vary over seeds than another's (see `spread_test`)."""
+    runs = study.matched(places)
+    if min(map(len, runs.values())) < 2:
+        return []
+    one, two = (np.stack([curve(record) for record in runs[name]]) for name in (steady, other))
+    estimate, p, against = spread_test(one, two, SEED, study.level)
+    what = f"{where}: {steady} varies less than {other} ({SPREAD}; logarithm of the ratio)"
+    return [Finding(claim, what, SPREAD, estimate, p, against, seeds=len(one))]
+
+
+def gain(study: Study, place: Place, scratch: Place, metric: str = "area") -> Gain | None:
+    """Return how much an arm is above scratch; None without seeds that both have.
+
+    The interval has the study's level; with one seed it is unbounded.
+    """
+    runs = study.matched({"arm": place, "scratch": scratch})
+    arm, other = (np.array([measure(run, metric) for run in runs[name]]) for name in ("arm", "scratch"))
+    if not len(arm):
+        return None
+    found = estimate_mean(arm - other, study.level)
+    return Gain(found.value, found.low, found.high, len(arm))

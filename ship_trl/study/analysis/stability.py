@@ -1,4 +1,4 @@
-"""How steadily runs learn: which fall back after exploration, and how they spread over seeds."""
+"""How steadily runs learn: falls after exploration, and the spread over seeds."""
 
 from __future__ import annotations
 
@@ -24,25 +24,23 @@ HEADINGS = (
     "last of known",
     "last near best",
 )
-# The last network is near the best one if it loses no more of its return.
-NEAR = 0.1
+# The last network is near the best one if it loses at most this share of its return.
+NEAR_BEST = 0.1
 
 
 def rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
-    """Yield a row for each group of runs: numbers are means over runs, with the deviation over seeds.
+    """Yield a row for each group of runs: means over runs with the standard deviation over seeds.
 
-    fell: runs that, exploration over, missed the goal ten times in a row; misses: share of the episodes
-    after exploration that do; best and last greedy return as a share of the best known; how many of the
-    last networks lose at most a tenth of the best one's return.
+    fell: runs that missed the goal ten times in a row after exploration; misses: share of the episodes after
+    exploration that do; best and last greedy return as a share of the best known; last near best: runs whose
+    last network loses at most a tenth of the best one's return.
     """
     for name, folders in groups.items():
         records = [record for record in map(read, folders) if record is not None]
         if not records:
             continue
-        best, last = (
-            np.array([pick(r.greedy.returns) / r.best_known for r in records]) for pick in (np.max, final)
-        )
-        near = last >= best - NEAR * np.abs(best)
+        best, last = (np.array(shares) for shares in zip(*map(shares_of_known, records), strict=True))
+        near = last >= best - NEAR_BEST * np.abs(best)
         yield [
             name,
             str(len(records)),
@@ -56,31 +54,28 @@ def rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
 
 
 def numbers(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any]]:
-    """Yield every number of every run, by the name of its group and its seed."""
+    """Yield every number of every run, with the name of its group and its seed."""
     for name, folders in groups.items():
         for record in filter(None, map(read, folders)):
-            row: dict[str, Any] = {"run": name, "seed": record.seed}
-            row |= {metric: measure(record, metric) for metric in METRICS}
-            row |= {
-                "best of known": np.max(record.greedy.returns) / record.best_known,
-                "last of known": final(record.greedy.returns) / record.best_known,
-            }
-            yield row
+            best, last = shares_of_known(record)
+            metrics = {metric: measure(record, metric) for metric in METRICS}
+            yield {"run": name, "seed": record.seed, **metrics, "best of known": best, "last of known": last}
 
 
-def final(returns: Any) -> float:
-    """Return the last of some returns."""
-    return float(returns[-1])
+def shares_of_known(record: Record) -> tuple[float, float]:
+    """Return the best and the last greedy return as shares of the best known return."""
+    returns = record.greedy.returns
+    return float(np.max(returns)) / record.best_known, float(returns[-1]) / record.best_known
 
 
 def spread(values: Any) -> str:
-    """Write a mean with the standard deviation over seeds."""
+    """Format a mean with the standard deviation over seeds."""
     deviation = f" ± {np.std(values, ddof=1):.3f}" if len(values) > 1 else ""
     return f"{np.mean(values):.3f}{deviation}"
 
 
 def read(folder: Path) -> Record | None:
-    """Read a run; says so where its curve is not whole."""
+    """Read a run; None, with a message, if it is not whole."""
     try:
         return read_run(folder)
     except BrokenRunError as error:

@@ -1,4 +1,4 @@
-"""A study's runs by arm and seed, and after which seeds they are looked at."""
+"""The runs of a study by arm and seed, and the looks at which they are judged."""
 
 from __future__ import annotations
 
@@ -7,61 +7,89 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING, SWAPS
-from ship_trl.study.plan.jobs import PAIRS
-from ship_trl.study.plan.manifest import begun_with, warmup_of
+from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING
+from ship_trl.study.plan.arms import SCRATCH, SCRATCH_PAIR
+from ship_trl.study.plan.config import NEW_CASE, REUSED_ARM, REUSED_CASE
+from ship_trl.study.plan.jobs import (
+    ALONE,
+    CONTROLS,
+    FURTHER_SOURCES,
+    LOW,
+    ONE,
+    OTHER_SOURCES,
+    PAIRS,
+    Place,
+    reuse_label,
+    scratch_place,
+)
+from ship_trl.study.plan.manifest import Manifest, read_manifest
 from ship_trl.study.records.layers import LAYERS, Layer, read_layers
 from ship_trl.study.records.record import COMPUTED, NO_PART, Record, read_runs
 from ship_trl.study.records.tables import has_tables, read_tables
 
-# So many seeds are run before the study is looked at again (docs/analysis-plan.md).
-BLOCK, MOST_LOOKS = 5, len(OBRIEN_FLEMING)
+# The number of seeds between looks (docs/analysis-plan.md).
+BLOCK, MAX_LOOKS = 5, len(OBRIEN_FLEMING)
 
+# By part, pair, arm and seed.
 Records = dict[tuple[str, str, str, int], Record]
-# Part, pair and arm.
-Place = tuple[str, str, str]
 Places = Mapping[str, Place]
+
+# The networks on the new case, with the starting epsilon; one without it starts with the low one. Each "case
+# N" was trained on its case alone; the reused network on two cases.
+SOURCES = tuple(sorted((REUSED_CASE, *OTHER_SOURCES, *FURTHER_SOURCES)))
+REUSED: Places = {
+    "reused, low": (LOW, reuse_label(REUSED_CASE), REUSED_ARM),
+    "reused, 1": (ONE, reuse_label(REUSED_CASE), REUSED_ARM),
+    "scratch, low": (LOW, NEW_CASE, SCRATCH),
+    "scratch, 1": (ONE, NEW_CASE, SCRATCH),
+    **{
+        f"case {case}": (ALONE if case == REUSED_CASE else LOW, reuse_label(case), REUSED_ARM)
+        for case in SOURCES
+    },
+}
+# The paper's figure of each pair, in its order.
+FIGURES = {"high": "5", "low": "6", "lowest": "7"}
 
 
 @dataclass(frozen=True)
 class Study:
-    """The runs of a folder.
+    """The runs of a folder, and those that could not be read, with the reason.
 
-    `broken` are those that could not be read, with the reason. `planned` are the seeds that the study was
-    begun with: they alone are judged, however many are run later; all that are there where no plan is
-    known. `rules` name the plan (see `rules.py`). `level` is one-sided, of intervals and tests; `resamples`
-    how often arms change places to test spreads. `layers` say how alike those of networks are, where that
-    was measured. No run learns before `warmup` episodes are over.
+    `level` is one-sided, of intervals and tests. `layers` say how similar layers of networks are, where that
+    was measured.
     """
 
     records: Records
     broken: list[tuple[Path, str]] = field(default_factory=list)
-    planned: tuple[int, ...] = ()
-    rules: dict[str, Any] = field(default_factory=dict)
+    plan: Manifest = field(default_factory=Manifest)
     level: float = LEVEL / 2
-    resamples: int = SWAPS
     layers: list[Layer] = field(default_factory=list)
-    warmup: int = 0
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """The seeds that are looked at, in order."""
-        return self.planned or tuple(sorted({key[3] for key in self.records}))
+        """The judged seeds, in order: those of the plan, or all without a plan."""
+        return self.plan.seeds or tuple(sorted({key[3] for key in self.records}))
 
     @property
     def looks(self) -> tuple[int, ...]:
-        """After how many seeds the study is looked at: each five (or fifth of many), and at the end."""
+        """The numbers of seeds at which the study is judged: every five, or a fifth of many, and all."""
         count = len(self.seeds)
-        step = max(BLOCK, -(-count // MOST_LOOKS))
+        step = max(BLOCK, -(-count // MAX_LOOKS))
         return (*range(step, count, step), count)
 
+    @property
+    def whole_looks(self) -> tuple[int, ...]:
+        """The looks of which all seeds have runs, and always the first look."""
+        begun = {key[3] for key in self.records}
+        first, *others = self.looks
+        return (first, *(count for count in others if begun.issuperset(self.seeds[:count])))
+
     def first(self, count: int, level: float) -> Study:
-        """Return the runs of the first `count` seeds, to be judged at a level."""
+        """Return the study of the first `count` seeds, at a level."""
         seeds = set(self.seeds[:count])
         kept = {key: record for key, record in self.records.items() if key[3] in seeds}
         layers = [row for row in self.layers if row.seed in seeds]
@@ -71,15 +99,20 @@ class Study:
         """Return the runs of an arm by seed."""
         return self._by_place.get((part, pair, arm), {})
 
+    @property
+    def places(self) -> list[Place]:
+        """The places of all arms, sorted."""
+        return list(self._by_place)
+
     @cached_property
-    def _by_place(self) -> dict[tuple[str, str, str], dict[int, Record]]:
-        places: dict[tuple[str, str, str], dict[int, Record]] = defaultdict(dict)
-        for (*place, seed), record in sorted(self.records.items()):
-            places[tuple(place)][seed] = record  # type: ignore[index]
+    def _by_place(self) -> dict[Place, dict[int, Record]]:
+        places: dict[Place, dict[int, Record]] = defaultdict(dict)
+        for (part, pair, arm, seed), record in sorted(self.records.items()):
+            places[part, pair, arm][seed] = record
         return places
 
     def computed(self) -> dict[str, dict[str, int]]:
-        """Count by what the runs were computed: version, torch, device, precision, backend, processor."""
+        """Count the runs by version, torch, device, precision, backend and processor."""
         found: dict[str, Counter[str]] = defaultdict(Counter)
         for record in self.records.values():
             for key, value in record.computed.items():
@@ -87,39 +120,36 @@ class Study:
         return {key: dict(sorted(found[key].items())) for key in COMPUTED if found[key]}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
-        """Return source and target of a pair, by its runs; only those from scratch have no source."""
+        """Return source and target of a pair; no source if all its runs are from scratch."""
         runs = [r for (part, name, _, _), r in sorted(self.records.items()) if (part, name) == (PAIRS, pair)]
         source = next((r.source for r in runs if r.source), None)
         return source, runs[0].target
 
     def matched(self, places: Places) -> dict[str, list[Record]]:
-        """Return runs by name, of the seeds that all of these (part, pair, arm) have, in order."""
+        """Return the runs of some arms, by the same names, for the seeds that all of them have."""
         runs = {name: self.arm(*place) for name, place in places.items()}
         seeds = sorted(set.intersection(*(set(by_seed) for by_seed in runs.values())) if runs else set())
         return {name: [by_seed[seed] for seed in seeds] for name, by_seed in runs.items()}
 
 
 def read_study(folder: Path) -> Study:
-    """Read a study from its tables, where the folder has them, or else from the runs below it.
-
-    Runs that cannot be read, or are no study's, are named in `broken`.
+    """Read a study from its tables, or else from the runs below a folder.
 
     Raises:
-        ConfigError: tables that are not whole.
+        ConfigError: tables or a plan that are not whole.
     """
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
-    records = {(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found}
-    planned, rules = begun_with(folder)
-    layers, warmup = layers_of(folder, records, broken), warmup_of(folder)
-    return Study(same_zero(records), broken, planned, rules, layers=layers, warmup=warmup)
+    records = share_random_return({(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found})
+    plan = read_manifest(folder)
+    return Study(records, broken, plan, layers=layers_of(folder, records, broken))
 
 
 def finished_study(folder: Path, seeds: int | None = None) -> Study:
-    """Read a study to show it, or its first `seeds`; what cannot be read is named on stderr, and left out.
+    """Read a study, or its first `seeds`; runs that cannot be read are named on stderr and left out.
 
     Raises:
-        ConfigError: there is no finished run, the tables are not whole, or there are not so many seeds.
+        ConfigError: there is no finished run, there are not so many seeds, or tables are not whole.
     """
     study = read_study(folder)
     if seeds is not None:
@@ -138,7 +168,7 @@ def finished_study(folder: Path, seeds: int | None = None) -> Study:
 
 
 def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) -> list[Layer]:
-    """Return the rows about layers that a folder has of these runs; what is left out is named in `broken`."""
+    """Return a folder's layer similarities of these runs; adds to `broken` what is left out."""
     path = folder / LAYERS
     if not path.exists():
         return []
@@ -148,14 +178,42 @@ def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) ->
         broken.append((path, str(error).removeprefix(f"table: {path} ")))
         return []
     kept = [row for row in rows if (PAIRS, row.pair, row.arm, row.seed) in records]
-    if others := len(rows) - len(kept):
-        broken.append((path, f"{others} of {len(rows)} rows are of runs that are not there"))
+    if missing := len(rows) - len(kept):
+        broken.append((path, f"{missing} of {len(rows)} rows are of runs that are not there"))
     return kept
 
 
-def same_zero(records: Records) -> Records:
-    """Give all runs of a case one zero of the score; those of older programs have each drawn their own."""
+def share_random_return(records: Records) -> Records:
+    """Give all runs of a case the same random return: in older runs each drew its own."""
     drawn: dict[str, list[float]] = {}
     for record in records.values():
         drawn.setdefault(record.target, []).append(record.random)
     return {key: replace(r, random=float(np.median(drawn[r.target]))) for key, r in records.items()}
+
+
+def pairs(study: Study) -> list[str]:
+    """Return the pairs of a study: those of the paper in its order, then others."""
+    found = sorted({pair for part, pair, _ in study.places if part == PAIRS})
+    return [*(pair for pair in FIGURES if pair in found), *(pair for pair in found if pair not in FIGURES)]
+
+
+def places_of(study: Study) -> dict[str, dict[str, Place]]:
+    """Return the places of all arms, by pair, or by "source to target" for a control pair.
+
+    The controls of a pair are among its arms. The arms of a control pair have the runs from scratch of its
+    target beside them. The new case has the names of `REUSED`.
+    """
+    found: dict[str, dict[str, Place]] = {}
+    for kind in (PAIRS, CONTROLS):
+        for part, label, arm in study.places:
+            if part == kind and not (part == CONTROLS and label in SCRATCH_PAIR):
+                found.setdefault(label, {})[arm] = (part, label, arm)
+    for label in SCRATCH_PAIR:
+        own: dict[str, Place] = {place[2]: place for place in study.places if place[:2] == (CONTROLS, label)}
+        if own:
+            record = next(iter(study.arm(*next(iter(own.values()))).values()))
+            scratch = scratch_place(CONTROLS, label)
+            base: dict[str, Place] = {SCRATCH: scratch} if study.arm(*scratch) else {}
+            found[f"{record.source} to {record.target}"] = base | own
+    reused = {name: place for name, place in REUSED.items() if study.arm(*place)}
+    return {**found, NEW_CASE: reused} if reused else found

@@ -1,68 +1,62 @@
-"""The paper's claims of section 4 as contrasts that are measured; the plan is docs/analysis-plan.md.
-
-A claim has a name (H5a ...), a sentence, and the contrasts that it stands on; positive is as claimed.
-"""
+"""The paper's claims and conclusions, and our own questions, as contrasts (docs/analysis-plan.md)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 from ship_trl.study.claims.kinds import (
-    FE,
-    FT,
-    TRANSFERS,
     Hypothesis,
+    Test,
     beats,
     best_source,
     by_path,
     confounded,
-    each_above_the_last,
+    control,
+    interaction,
+    itself,
     means,
     network_effect,
     no_more,
     rises,
     self_dips,
-    sooner,
     steady,
 )
+from ship_trl.study.plan.arms import CONTROL_KINDS, FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS
 from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
 
+FIGURE, EXPLORATORY = "conclusions", "exploratory"
+
+
+def claim(name: str, sentence: str, tests: Sequence[Test]) -> Hypothesis:
+    """Make a claim, whose name tells its figure: C1 is a conclusion, E1 explores, H5a is of figure 5."""
+    return Hypothesis(name, {"C": FIGURE, "E": EXPLORATORY}.get(name[0], name[1]), sentence, tests)
+
+
 NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
-GROWING = ("FT2", "FT3", "FT4", "FTW")
-# Parts of conclusion C4 too.
-EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", "scratch", "FE2")]
-FINETUNING_DIPS = [beats("high", "scratch", "FT1"), beats("high", "FT2", "FT1")]
+# Conclusion C4 has these too.
+EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", SCRATCH, "FE2")]
+FINETUNING_DIPS = [beats("high", SCRATCH, "FT1"), beats("high", "FT2", "FT1")]
 SELF_DIPS = self_dips()
 NO_DIPS = [no_more("low", ("FE1", "FE3"), ("FE2",)), no_more("low", ("FT2",), ("FT1",))]
 HYPOTHESES = [
-    Hypothesis(
+    claim(
         "H4a",
-        "4",
         "A source with the same path is worth more than one with the same ship: sooner and higher.",
         [by_path(arm, metric) for arm in ("FE3", "FTW") for metric in ("time", "area")],
     ),
-    Hypothesis(
+    claim(
         "H5a",
-        "5",
         "Every arm but FE2 and FT1 beats scratch, and is sooner.",
-        [beats("high", arm, "scratch", metric) for metric in ("area", "time") for arm in NOT_DIPPING],
+        [beats("high", arm, SCRATCH, metric) for metric in ("area", "time") for arm in NOT_DIPPING],
     ),
-    Hypothesis(
-        "H5b",
-        "5",
-        "Those arms vary less across seeds.",
-        [steady("high", arm, "scratch") for arm in NOT_DIPPING],
-    ),
-    Hypothesis("H5c", "5", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
-    Hypothesis("H5d", "5", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
-    Hypothesis("H5e", "5", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
-    Hypothesis(
-        "H5f",
-        "5",
-        "FTW beats all other arms.",
-        [beats("high", "FTW", arm) for arm in ("scratch", *FE, *FT)],
-    ),
-    Hypothesis(
+    claim("H5b", "Those arms vary less across seeds.", [steady("high", arm, SCRATCH) for arm in NOT_DIPPING]),
+    claim("H5c", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
+    claim("H5d", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
+    claim("H5e", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
+    claim("H5f", "FTW beats all other arms.", [beats("high", "FTW", arm) for arm in (SCRATCH, *FE, *FT)]),
+    claim(
         "H5g",
-        "5",
         "Feature extraction is above finetuning of as many layers, and sooner.",
         [
             means("high", better, worse, metric)
@@ -70,108 +64,164 @@ HYPOTHESES = [
             for better, worse in ((FE, FT), (FE[2:], FT[2:]))
         ],
     ),
-    Hypothesis(
+    claim(
         "H5h",
-        "5",
         "FT2 < FT3 < FT4 < FTW, and each is sooner than the last.",
         [
-            test
+            beats("high", better, worse, metric)
             for metric in ("area", "time")
-            for test in each_above_the_last("high", *GROWING, metric=metric)
+            for worse, better in pairwise(("FT2", "FT3", "FT4", "FTW"))
         ],
     ),
-    Hypothesis(
+    claim(
         "H5i",
-        "5",
         "FE3 is above FE4, to the end, sooner and steadier.",
         [
             *(beats("high", "FE3", "FE4", metric) for metric in ("area", "asymptote", "time")),
             steady("high", "FE3", "FE4"),
         ],
     ),
-    Hypothesis("H5j", "5", "The dips are co-adaptation: a case to itself has them too.", SELF_DIPS),
-    Hypothesis(
-        "H5k", "5", "Finetuning cures the dip of two layers: FT2 above FE2.", [beats("high", "FT2", "FE2")]
-    ),
-    Hypothesis(
+    claim("H5j", "The dips are co-adaptation: a case to itself has them too.", SELF_DIPS),
+    claim("H5k", "Finetuning cures the dip of two layers: FT2 above FE2.", [beats("high", "FT2", "FE2")]),
+    claim(
         "H6a",
-        "6",
         "All arms but FE4 beat scratch, and are sooner.",
         [
-            beats("low", arm, "scratch", metric)
+            beats("low", arm, SCRATCH, metric)
             for metric in ("area", "time")
             for arm in TRANSFERS
             if arm != "FE4"
         ],
     ),
-    Hypothesis("H6b", "6", "There are no dips: neither of FE2 nor of FT1.", NO_DIPS),
-    Hypothesis(
+    claim("H6b", "There are no dips: neither of FE2 nor of FT1.", NO_DIPS),
+    claim(
         "H6c",
-        "6",
         "Finetuning is above feature extraction, and steadier.",
         [means("low", FT, FE), *(steady("low", t, e) for t, e in zip(FT, FE, strict=True))],
     ),
-    Hypothesis(
+    claim(
         "H6d",
-        "6",
         "FE4 is the worst arm.",
-        [beats("low", arm, "FE4") for arm in ("scratch", *TRANSFERS) if arm != "FE4"],
+        [beats("low", arm, "FE4") for arm in (SCRATCH, *TRANSFERS) if arm != "FE4"],
     ),
-    Hypothesis(
+    claim(
         "H6e",
-        "6",
         "FTW is best early, from its first greedy evaluation on, and collides less.",
         [
-            *(beats("low", "FTW", arm, "early area") for arm in ("scratch", *FE, *FT)),
-            *(beats("low", "FTW", arm, "start") for arm in ("scratch", *FE, *FT)),
+            *(beats("low", "FTW", arm, "early area") for arm in (SCRATCH, *FE, *FT)),
+            *(beats("low", "FTW", arm, "start") for arm in (SCRATCH, *FE, *FT)),
             means("low", (*FE, *FT), ("FTW",), "early collisions"),
         ],
     ),
-    Hypothesis(
+    claim(
         "H6f",
-        "6",
         "FT1 reaches the threshold first.",
-        [sooner("low", "FT1", arm) for arm in ("scratch", *TRANSFERS) if arm != "FT1"],
+        [beats("low", "FT1", arm, "time") for arm in (SCRATCH, *TRANSFERS) if arm != "FT1"],
     ),
-    Hypothesis(
+    claim(
         "H7a",
-        "7",
         "Arms of one and two layers beat scratch.",
-        [beats("lowest", arm, "scratch") for arm in ("FE1", "FE2", "FT1", "FT2")],
+        [beats("lowest", arm, SCRATCH) for arm in ("FE1", "FE2", "FT1", "FT2")],
     ),
-    Hypothesis("H7b", "7", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
-    Hypothesis(
+    claim("H7b", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
+    claim(
         "H7c",
-        "7",
         "The score falls as more layers are transferred.",
         [rises("lowest", *FE[::-1]), rises("lowest", *FT[::-1])],
     ),
-    Hypothesis("H7d", "7", "FE4 is below scratch.", [beats("lowest", "scratch", "FE4")]),
-    Hypothesis(
+    claim("H7d", "FE4 is below scratch.", [beats("lowest", SCRATCH, "FE4")]),
+    claim(
         "H7e",
-        "7",
         "FT1 to FT4 fall when exploration ends, more than FTW does, and collide more.",
         [beats("lowest", arm, "FTW", metric) for metric in ("dip", "collision rise") for arm in FT],
     ),
-    Hypothesis(
+    claim(
         "H7f",
-        "7",
         "FTW falls no more than scratch, and ends lower than FT1 to FT4.",
         [
-            no_more("lowest", ("FTW",), ("scratch",), "dip"),
+            no_more("lowest", ("FTW",), (SCRATCH,), "dip"),
             means("lowest", FT, ("FTW",), "asymptote"),
         ],
     ),
-    Hypothesis(
+    claim(
         "H9a",
-        "9",
         "A reused network is sooner than a new one, also where both explore alike.",
         [confounded("time"), network_effect("time")],
     ),
-    Hypothesis(
+    claim(
         "H9b",
-        "9",
         "Case 2 is the best source, each case's network trained on it alone.",
         [best_source(case) for case in (*OTHER_SOURCES, *FURTHER_SOURCES)],
+    ),
+]
+# By pair: its target, and the label of that case's transfer to itself.
+ITSELF = {"high": ("2", "self"), "low": ("4", "self4"), "lowest": ("6", "self6")}
+CONCLUSIONS = [
+    claim(
+        "C1",
+        "There are features: FE3 beats scratch, and frozen layers that have learned nothing.",
+        [beats("high", "FE3", SCRATCH), *(control("high", "FE3", kind) for kind in CONTROL_KINDS)],
+    ),
+    claim(
+        "C2",
+        "More layers help in pair high and harm in the others; "
+        "extraction beats finetuning in pair high, and loses in the others.",
+        [
+            *(rises("high", *arms) for arms in (FE, FT)),
+            *(rises(pair, *arms[::-1]) for pair in ("low", "lowest") for arms in (FE, FT)),
+            means("high", FE, FT),
+            *(means(pair, FT, FE) for pair in ("low", "lowest")),
+        ],
+    ),
+    claim(
+        "C3",
+        "FE3 is sooner than FE4, and ends higher, in all pairs.",
+        [beats(pair, "FE3", "FE4", metric) for pair in ITSELF for metric in ("time", "asymptote")],
+    ),
+    claim(
+        "C4",
+        "Torn co-adaptation makes dips: in pair high and from a case to itself, and none in low.",
+        [*EXTRACTION_DIPS, *FINETUNING_DIPS, *SELF_DIPS, *NO_DIPS],
+    ),
+    claim(
+        "C5",
+        "Finetuning everything is better early than finetuning the conv layers, and ends lower.",
+        [
+            *(beats(pair, "FTW", "FT4", "early area") for pair in ITSELF),
+            *(beats(pair, "FT4", "FTW", "asymptote") for pair in ITSELF),
+        ],
+    ),
+]
+# Each is judged alone; they explain, and decide no claim.
+OURS = [
+    claim(
+        "E1",
+        "Frozen layers that have learned beat random ones, for each number of layers and pair.",
+        [control(pair, arm, RANDOM) for pair in ITSELF for arm in FE],
+    ),
+    claim(
+        "E2",
+        "They beat the same weights permuted within each layer.",
+        [control(pair, arm, PERMUTED) for pair in ITSELF for arm in FE],
+    ),
+    claim(
+        "E3",
+        "Cases 4 and 6 to themselves dip too.",
+        [*self_dips("4", "low", "self4"), *self_dips("6", "lowest", "self6")],
+    ),
+    claim(
+        "E4",
+        "A case's own network, finetuned as a whole, beats learning it from scratch.",
+        [itself(case, pair, label, "FTW", SCRATCH) for pair, (case, label) in ITSELF.items()],
+    ),
+    claim(
+        "E5",
+        "A reused network gains more where exploration starts low, in time and in area; it is higher too.",
+        [interaction("time"), interaction("area"), network_effect("area")],
+    ),
+    claim(
+        "E6",
+        "FTW misses the goal less often than scratch once exploration is over.",
+        [beats(pair, SCRATCH, "FTW", "misses") for pair in ITSELF],
     ),
 ]

@@ -1,1 +1,1 @@
-"""A study's runs through Hydra's launchers: what is missing, how long it takes, how far it is. No torch."""
+"""Runs a study through Hydra's launchers, and shows its progress. No torch."""

@@ -1,4 +1,4 @@
-"""Runs a study's jobs through Hydra's launchers: each a file, each stage one multirun."""
+"""Runs a study's jobs through Hydra's launchers: each job is a file, each stage a multirun."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
 from ship_trl.run.launchers import die_with_parent
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import PARTS, Job, source_of
+from ship_trl.study.plan.jobs import PARTS, Job, source_folder
 from ship_trl.study.plan.manifest import run_config
 
-LOG, JOBS, BASE = "log.txt", "jobs", "case_base"
-# What all runs of a study have in common, beside the learner.
-SHARED = ("profile", "device", "colour", "world", "network")
+LOG, JOBS, CASE_BASE = "log.txt", "jobs", "case_base"
+# Keys that all runs of a study share, beside "learn".
+SHARED_KEYS = ("profile", "device", "colour", "world", "network")
 
 
 def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
     """Write a file for each job, `<study>/jobs/job/NAME.yaml`.
 
-    `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs it alone: with all that the study
-    has set, so that what it leaves in the study's folder is what the study would have left.
+    `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs a job alone. The file holds all settings of
+    the study, so the run alone leaves the same files as the study would.
 
     Raises:
-        ConfigError: something of the study's folder that would be written, or renamed, is a link.
+        ConfigError: a path of the study that would be written or renamed is a link.
     """
     folder = config.folder / JOBS / "job"
-    own = (folder, *(config.folder / name for name in (LOG, BASE, *PARTS)))
+    own = (folder, *(config.folder / name for name in (LOG, CASE_BASE, *PARTS)))
     for place in (*own, *(job.folder(config.folder) for job in jobs)):
         if linked := links(place, config.folder):
             raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     whole = plain(run_config(config))
-    shared, learn = {key: whole[key] for key in SHARED}, whole["learn"]
+    shared, learn = {key: whole[key] for key in SHARED_KEYS}, whole["learn"]
     folder.mkdir(parents=True, exist_ok=True)
-    # Absolute, because a node of a cluster starts its processes wherever it likes.
+    # Absolute, because a cluster node starts its processes in a folder of its own.
     study = config.folder.absolute()
     for job in jobs:
         values: dict[str, Any] = shared | job.values | {"learn": learn | job.values.get("learn", {})}
         values |= {
             "output": str(study / job.part),
-            "case_base": str(study / BASE),
+            "case_base": str(study / CASE_BASE),
             "wandb": {"folder": str(study), "group": f"{job.part}/{job.label}"},
         }
         with replacing(folder / f"{job.name}.yaml") as draft:
@@ -58,7 +58,7 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
 
 
 def finished(job: Job, config: StudyConfig) -> Result | None:
-    """Give the result of a job that is done, or None; with a checkpoint left, something is to do."""
+    """Return the result of a finished job; None while there is no result, or a checkpoint is left."""
     folder = job.folder(config.folder)
     try:
         found = read_result(folder)
@@ -70,25 +70,25 @@ def finished(job: Job, config: StudyConfig) -> Result | None:
 
 
 def command(jobs: list[Job], config: StudyConfig) -> list[str]:
-    """Make the multirun of these jobs."""
-    # Quoted: a path may hold what Hydra's grammar takes for its own.
+    """Return the command of a multirun of these jobs."""
+    # Quoted, because a path may hold characters of Hydra's grammar.
     sweep = str(config.folder.absolute()).replace("'", "\\'")
     return [
         *(sys.executable, "-m", "ship_trl", "--multirun"),
         *("--config-dir", str((config.folder / JOBS).absolute())),
         *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
-        # They were checked when they were planned.
+        # The runs were checked when they were planned.
         "~hydra.callbacks.check_runs",
         *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
         f"profile={config.profile}",
-        *logging(config),
+        *logging_overrides(config),
         *config.overrides,
         f"+job={','.join(job.name for job in jobs)}",
     ]
 
 
-def logging(config: StudyConfig) -> list[str]:
-    """Make the overrides that say where the runs' numbers go, wandb's into the study's project."""
+def logging_overrides(config: StudyConfig) -> list[str]:
+    """Return the overrides that send the runs' numbers to the study's logger."""
     if not config.logger.includes(Logger.wandb):
         return [f"logger={config.logger.name}"]
     wandb = config.wandb
@@ -99,11 +99,11 @@ def logging(config: StudyConfig) -> list[str]:
 
 @contextmanager
 def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a child with its words in `log`, and end it when the block is left."""
-    with log.open("ab") as words:
+    """Start a child process with its output appended to `log`; terminate it at the end of the block."""
+    with log.open("ab") as output:
         child = subprocess.Popen(
             arguments,
-            stdout=words,
+            stdout=output,
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
             preexec_fn=die_with_parent,
@@ -116,14 +116,21 @@ def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]
 
 
 def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> list[Job]:
-    """Run what is not finished, stage by stage, with retries; returns what has no result even so.
+    """Run all unfinished jobs, stage by stage, with retries.
 
-    Some launchers end with the first process that dies, and leave the other runs to be started again:
-    only a round that finished no run at all is a failure, and only failures are counted.
-    `watch` is called about once a second.
+    Some launchers end when one process dies and leave the other runs to be started again. So only a round
+    that finishes no run counts as a failure.
+
+    Args:
+        jobs: all jobs of the study.
+        config: of the study.
+        watch: called about once a second.
+
+    Returns:
+        The jobs that have no result in the end.
     """
     for stage in sorted({job.stage for job in jobs}):
-        # Without its source a run would train one of its own, beside the study's.
+        # Without the study's source a run would train a source of its own.
         left, failures = [job for job in jobs if job.stage == stage and has_source(job, config)], 0
         while left and failures <= config.retries:
             for batch in batches(left, config):
@@ -141,19 +148,19 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
 
 
 def has_source(job: Job, config: StudyConfig) -> bool:
-    """Whether the run that a job begins with is finished, if it begins with one of the study's."""
-    origin = source_of(job, config)
-    return origin is None or (config.folder / origin / RESULT).exists()
+    """Return whether the source of a job is finished, or the job needs none."""
+    source = source_folder(job, config)
+    return source is None or (config.folder / source / RESULT).exists()
 
 
 def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:
-    """Split what is given to the launcher at once: everything, if the launcher waits for a free core."""
+    """Split jobs into batches: slurm_local starts all jobs of a launch at once, so it gets one a process."""
     most = processes(config) if config.launcher == "slurm_local" else len(jobs)
     return [jobs[k : k + most] for k in range(0, len(jobs), most)]
 
 
 def processes(config: StudyConfig) -> int:
-    """How many runs go on at once on this machine: as many as are asked for, else one a core."""
+    """Return how many runs go on at once on this machine; one a core by default."""
     if config.processes is not None:
         return config.processes
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

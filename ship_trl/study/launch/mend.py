@@ -1,8 +1,9 @@
-"""Finished runs that cannot be read any more, or be begun with: set aside, so that they are trained again."""
+"""Renames damaged runs, so that the study trains them again."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
@@ -10,16 +11,16 @@ from ship_trl.files.result import RESULT
 from ship_trl.run.plan import DAMAGED
 from ship_trl.study.launch.launch import finished
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import Job, source_of
+from ship_trl.study.plan.jobs import Job, source_folder
 from ship_trl.study.records.record import BrokenRunError, read_placed
 from ship_trl.transfer.casebase import POLICY
 
 
 def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
-    """Rename the folder of each damaged run, and say so; nothing is deleted.
+    """Rename the folder of each damaged run and yield a message; nothing is deleted.
 
-    A run without a result was stopped, not damaged: it goes on in its folder. A source without its
-    network counts as damaged if a run that is to do begins with it.
+    A run without a result was stopped, not damaged: it goes on in its folder. A source without its network
+    counts as damaged if an unfinished run needs it.
 
     Raises:
         ConfigError: a folder that cannot be renamed.
@@ -32,30 +33,23 @@ def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
             read_placed(folder)
         except BrokenRunError as error:
             yield rename(folder, str(error))
-    # From the last stage on: a source that is trained again may need its own.
+    # From the last stage on: a source that is trained again may need its own source.
     for job in reversed(jobs):
-        origin = source_of(job, config)
-        if origin is None or finished(job, config) is not None:
+        source = source_folder(job, config)
+        if source is None or finished(job, config) is not None:
             continue
-        folder = config.folder / origin
-        # As where a study was restored from its copy, and arms have been added since.
+        folder = config.folder / source
+        # A restored study has no networks, and arms may have been added since.
         if (folder / RESULT).exists() and not (folder / POLICY).exists():
             yield rename(folder, f"{POLICY} is missing, and other runs begin with it")
 
 
 def rename(folder: Path, reason: str) -> str:
-    """Set a folder aside; returns a line that says so."""
-    aside = free_name(folder)
+    """Rename a damaged folder to `damaged-1-seed=0`, or the next free number, and return a message."""
+    free = (folder.with_name(f"{DAMAGED}{number}-{folder.name}") for number in count(1))
+    new = next(name for name in free if not name.exists())
     try:
-        folder.rename(aside)
+        folder.rename(new)
     except OSError as problem:
         raise ConfigError(f"output: {folder} cannot be set aside: {problem.strerror}") from None
-    return f"{folder}: {reason}; kept as {aside.name} and trained again"
-
-
-def free_name(folder: Path) -> Path:
-    """`damaged-1-seed=0` beside `seed=0`, or the next number that is free."""
-    number = 1
-    while (aside := folder.with_name(f"{DAMAGED}{number}-{folder.name}")).exists():
-        number += 1
-    return aside
+    return f"{folder}: {reason}; kept as {new.name} and trained again"

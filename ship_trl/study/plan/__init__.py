@@ -1,1 +1,1 @@
-"""Which runs a study consists of: what it is asked to be, and its jobs. No torch."""
+"""The runs of a study: its settings, arms and jobs. No torch."""

@@ -1,4 +1,4 @@
-"""What a study is asked to be: conf/study.yaml with overrides, checked before anything is written."""
+"""The settings of a study: conf/study.yaml with overrides, checked before anything is written."""
 
 from __future__ import annotations
 
@@ -20,20 +20,11 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.config.shapes import check_shapes
 from ship_trl.config.types import Logger, WandbMode
 from ship_trl.run.launchers import check_slurm
+from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS, WHOLE
 
-# Section 4.3: the case that is most like the new one, and by which arm its network was made.
-REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", "FTW", "new"
-# Controls, which are arms and pairs of a study that has them anyway: frozen layers without features, on
-# every pair; cases to themselves; and a source with the target's ship, but not its ideal path, to set
-# beside pair high, whose source has the path, but no ship (section 4.1).
-RANDOM_ARM, PERMUTED_ARM, SELF_PAIR, SHIP_PAIR = "FE3-random", "FE3-permuted", "self", "ship"
-LAYERED = tuple(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5))
-CONTROL_ARMS = (RANDOM_ARM, PERMUTED_ARM)
-CONTROL_PAIRS = {SELF_PAIR: LAYERED, SHIP_PAIR: ("FE3", "FTW")}
-# These explore, and are run with the first block of seeds only.
-EXPLORING_ARMS = tuple(f"FE{n}-{kind}" for kind in ("random", "permuted") for n in (1, 2, 4))
-EXPLORING_PAIRS = {SELF_PAIR: ("FTW",), "self4": (*LAYERED, "FTW"), "self6": (*LAYERED, "FTW")}
-# Hydra's launchers (conf/hydra/launcher) and the plugins that bring them.
+# Section 4.3: the case most similar to the new one, and the pair and arm that made the reused network.
+REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", WHOLE, "new"
+# Hydra's launchers (conf/hydra/launcher) and their plugins.
 LAUNCHERS = {
     "joblib": "hydra_joblib_launcher",
     "slurm": "hydra_submitit_launcher",
@@ -41,8 +32,8 @@ LAUNCHERS = {
     "ray_local": "hydra_ray_launcher",
     "ray_cluster": "hydra_ray_launcher",
 }
-# What a job sets.
-FIXED = (
+# Keys that each job sets itself.
+JOB_KEYS = (
     *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
     *("profile", "output", "case_base", "logger", "overwrite", "demonstrations", "sweep"),
 )
@@ -50,7 +41,7 @@ FIXED = (
 
 @dataclass
 class StudyWandb:
-    """The wandb project that a study is, if it is asked for."""
+    """The wandb project of a study."""
 
     project: str = MISSING
     mode: WandbMode = MISSING
@@ -59,7 +50,7 @@ class StudyWandb:
 
 @dataclass
 class StudyConfig:
-    """What is asked for; values are in conf/study.yaml."""
+    """The settings; conf/study.yaml holds and explains the values."""
 
     profile: str = MISSING
     seeds: int | None = None
@@ -80,7 +71,7 @@ class StudyConfig:
 
     @property
     def count(self) -> int:
-        """How many seeds."""
+        """The number of seeds."""
         return self.profile_seeds[self.profile] if self.seeds is None else self.seeds
 
     @property
@@ -90,17 +81,17 @@ class StudyConfig:
 
     @property
     def folder(self) -> Path:
-        """Where everything lies."""
+        """The study's folder."""
         return Path(self.output or f"outputs/{self.profile}_study")
 
     @property
-    def of_runs(self) -> list[str]:
-        """Overrides that are of the runs; the others are of Hydra and its launcher."""
+    def run_overrides(self) -> list[str]:
+        """The overrides of the runs; the other ones are for Hydra and its launcher."""
         return [line for line in self.overrides if not line.startswith("hydra.")]
 
 
 def to_study(overrides: list[str]) -> StudyConfig:
-    """Compose conf/study.yaml with overrides and check it.
+    """Compose conf/study.yaml with overrides and check the result.
 
     Raises:
         ConfigError: an unknown key, a wrong value, an unknown name.
@@ -117,27 +108,27 @@ def to_study(overrides: list[str]) -> StudyConfig:
             raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
         raise ConfigError(explain(error)) from None
     except (yaml.YAMLError, LookupError, ValueError, ArithmeticError, TypeError, RecursionError):
-        # Of an unclosed bracket in a key, or thousands of digits, OmegaConf makes Python's errors.
+        # OmegaConf raises Python's own errors for a key with an unclosed bracket, or thousands of digits.
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
-    # OmegaConf takes an interpolation that leads to anything.
+    # An interpolation can put a value of any type in any place.
     check_shapes(StudyConfig, asdict(config))
     check(config)
     return config
 
 
-def names(group: str) -> list[str]:
-    """List what a config group offers."""
+def options(group: str) -> list[str]:
+    """List the options of a config group."""
     return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
 
 
 def check(config: StudyConfig) -> None:
     """Check names and counts."""
-    one_of("profile", [config.profile], names("profile"))
-    one_of("pairs", config.pairs, names("pair"))
-    one_of("arms", config.arms, names("arm"))
-    one_of("launcher", [config.launcher], list(LAUNCHERS))
+    check_names("profile", [config.profile], options("profile"))
+    check_names("pairs", config.pairs, options("pair"))
+    check_names("arms", config.arms, options("arm"))
+    check_names("launcher", [config.launcher], list(LAUNCHERS))
     check_logger(config.logger)
     plugin = LAUNCHERS[config.launcher]
     if find_spec(f"hydra_plugins.{plugin}") is None:
@@ -149,10 +140,10 @@ def check(config: StudyConfig) -> None:
         raise ConfigError("profile_seeds: must be a number of seeds for each profile, got None")
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
-    control_names = {*CONTROL_PAIRS, *EXPLORING_PAIRS, *CONTROL_ARMS, *EXPLORING_ARMS}
+    controls = {*CONTROL_PAIRS, *FIRST_BLOCK_PAIRS, *CONTROL_ARMS, *FIRST_BLOCK_ARMS}
     for key in ("pairs", "arms"):
         for name in getattr(config, key):
-            if config.controls and name in control_names:
+            if config.controls and name in controls:
                 raise ConfigError(f"{key}: {name} is one of the controls; allowed: controls=false")
     check_numbers(config)
     if config.reuse and (REUSED_PAIR not in config.pairs or REUSED_ARM not in config.arms):
@@ -163,7 +154,7 @@ def check(config: StudyConfig) -> None:
 
 
 def check_numbers(config: StudyConfig) -> None:
-    """Check what is counted."""
+    """Check all counts."""
     if config.count < 2:
         raise ConfigError(f"seeds: must be at least 2, got {config.count}")
     for key, least in (("first_seed", 0), ("block", 1), ("processes", 1), ("retries", 0)):
@@ -175,8 +166,8 @@ def check_numbers(config: StudyConfig) -> None:
 
 
 def check_overrides(config: StudyConfig) -> None:
-    """Refuse what makes a run the one it is: it would be the same in all of them."""
-    fixed = {*FIXED, *(["learn.epsilon_start"] if config.reuse else [])}
+    """Refuse keys that tell runs apart: an override would set them alike in all runs."""
+    fixed = {*JOB_KEYS, *(["learn.epsilon_start"] if config.reuse else [])}
     for line in config.overrides:
         key = line.split("=")[0].lstrip("+~")
         if key in fixed:
@@ -186,8 +177,8 @@ def check_overrides(config: StudyConfig) -> None:
             raise ConfigError(f"overrides: {key} tells the study's runs apart; allowed: {allowed}")
 
 
-def one_of(key: str, got: list[str], allowed: list[str]) -> None:
-    """Check that all names are allowed, and none is there twice."""
+def check_names(key: str, got: list[str], allowed: list[str]) -> None:
+    """Check that there is a name, that all names are allowed, and that none is there twice."""
     for name in got:
         if name not in allowed:
             raise ConfigError(f"{key}: no {name}; allowed: {', '.join(allowed)}")
@@ -196,7 +187,7 @@ def one_of(key: str, got: list[str], allowed: list[str]) -> None:
 
 
 @cache
-def read(group: str, name: str) -> Mapping[str, Any]:
-    """Read the values of a config group's choice; a plan asks for the same few again and again."""
+def read_option(group: str, name: str) -> Mapping[str, Any]:
+    """Read the values of an option of a config group."""
     values: Any = OmegaConf.to_container(OmegaConf.load(conf_dir() / group / f"{name}.yaml"))
     return MappingProxyType(values)

@@ -1,4 +1,4 @@
-"""Which runs a study consists of, and in what order."""
+"""The runs of a study and their order."""
 
 from __future__ import annotations
 
@@ -7,38 +7,44 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ship_trl.study.plan.config import (
+from ship_trl.study.plan.arms import (
     CONTROL_ARMS,
     CONTROL_PAIRS,
-    EXPLORING_ARMS,
-    EXPLORING_PAIRS,
+    FIRST_BLOCK_ARMS,
+    FIRST_BLOCK_PAIRS,
+    SCRATCH,
+    SCRATCH_PAIR,
+    WHOLE,
+    needs_source,
+)
+from ship_trl.study.plan.config import (
     NEW_CASE,
     REUSED_ARM,
     REUSED_CASE,
     REUSED_PAIR,
     StudyConfig,
-    read,
+    read_option,
 )
 
-# Parts of a study, which are its folders: the paper's figures 5 to 7, figure 9, and our controls.
+# A study's parts, which are its folders: figures 5 to 7, figure 9, our controls, and sources of no pair.
 PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
 LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
-# The low epsilon too; case 2's network here was trained on case 2 alone, as those of other sources were.
+# The network of case 2 trained on case 2 alone, as the other sources are; with the low epsilon.
 ALONE = f"{REUSE}/alone"
 PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
-# Sources of the paper's pairs, and targets of them.
+# Cases whose networks are reused on the new case too: the paper's sources, and targets of its pairs.
 OTHER_SOURCES, FURTHER_SOURCES = ("1", "3", "5"), ("4", "6")
 LOW_EPSILON = 0.1
-# The pair whose runs from scratch are those of a control's target.
-COMPARED = {"self": "high", "ship": "high", "self4": "low", "self6": "lowest"}
+# Where the runs of an arm lie: part, pair (or another label), arm.
+Place = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
 class Job:
     """One run of a study.
 
-    `stage` orders blocks of seeds, what is run first in a block, and what depends on one another: all
-    of a stage may run at once. `values` are set in the run's configuration.
+    Jobs of one `stage` may run at once; a job's source comes from an earlier stage. `values` are set in the
+    run's configuration. `name` also names the file that starts the run alone.
     """
 
     name: str
@@ -50,103 +56,94 @@ class Job:
     values: dict[str, Any]
 
     def folder(self, study: Path) -> Path:
-        """Where its results lie."""
+        """Return the run's folder."""
         return run_folder(study, self.part, self.label, self.arm, self.seed)
 
 
 def run_folder(study: Path, part: str, label: str, arm: str, seed: int) -> Path:
-    """Where a study keeps a run's results."""
+    """Return the folder of a run in a study's folder."""
     return study / part / label / arm / f"seed={seed}"
 
 
 def plan_jobs(config: StudyConfig) -> list[Job]:
-    """All runs of a study, in the order of their stages."""
-    jobs = [job for seed in config.numbers for job in of_seed(config, seed)]
+    """Plan all runs of a study, in the order of their stages."""
+    jobs = [job for seed in config.numbers for job in seed_jobs(config, seed)]
     return sorted(jobs, key=lambda job: (job.stage, job.seed))
 
 
-def of_seed(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Plan the runs of one seed: figures 5 to 7, reuse, controls, each behind the sources that it needs."""
-    groups = (pair_jobs, reuse_jobs, control_jobs, exploring_jobs)
+def seed_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
+    """Plan the runs of one seed: pairs, reuse, controls; each group after the sources that it needs."""
+    groups = (pair_jobs, reuse_jobs, control_jobs, first_block_jobs)
     stage = 2 * len(groups) * block_of(config, seed)
     known: set[str] = set()
     for group in groups:
         runs = list(group(config, seed))
-        needed = {str(run.values["source"]) for run in runs if needs_source(run)}
+        needed = {str(run.values["source"]) for run in runs if needs_source(run.arm)}
         for case in sorted(needed - known):
-            if trained_alone(config, case) == (SOURCES, case):
-                yield replace(alone(SOURCES, case, seed), stage=stage)
+            if source_place(config, case) == (SOURCES, case):
+                yield replace(scratch_job(SOURCES, case, seed), stage=stage)
         for run in runs:
-            serves = (run.part, run.arm) == (PAIRS, "scratch") and str(run.values["target"]) in needed
-            yield replace(run, stage=stage if serves else stage + 1)
+            is_source = (run.part, run.arm) == (PAIRS, SCRATCH) and str(run.values["target"]) in needed
+            yield replace(run, stage=stage if is_source else stage + 1)
         known |= needed
         stage += 2
 
 
 def block_of(config: StudyConfig, seed: int) -> int:
-    """Count the block of a seed, from 0."""
+    """Return the number of a seed's block, from 0."""
     return (seed - config.first_seed) // config.block
 
 
-def needs_source(run: Job) -> bool:
-    """Whether a run begins with a network that was trained."""
-    return run.arm != "scratch" and run.values.get("source_weights") != "random"
-
-
-def source_of(run: Job, config: StudyConfig) -> Path | None:
-    """Where in the study's folder the run lies with whose network this one begins; None if with none."""
-    if not needs_source(run):
+def source_folder(run: Job, config: StudyConfig) -> Path | None:
+    """Return the folder of the run that trains a run's source, below the study's folder; None without one."""
+    if not needs_source(run.arm):
         return None
     if "source_file" in run.values:
         return Path(run.values["source_file"]).parent.relative_to(config.folder.absolute())
-    return Path(*trained_alone(config, str(run.values["source"])), "scratch", f"seed={run.seed}")
+    return Path(*source_place(config, str(run.values["source"])), SCRATCH, f"seed={run.seed}")
 
 
 def pair_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Figures 5 to 7."""
+    """Plan figures 5 to 7."""
     for pair in config.pairs:
         for arm in config.arms:
-            yield transfer(PAIRS, pair, arm, seed)
+            yield transfer_job(PAIRS, pair, arm, seed)
 
 
 def control_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Plan the controls that are run with all seeds."""
-    return controls(config, seed, CONTROL_ARMS, CONTROL_PAIRS)
+    """Plan the controls that run with all seeds."""
+    return jobs_of_controls(config, seed, CONTROL_ARMS, CONTROL_PAIRS)
 
 
-def exploring_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Plan the controls that are run with the first block of seeds only."""
-    if block_of(config, seed) > 0:
-        return iter(())
-    return controls(config, seed, EXPLORING_ARMS, EXPLORING_PAIRS)
+def first_block_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
+    """Plan the controls that run with the first block of seeds only."""
+    if block_of(config, seed) == 0:
+        yield from jobs_of_controls(config, seed, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS)
 
 
-def controls(
+def jobs_of_controls(
     config: StudyConfig, seed: int, arms: Sequence[str], pairs: Mapping[str, Sequence[str]]
 ) -> Iterator[Job]:
-    """Arms on all pairs, and pairs on targets that the study has, for there they can be compared."""
+    """Plan arms on all pairs, and control pairs on targets for which the study has runs from scratch."""
     if not config.controls:
         return
-    for pair in config.pairs:
-        for arm in arms:
-            yield transfer(CONTROLS, pair, arm, seed)
-    targets = {read("pair", pair)["target"] for pair in config.pairs}
-    for pair, own in pairs.items():
-        if read("pair", pair)["target"] in targets:
-            for arm in own:
-                yield transfer(CONTROLS, pair, arm, seed)
+    targets = {read_option("pair", pair)["target"] for pair in config.pairs}
+    known = {pair: own for pair, own in pairs.items() if read_option("pair", pair)["target"] in targets}
+    for pair, own in (*((pair, arms) for pair in config.pairs), *known.items()):
+        for arm in own:
+            yield transfer_job(CONTROLS, pair, arm, seed)
 
 
-def trained_alone(config: StudyConfig, case: str) -> tuple[str, str]:
-    """Part and label of a case's run from scratch: a pair's that has it anyway, so that none is run twice."""
-    for pair in config.pairs if "scratch" in config.arms else ():
-        if str(read("pair", pair)["target"]) == case:
+def source_place(config: StudyConfig, case: str) -> tuple[str, str]:
+    """Return part and label of a case's run from scratch: that of a pair, if a pair has it anyway."""
+    for pair in config.pairs if SCRATCH in config.arms else ():
+        if str(read_option("pair", pair)["target"]) == case:
             return PAIRS, pair
     return SOURCES, case
 
 
 def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
-    """Network (reused, from scratch) by starting epsilon (low, 1); at the low one, sources trained alike."""
+    """Plan the 2 x 2 of network (reused, scratch) and starting epsilon (low, 1), and the other sources."""
     if not config.reuse:
         return
     low: dict[str, Any] = {"learn": {"epsilon_start": LOW_EPSILON}}
@@ -155,41 +152,46 @@ def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
         return str(config.folder.absolute().joinpath(*place, f"seed={seed}", "policy.safetensors"))
 
     for part, extra in ((ONE, {}), (LOW, low)):
-        yield alone(part, NEW_CASE, seed, **extra)
-        yield whole(part, REUSED_CASE, seed, source_file=policy(PAIRS, REUSED_PAIR, REUSED_ARM), **extra)
+        yield scratch_job(part, NEW_CASE, seed, **extra)
+        yield reuse_job(part, REUSED_CASE, seed, source_file=policy(PAIRS, REUSED_PAIR, REUSED_ARM), **extra)
     others = ((LOW, case) for case in OTHER_SOURCES + FURTHER_SOURCES)
     for part, case in ((ALONE, REUSED_CASE), *others):
-        # By file, because a source of its own would be trained with the low epsilon too.
-        source = policy(*trained_alone(config, case), "scratch")
-        yield whole(part, case, seed, source_file=source, **low)
+        # A path, because a source that the run trained itself would have the low epsilon too.
+        source = policy(*source_place(config, case), SCRATCH)
+        yield reuse_job(part, case, seed, source_file=source, **low)
 
 
-def job(part: str, label: str, arm: str, seed: int, values: dict[str, Any]) -> Job:
-    """Plan a run, not yet in its stage; its name is also that of the file that starts it alone."""
+def make_job(part: str, label: str, arm: str, seed: int, values: dict[str, Any]) -> Job:
+    """Make a job of stage 0."""
     name = "-".join((part.replace("/", "-"), label, arm, str(seed)))
     return Job(name, 0, part, label, arm, seed, values | {"seed": seed})
 
 
-def alone(part: str, case: str, seed: int, **extra: Any) -> Job:
+def scratch_job(part: str, case: str, seed: int, **extra: Any) -> Job:
     """Plan a case from scratch."""
-    return job(part, case, "scratch", seed, {"target": case, **read("arm", "scratch"), **extra})
+    return make_job(part, case, SCRATCH, seed, {"target": case, **read_option("arm", SCRATCH), **extra})
 
 
-def transfer(part: str, pair: str, arm: str, seed: int) -> Job:
-    """Plan an arm on a pair."""
-    return job(part, pair, arm, seed, {**read("pair", pair), **read("arm", arm)})
+def transfer_job(part: str, pair: str, arm: str, seed: int) -> Job:
+    """Plan an arm of a pair."""
+    return make_job(part, pair, arm, seed, {**read_option("pair", pair), **read_option("arm", arm)})
 
 
-def whole(part: str, source: str, seed: int, **extra: Any) -> Job:
-    """Plan the whole network of another case on the new one."""
-    cases = {"source": source, "target": NEW_CASE}
-    return job(part, f"{source}-{NEW_CASE}", "FTW", seed, {**cases, **read("arm", "FTW"), **extra})
+def reuse_job(part: str, source: str, seed: int, **extra: Any) -> Job:
+    """Plan the whole network of another case on the new case."""
+    values = {"source": source, "target": NEW_CASE, **read_option("arm", WHOLE), **extra}
+    return make_job(part, reuse_label(source), WHOLE, seed, values)
 
 
-def from_scratch(part: str, label: str) -> tuple[str, str, str]:
-    """Part, label and arm of the runs from scratch that those of a label are compared with."""
+def reuse_label(source: str) -> str:
+    """Return the label of a case's network on the new case."""
+    return f"{source}-{NEW_CASE}"
+
+
+def scratch_place(part: str, label: str) -> Place:
+    """Return the place of the runs from scratch that the runs of a label are compared with."""
     if part in (LOW, ONE, ALONE):
-        return (ONE if part == ONE else LOW), NEW_CASE, "scratch"
+        return (ONE if part == ONE else LOW), NEW_CASE, SCRATCH
     if part == CONTROLS:
-        return PAIRS, COMPARED.get(label, label), "scratch"
-    return (SOURCES if part == SOURCES else PAIRS), label, "scratch"
+        return PAIRS, SCRATCH_PAIR.get(label, label), SCRATCH
+    return (SOURCES if part == SOURCES else PAIRS), label, SCRATCH

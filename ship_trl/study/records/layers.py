@@ -1,7 +1,7 @@
-"""How alike the layers of a study's networks are, as a table. No torch.
+"""layers.csv: how similar the layers of a study's networks are. No torch.
 
-`layers.csv` may lie beside a study's tables, or in its folder: the tables hold no networks, so it is written
-while those are there (`python -m ship_trl layers`).
+The table lies beside a study's tables, or in its folder. Kept tables hold no networks, so it is written while
+the networks exist (`python -m ship_trl layers`).
 """
 
 from __future__ import annotations
@@ -17,16 +17,15 @@ from ship_trl.files.disk import replacing
 from ship_trl.files.table import read_table
 
 LAYERS = "layers.csv"
-# Bytes, at most: a study of 15 seeds has 0.2 million.
-LARGEST = 20_000_000
-# What an arm's network stands beside: the source that it began with, and the network from scratch of its
-# seed. That one stands beside the source too, which is of another case, beside the network from scratch of
-# the seed before it if there is one, and beside one of drawn weights.
+# A study of 15 seeds has 0.2 million bytes.
+MAX_BYTES = 20_000_000
+# The networks that an arm is compared with: its source, and scratch of its seed. Scratch is compared with the
+# source, with scratch of the seed before, and with random weights.
 SOURCE, SCRATCH, OTHER_SEED, UNTRAINED = "source", "scratch", "other seed", "untrained"
 
 
 class Layer(NamedTuple):
-    """CKA of a layer of two networks of a pair: an arm's and the one that it stands `beside`."""
+    """CKA of a layer of two networks of a pair: an arm's network and the one `beside` it."""
 
     seed: int
     pair: str
@@ -40,22 +39,22 @@ def read_layers(path: Path) -> list[Layer]:
     """Read a table of layers.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not such a table.
     """
-    return read_table(path, Layer._fields, layer_of, LARGEST, "table", "a table of layers")
+    return read_table(path, Layer._fields, layer_of, MAX_BYTES, "table", "a table of layers")
 
 
 def layer_of(row: dict[str, str]) -> Layer:
-    """Make a row of its cells.
+    """Read a row from its cells.
 
     Raises:
-        ValueError: they are of none.
+        ValueError: a cell has a wrong value.
     """
     words = {name: row[name] for name in ("pair", "arm", "beside", "layer")}
     if not all(map(is_name, words.values())):
         raise ValueError("a row without a name")
     cka = float(row["cka"])
-    # A little above 1 and below 0 are possible, as it is an estimate without bias.
+    # The estimate is unbiased, so it can be a little above 1 or below 0. NaN is allowed.
     if math.isinf(cka) or abs(cka) > 2:
         raise ValueError(f"a CKA of {cka:g}")
     return Layer(int(row["seed"]), **words, cka=cka)

@@ -1,4 +1,4 @@
-"""A finished run as the study reads it: result and learning curve, whole or named as broken."""
+"""A finished run: its result and learning curve, checked against each other."""
 
 from __future__ import annotations
 
@@ -17,22 +17,28 @@ from ship_trl.study.plan.jobs import PARTS
 if TYPE_CHECKING:
     import pandas as pd
 
-# Of what a study reads of a curve: returns, and distances in metres.
+# Returns and distances (m) are rounded as tables keep them: runs and their tables then give the same report.
 DECIMALS = {"return": 3, "dcpa": 1}
-# What decides the digits, beside the settings.
+# Fields of a result that may change digits, beside the settings.
 COMPUTED = ("ship_trl", "torch", "device", "precision", "backend", "processor")
-# Of runs that lie where a study has none.
+# End of the message for runs outside a study's parts.
 NO_PART = "is no part of a study"
 
 
 class BrokenRunError(Exception):
-    """A run that cannot be counted; its text says why, in a few words."""
+    """A run that cannot be used; the text says why in a few words."""
 
 
 @dataclass(frozen=True)
 class Episodes:
-    """Episodes in order, all [N]; `dcpa` is not a number without target ships."""
+    """Training episodes or greedy evaluations in order, all [N].
 
+    `episode` is the number of training episodes done. `dcpa` is NaN without target ships, `epsilon` NaN for
+    greedy evaluations, of which the first is before training.
+    """
+
+    episode: NDArray[np.int64]
+    epsilon: NDArray[np.float64]
     returns: NDArray[np.float64]
     goal: NDArray[np.bool_]
     collision: NDArray[np.bool_]
@@ -40,26 +46,13 @@ class Episodes:
 
 
 @dataclass(frozen=True)
-class Training(Episodes):
-    """Training episodes, with the exploration rate of each."""
-
-    epsilon: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Greedy(Episodes):
-    """Greedy evaluations, the first before training, and after how many episodes each was."""
-
-    episode: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
 class Record:
-    """One finished run.
+    """A finished run.
 
-    `part` is the share of the study that it belongs to: its folder in it; `computed` says by what
-    version, device and precision. `draws` are the greedy returns before training over draws of what is not
-    copied: [D], empty where an older program did not note them.
+    `random` is the mean return of random actions, `scratch` the greedy return of random weights, `before` the
+    greedy return before training. `draws` are greedy returns before training over draws of the layers that
+    are not copied, [D]; old runs have none. `computed` holds version, device, precision and the like,
+    `measured` metrics that were computed already.
     """
 
     folder: Path
@@ -75,23 +68,22 @@ class Record:
     random: float
     scratch: float
     before: float
-    training: Training
-    greedy: Greedy
+    training: Episodes
+    greedy: Episodes
     computed: dict[str, str]
     draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    # Its metrics, as far as they have been asked for; another record has its own.
     measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def score(self, values: Any) -> Any:
-        """Scale returns to the way from random actions to the best known: 0 to 1, less if worse."""
+        """Scale returns to scores: 0 is random actions, 1 the best known return."""
         return (values - self.random) / (self.best_known - self.random)
 
 
 def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
-    """Make a record of a run's result and its curve (`rows` as `read_curve` gives them).
+    """Make a record of a result and a curve (`rows` as `read_curve` returns them).
 
     Raises:
-        BrokenRunError: something is missing, or the one does not fit the other.
+        BrokenRunError: something is missing, or result and curve do not fit.
     """
     if result.random_return is None:
         raise BrokenRunError(f"{RESULT} has no random_return")
@@ -113,8 +105,8 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         random=result.random_return,
         scratch=result.scratch.episode_return,
         before=result.before.episode_return,
-        training=Training(**episodes(training), epsilon=training["epsilon"].to_numpy()),
-        greedy=Greedy(**episodes(greedy), episode=greedy["episode"].to_numpy()),
+        training=to_episodes(training),
+        greedy=to_episodes(greedy),
         computed={key: str(value) for key in COMPUTED if (value := getattr(result, key)) is not None},
         draws=np.array(result.draws, np.float64),
     )
@@ -124,42 +116,32 @@ def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> Non
     """Check that a curve has training episodes 1 to `count`, and evaluations from 0 to the last.
 
     Raises:
-        BrokenRunError: it has not.
+        BrokenRunError: it lacks some.
     """
-    # Its length first: a damaged result may claim more episodes than there is memory.
+    # The length comes first: a damaged result may claim more episodes than fit into memory.
     if len(training) != count or training["episode"].tolist() != list(range(1, count + 1)):
         raise BrokenRunError(f"{CURVE} has not the {count} episodes of {RESULT}")
     if len(greedy) < 2 or greedy["episode"].iloc[0] != 0 or greedy["episode"].iloc[-1] != count:
         raise BrokenRunError(f"{CURVE} lacks greedy evaluations")
     numbers = training["return"], training["epsilon"], greedy["return"]
     if not all(np.isfinite(column).all() for column in numbers):
-        raise BrokenRunError(f"{CURVE} holds what is no number")
+        raise BrokenRunError(f"{CURVE} holds a value that is no finite number")
 
 
-def episodes(rows: pd.DataFrame) -> dict[str, NDArray[Any]]:
-    """Give what training episodes and greedy evaluations have in common."""
-    return {
-        "returns": rows["return"].to_numpy(),
-        "goal": (rows["outcome"] == "goal").to_numpy(),
-        "collision": (rows["outcome"] == "collision").to_numpy(),
-        "dcpa": rows["dcpa"].to_numpy(),
-    }
-
-
-def rounded(rows: pd.DataFrame) -> pd.DataFrame:
-    """Round returns and distances of a curve to `DECIMALS`."""
-    # Python's rounding is of the decimal that is written; NumPy's is not always.
-    columns = {name: rows[name].map(lambda value, n=n: round(value, n)) for name, n in DECIMALS.items()}
-    return rows.assign(**columns)
-
-
-def rounded_draws(result: Result) -> Result:
-    """Round the returns before training."""
-    return replace(result, draws=[round(value, DECIMALS["return"]) for value in result.draws])
+def to_episodes(rows: pd.DataFrame) -> Episodes:
+    """Return the rows of a curve as arrays."""
+    return Episodes(
+        episode=rows["episode"].to_numpy(),
+        epsilon=rows["epsilon"].to_numpy(),
+        returns=rows["return"].to_numpy(),
+        goal=(rows["outcome"] == "goal").to_numpy(),
+        collision=(rows["outcome"] == "collision").to_numpy(),
+        dcpa=rows["dcpa"].to_numpy(),
+    )
 
 
 def read_run(folder: Path, part: str = "") -> Record:
-    """Read a run's folder, in the precision in which tables keep it: both give the same report.
+    """Read a run's folder.
 
     Raises:
         BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
@@ -168,27 +150,31 @@ def read_run(folder: Path, part: str = "") -> Record:
 
 
 def read_files(folder: Path) -> tuple[Result, pd.DataFrame]:
-    """Read result and curve of a run's folder, rounded.
+    """Read result and curve of a run's folder, rounded to `DECIMALS`.
 
     Raises:
         BrokenRunError: a file is missing, cut short, or of another program.
     """
     try:
-        return rounded_draws(read_result(folder)), rounded(read_curve(folder))
+        result, rows = read_result(folder), read_curve(folder)
     except ResultError as error:
         raise BrokenRunError(f"{RESULT} {error}") from None
     except CurveError as error:
         raise BrokenRunError(str(error)) from None
+    # Python rounds the written decimal; NumPy does not always.
+    columns = {name: rows[name].map(lambda value, n=n: round(value, n)) for name, n in DECIMALS.items()}
+    draws = [round(value, DECIMALS["return"]) for value in result.draws]
+    return replace(result, draws=draws), rows.assign(**columns)
 
 
 def read_placed(folder: Path, part: str = "") -> tuple[Record, Result, pd.DataFrame]:
-    """Read a run's folder, which its place in a study names: a copied folder is not another seed.
+    """Read a run's folder and check that its path names this run: a copied folder is no further seed.
 
     Returns:
-        The run as a record, and the result and the curve that it is made of.
+        The record, and the result and curve that it is made of.
 
     Raises:
-        BrokenRunError: as `read_run`, or the run is of another place.
+        BrokenRunError: as `read_run`, or the path names another run.
     """
     result, rows = read_files(folder)
     record = make_record(result, rows, folder, part)
@@ -198,7 +184,7 @@ def read_placed(folder: Path, part: str = "") -> tuple[Record, Result, pd.DataFr
 
 
 def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
-    """Yield the runs below a study's folder; adds to `broken` those that are none, and why."""
+    """Yield the whole runs below a study's folder; adds to `broken` the others, with the reason."""
     for path, part in find_runs(folder):
         try:
             if part not in PARTS:
@@ -209,7 +195,7 @@ def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[tuple[Re
 
 
 def find_runs(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Folders of finished or unfinished runs below a study's, each with the part it belongs to."""
+    """Yield the folders of all runs below a study's folder, each with its part."""
     for path in sorted(folder.glob("**/seed=*")):
         inside = path.relative_to(folder).parts
         if path.is_dir() and inside[0] != "case_base":

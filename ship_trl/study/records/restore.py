@@ -1,4 +1,4 @@
-"""A study's folder from its tables, so that it can go on where its networks are no more. No torch."""
+"""Restores a study's folder from its tables, so that the study can go on. No torch."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import write_curve
-from ship_trl.files.disk import replacing
 from ship_trl.files.result import write_result
 from ship_trl.study.plan.manifest import PLAN
 from ship_trl.study.records.tables import KEPT, Tables, place_of
 
 
 def restore(tables: Tables, folder: Path) -> tuple[int, list[int]]:
-    """Make a study's folder of the seeds that are complete; returns how many runs, and the other seeds.
+    """Make a study's folder of the complete seeds.
 
-    Of a seed that is not, runs that are still to do would begin with networks that are no more: it is
-    trained anew as a whole.
+    Other seeds are trained anew as a whole: their missing runs would need networks that no longer exist.
+
+    Returns:
+        The number of restored runs, and the seeds that are not complete.
 
     Raises:
-        ConfigError: something is there already, no seed is complete, or the tables do not fit each other.
+        ConfigError: the folder is not empty, no seed is complete, or the tables do not fit each other.
     """
     planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in tables.plan["jobs"]}
     have = {(part, run.pair, run.arm, run.seed) for part, run in tables.runs}
@@ -36,30 +37,19 @@ def restore(tables: Tables, folder: Path) -> tuple[int, list[int]]:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
         draft.mkdir(parents=True)
-        found = unpack(tables, draft, complete)
+        count = 0
+        for record, result, rows in tables.by_run():
+            if record.seed in complete:
+                place = draft / place_of(record.part, result)
+                place.mkdir(parents=True)
+                write_curve(place, rows)
+                write_result(place, result)
+                count += 1
+        plan = {key: value for key, value in tables.plan.items() if key != KEPT}
+        (draft / PLAN).write_text(json.dumps(plan, indent=1))
         draft.rename(folder)
     except OSError as error:
         raise ConfigError(f"folder: {error.filename or folder} cannot be written: {error.strerror}") from None
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-    return found, sorted(({seed for *_, seed in have} | seeds) - complete)
-
-
-def unpack(tables: Tables, folder: Path, seeds: set[int]) -> int:
-    """Write `study.json`, and result and curve of each run of these seeds; returns how many runs.
-
-    Raises:
-        ConfigError: tables that do not fit each other.
-    """
-    found = 0
-    for record, result, rows in tables.by_run():
-        if record.seed in seeds:
-            place = folder / place_of(record.part, result)
-            place.mkdir(parents=True)
-            write_curve(place, rows)
-            write_result(place, result)
-            found += 1
-    with replacing(folder / PLAN) as draft:
-        plan = {key: value for key, value in tables.plan.items() if key != KEPT}
-        draft.write_text(json.dumps(plan, indent=1))
-    return found
+    return count, sorted(({seed for *_, seed in have} | seeds) - complete)

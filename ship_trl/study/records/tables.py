@@ -1,11 +1,10 @@
-"""A study as tables: what its report needs of every whole run, and no network.
+"""A study as tables: all that its report needs of every whole run, and no network.
 
-`study.json` is what was planned. `runs.csv` has a row for each run, by seed: its part of the study and its
-result. `curves.csv.xz` has one for each training episode, greedy evaluation and draw before training, in the
-order of the runs: `run` (the number of its row in `runs.csv`, from 0), `kind` (training, greedy or draw),
-`episode`, `epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). Each seed is packed alone:
-a study that goes on by a seed adds bytes at the end, which costs a repository little. `pandas.read_csv` reads
-both.
+`study.json` is the plan. `runs.csv` has a row for each run, by seed: its part of the study and its result.
+`curves.csv.xz` has a row for each training episode, greedy evaluation and draw before training, in the order
+of the runs: `run` (row number in `runs.csv`, from 0), `kind` (training, greedy or draw), `episode`,
+`epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). Each seed is compressed alone: a
+further seed adds bytes at the end, which keeps a repository small. `pandas.read_csv` reads both.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES
 from ship_trl.files.disk import read_file, replacing, writing
 from ship_trl.files.result import Result, ResultError, from_json
 from ship_trl.files.untrusted import Bounded
-from ship_trl.study.plan.jobs import PARTS
-from ship_trl.study.plan.manifest import JOB, PLAN, read_plan
+from ship_trl.study.plan.jobs import PARTS, run_folder
+from ship_trl.study.plan.manifest import JOB_FIELDS, PLAN, read_plan
 from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
 
 if TYPE_CHECKING:
@@ -36,40 +35,42 @@ if TYPE_CHECKING:
 RUNS, CURVES, KEPT = "runs.csv", "curves.csv.xz", "kept"
 COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
-# The strongest that takes less than 100 MB of memory.
+# The strongest preset that takes less than 100 MB of memory.
 PRESET = 6 | lzma.PRESET_EXTREME
-# No table has a first line of more bytes; of one with many columns pandas would take minutes.
-LONGEST = 10_000
-# Where a source network lies in its study's folder, case base or not; what is above is a machine's.
-INSIDE = 5
-# Of the curves unpacked, at most: a study of a thousand runs of 5,000 episodes has 0.4 GB.
-MOST_BYTES = 4 * 10**9
+# Bytes of the first line of a table: pandas takes minutes for one with many columns.
+MAX_HEADING_BYTES = 10_000
+# A source network's last path components, from its study's folder on; the ones above name a machine.
+SOURCE_PATH_PARTS = 5
+# Bytes of uncompressed curves: a study of a thousand runs of 5,000 episodes has 0.4 GB.
+MAX_CURVE_BYTES = 4 * 10**9
 
 
 @dataclass(frozen=True)
 class Tables:
-    """A study's plan, part and result of each run, and the curves of all."""
+    """A study's tables: its plan, part and result of each run, and all curves.
+
+    `key` is the argument that named the folder, for messages.
+    """
 
     folder: Path
     plan: dict[str, Any]
     runs: list[tuple[str, Result]]
     curves: pd.DataFrame
-    # The argument of a command that the folder was given as.
     key: str = "folder"
 
     def by_run(self) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
-        """Yield each run as a record, with its result and its curve, as they would be read from its folder.
+        """Yield the record, result and curve of each run, as they would be read from its folder.
 
         Raises:
-            ConfigError: curves that are not whole, or not those of these runs.
+            ConfigError: curves that are not whole, or that belong to other runs.
         """
         groups = dict(iter(self.curves.groupby("run", sort=False)))
         if list(groups) != list(range(len(self.runs))):
             raise unreadable(self.key, self.folder / CURVES, "its runs are not those of " + RUNS)
         for number, (part, bare) in enumerate(self.runs):
             rows = groups[number]
-            drawn = rows["kind"] == DRAW
-            result, curve = replace(bare, draws=rows["return"][drawn].tolist()), rows[~drawn]
+            is_draw = rows["kind"] == DRAW
+            result, curve = replace(bare, draws=rows["return"][is_draw].tolist()), rows[~is_draw]
             try:
                 record = make_record(result, curve, self.folder / place_of(part, result), part)
             except BrokenRunError as error:
@@ -78,18 +79,20 @@ class Tables:
 
 
 def has_tables(folder: Path) -> bool:
-    """Whether a folder holds tables, whole or not, and not the runs themselves."""
+    """Return whether a folder holds tables, whole or not, instead of runs."""
     return any((folder / name).is_file() for name in (RUNS, CURVES))
 
 
 def read_tables(folder: Path, key: str = "folder") -> Tables:
-    """Read a study's tables; `key` names the argument that a complaint is of.
+    """Read a study's tables.
+
+    Args:
+        folder: of the tables.
+        key: the argument that named the folder, for messages.
 
     Raises:
-        ConfigError: they are none, are cut short, or name runs that a study has not.
+        ConfigError: a table is missing, damaged, or holds no run of a study.
     """
-    import pandas as pd
-
     plan = read_plan(folder / PLAN, key)
     for name in (RUNS, CURVES):
         try:
@@ -98,34 +101,54 @@ def read_tables(folder: Path, key: str = "folder") -> Tables:
             same = False
         if not same:
             raise ConfigError(f"{key}: {folder / name} is not the file that {PLAN} was kept with")
-    runs, places = [], set()
     try:
-        data = read_file(folder / RUNS)
-        if len(data.partition(b"\n")[0]) > LONGEST:
-            raise ValueError("its first line is too long")
-        rows = pd.read_csv(io.BytesIO(data), dtype=str, keep_default_na=False)
-        for row in rows.to_dict("records"):
-            part, result = run_of({str(key): cell for key, cell in row.items()})
-            places.add(place_of(part, result))
-            runs.append((part, result))
+        runs = read_results(folder / RUNS)
+        places = {place_of(part, result) for part, result in runs}
     except (OSError, ValueError, KeyError, TypeError, ResultError) as error:
         raise unreadable(key, folder / RUNS, error) from None
     if not runs or len(places) < len(runs):
         raise ConfigError(f"{key}: {folder / RUNS} has no run, or one twice")
     try:
-        types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
-        with lzma.open(folder / CURVES) as file:
-            unpacked = io.BufferedReader(Bounded(file, MOST_BYTES))
-            curves = pd.read_csv(unpacked, usecols=list(COLUMNS), dtype=types, index_col=False)
-        if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
-            raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
+        curves = read_curves(folder / CURVES)
     except (lzma.LZMAError, EOFError, OSError, ValueError, OverflowError) as error:
         raise unreadable(key, folder / CURVES, error) from None
     return Tables(folder, plan, runs, curves, key)
 
 
+def read_results(path: Path) -> list[tuple[str, Result]]:
+    """Read part and result of each run.
+
+    Raises:
+        OSError, ValueError, KeyError, TypeError, ResultError: the table is damaged.
+    """
+    import pandas as pd
+
+    data = read_file(path)
+    if len(data.partition(b"\n")[0]) > MAX_HEADING_BYTES:
+        raise ValueError("its first line is too long")
+    rows = pd.read_csv(io.BytesIO(data), dtype=str, keep_default_na=False)
+    return [from_cells({str(key): cell for key, cell in row.items()}) for row in rows.to_dict("records")]
+
+
+def read_curves(path: Path) -> pd.DataFrame:
+    """Read the curves of all runs.
+
+    Raises:
+        lzma.LZMAError, EOFError, OSError, ValueError, OverflowError: the table is damaged.
+    """
+    import pandas as pd
+
+    types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
+    with lzma.open(path) as file:
+        unpacked = io.BufferedReader(Bounded(file, MAX_CURVE_BYTES))
+        curves = pd.read_csv(unpacked, usecols=list(COLUMNS), dtype=types, index_col=False)
+    if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
+        raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
+    return curves
+
+
 def unreadable(key: str, path: Path, error: object) -> ConfigError:
-    """Say in one line why a table cannot be read."""
+    """Return an error that says in one line why a table cannot be read."""
     return ConfigError(f"{key}: {path} cannot be read: {' '.join(str(error).split())}")
 
 
@@ -133,10 +156,10 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     """Write a study's whole runs as tables; the same runs give the same bytes.
 
     Returns:
-        How many runs, and how many are not whole.
+        The number of runs, and the number of runs left out because they are not whole.
 
     Raises:
-        ConfigError: the folder holds no study or no whole run, or the tables cannot be written there.
+        ConfigError: the folder holds no study or no whole run, or the tables cannot be written.
     """
     import pandas as pd
 
@@ -144,55 +167,51 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    whole = sorted(read_runs(folder, broken), key=lambda run: place(run[0]))
+    runs = ((run[0].seed, run[0].part, run[0].pair, run[0].arm, run) for run in read_runs(folder, broken))
+    whole = [run for *_, run in sorted(runs, key=lambda one: one[:4])]
     if not whole and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not whole:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
-    plan["jobs"] = [{key: job[key] for key in JOB} for job in plan["jobs"]]
+    plan["jobs"] = [{key: job[key] for key in JOB_FIELDS} for job in plan["jobs"]]
     try:
         copy.mkdir(parents=True, exist_ok=True)
-        runs = pd.DataFrame([{"part": record.part} | cells(result) for record, result, _ in whole])
-        # All are written before one is renamed, the plan last: without it, or with that of another time, the
-        # others are no copy, and packing takes a minute.
+        runs = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in whole])
+        # Compression takes a minute. All files are written before one is renamed, and the plan is renamed
+        # last: without the digests in it the tables are no copy.
         with (
-            replacing(copy / PLAN) as planned,
-            replacing(copy / CURVES) as packed,
-            replacing(copy / RUNS) as listed,
+            replacing(copy / PLAN) as plan_draft,
+            replacing(copy / CURVES) as curves_draft,
+            replacing(copy / RUNS) as runs_draft,
         ):
-            runs.to_csv(listed, index=False, lineterminator="\n")
-            with writing(copy / CURVES, packed), packed.open("wb") as file:
+            runs.to_csv(runs_draft, index=False, lineterminator="\n")
+            with writing(copy / CURVES, curves_draft), curves_draft.open("wb") as file:
                 for _, runs_of_seed in groupby(enumerate(whole), lambda run: run[1][0].seed):
                     curves = pd.concat([with_draws(number, *run[1:]) for number, run in runs_of_seed])
                     text = curves.to_csv(
                         None, columns=COLUMNS, index=False, header=not file.tell(), lineterminator="\n"
                     )
                     file.write(lzma.compress(text.encode(), preset=PRESET))
-            plan[KEPT] = {RUNS: digest(listed), CURVES: digest(packed)}
-            with writing(copy / PLAN, planned):
-                planned.write_text(json.dumps(plan) + "\n")
+            plan[KEPT] = {RUNS: digest(runs_draft), CURVES: digest(curves_draft)}
+            with writing(copy / PLAN, plan_draft):
+                plan_draft.write_text(json.dumps(plan) + "\n")
     except OSError as error:
         raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
     return len(whole), len(broken)
 
 
-def place(record: Record) -> tuple[int, str, str, str]:
-    """Order a study's runs: by seed, then by part, pair and arm."""
-    return record.seed, record.part, record.pair, record.arm
-
-
 def digest(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 of a file."""
     return hashlib.sha256(read_file(path)).hexdigest()
 
 
-def cells(result: Result) -> dict[str, str]:
-    """Write a result as cells, without the draws; "best.return" is the return of "best"."""
+def to_cells(result: Result) -> dict[str, str]:
+    """Write a result as cells, without its draws; the cell "best.return" is the return of "best"."""
     values = result.to_json()
     del values["draws"]
     if result.source_network is not None:
-        values["source_network"] = "/".join(Path(result.source_network).parts[-INSIDE:])
+        values["source_network"] = "/".join(Path(result.source_network).parts[-SOURCE_PATH_PARTS:])
     row: dict[str, str] = {}
     for key, value in values.items():
         inner = {f"{key}.{name}": v for name, v in value.items()} if isinstance(value, dict) else {key: value}
@@ -200,11 +219,11 @@ def cells(result: Result) -> dict[str, str]:
     return row
 
 
-def run_of(row: dict[str, str]) -> tuple[str, Result]:
-    """Make part and result of a run of its cells.
+def from_cells(row: dict[str, str]) -> tuple[str, Result]:
+    """Read part and result of a run from its cells.
 
     Raises:
-        ResultError, ValueError, KeyError, TypeError: they are of no run.
+        ResultError, ValueError, KeyError, TypeError: the cells are of no run.
     """
     values: dict[str, Any] = {}
     for key, cell in row.items():
@@ -217,12 +236,12 @@ def run_of(row: dict[str, str]) -> tuple[str, Result]:
 
 
 def as_cell(value: Any) -> str:
-    """JSON, but for words that cannot be taken for it; an empty cell is no value at all."""
+    """Write a value as JSON, or as plain text if that cannot be mistaken for JSON."""
     return value if isinstance(value, str) and from_cell(value) == value and value else json.dumps(value)
 
 
 def from_cell(cell: str) -> Any:
-    """Read what a cell stands for."""
+    """Read a cell as JSON, or else as text."""
     try:
         return json.loads(cell)
     except (ValueError, RecursionError):
@@ -230,7 +249,7 @@ def from_cell(cell: str) -> Any:
 
 
 def with_draws(number: int, result: Result, curve: pd.DataFrame) -> pd.DataFrame:
-    """Make the rows of a run: its draws, then its curve."""
+    """Return the rows of a run: its draws, then its curve."""
     import pandas as pd
 
     drawn = pd.DataFrame({"kind": DRAW, "episode": 0, "return": result.draws})
@@ -238,12 +257,12 @@ def with_draws(number: int, result: Result, curve: pd.DataFrame) -> pd.DataFrame
 
 
 def place_of(part: str, result: Result) -> Path:
-    """Name a run's folder in its study.
+    """Return a run's folder below its study's folder.
 
     Raises:
-        ValueError: a name that would lead out of it, or is none.
+        ValueError: a name that would lead out of the study, or that no run has.
     """
     if part not in PARTS or not (is_name(result.pair) and is_name(result.arm)) or result.seed < 0:
         found = f"{part:.40} {result.pair:.40} {result.arm:.40} {result.seed}"
         raise ValueError(f"no run of a study is named {found}")
-    return Path(part, result.pair, result.arm, f"seed={result.seed}")
+    return run_folder(Path(), part, result.pair, result.arm, result.seed)

@@ -1,4 +1,4 @@
-"""Learning curves: figures 5 to 7 and 9, a small panel for each arm, greedy returns below."""
+"""Figures along the training: learning curves, differences from scratch, times to the threshold."""
 
 from __future__ import annotations
 
@@ -10,139 +10,219 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
+from ship_trl.study.analysis.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.analysis.study import Study
+from ship_trl.study.plan.arms import SCRATCH
+from ship_trl.study.plan.jobs import Place
 from ship_trl.study.records.record import Record
-from ship_trl.study.report.figures import (
+from ship_trl.study.report.panels import (
+    REUSE_TITLE,
+    Arm,
+    Drawn,
+    Section,
+    grouped_sections,
+    lay_out,
+    pair_sections,
+    reuse_panels,
+)
+from ship_trl.study.report.style import (
     FONT,
     GREY,
+    NARROW,
     PALE,
-    SCRATCH,
-    Form,
-    along,
     draw_curves,
     legend_above,
-    places,
+    look_of,
+    points,
+    set_episodes,
+    set_range,
     smoothed,
 )
-from ship_trl.study.report.multiples import Placed, lay_out
-from ship_trl.study.report.panels import REUSE, Panel, Section, pair_sections, reuse_panels
 
-# Of a panel's height, for the exploration rate from 0 to 1.
+# The share of a panel's height below the training returns, where the exploration rate is drawn.
 STRIP = 0.14
-# How much the warm-up is shaded, below the exploration rate.
-WARMUP = 0.55
-BEST, RANDOM = (0, (5, 2)), (0, (1, 2))
+WARMUP_ALPHA = 0.55
+BEST_DASHES, RANDOM_DASHES = (0, (5, 2)), (0, (1, 2))
+
+# Panels in a row of a wide figure; inches of a panel's height, by the figure's width.
+COLUMNS, HEIGHT, NARROW_HEIGHT = 6, 1.2, 1.0
 
 
-def draw_pair(study: Study, pair: str, form: Form) -> Figure | None:
-    """Draw figure 5, 6 or 7, or that of another pair; None without runs."""
-    return draw(study, pair_sections(study, pair), form, 5)
+def draw_pair(study: Study, pair: str, width: float) -> Figure | None:
+    """Draw figure 5, 6 or 7, or the figure of another pair; None without runs."""
+    return draw(study, pair_sections(study, pair), width, 5)
 
 
-def draw_reuse(study: Study, form: Form) -> Figure | None:
-    """Draw figure 9: the reused network on the new case, and sources trained alike; None without runs."""
+def draw_reuse(study: Study, width: float) -> Figure | None:
+    """Draw figure 9: the networks on the new case; None without runs."""
     panels = reuse_panels(study)
-    return draw(study, [Section(REUSE, panels)] if panels else [], form, 4)
+    return draw(study, [Section(REUSE_TITLE, panels)] if panels else [], width, 4)
 
 
-def draw(study: Study, sections: Sequence[Section], form: Form, columns: int) -> Figure | None:
-    """Draw each panel's training returns above its greedy returns, on shared axes."""
+def draw(study: Study, sections: Sequence[Section], width: float, columns: int) -> Figure | None:
+    """Draw each panel's training returns above its greedy returns; all panels share their ranges."""
     if not sections:
         return None
-
-    def names(panel: Panel) -> int:
-        return len(panel.arms)
-
-    heights = (1.0, 0.7) if form.narrow else (1.25, 0.8)
     counts = sorted({len(study.arm(*panel.scratch)) for section in sections for panel in section.panels})
-    handles = legend(f"scratch ({' or '.join(map(str, counts))})", warm=study.warmup > 0)
-    across = 2 if form.narrow else columns
-    figure, placed = lay_out(form, sections, across, heights, names, "training episodes", handles)
-    for row, values in enumerate(zip(*(draw_panel(study, one) for one in placed), strict=True)):
-        least, most = min(low for low, _ in values), max(high for _, high in values)
-        room = 0.04 * (most - least)
-        # Under the training returns there is room for the exploration rate.
-        under = (most - least) * STRIP / (1 - STRIP) + room if row == 0 else room
-        for one in placed:
-            one.axes[row].set_ylim(least - under, most + room)
-    for one in placed:
-        if one.first:
-            for axis, label in zip(one.axes, ("training return", "greedy return"), strict=True):
-                axis.set_ylabel(label, fontsize=FONT, labelpad=2)
+    handles = legend(f"scratch ({' or '.join(map(str, counts))})", has_warmup=study.plan.warmup > 0)
+    heights = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
+    figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
+    panels = [one for section in drawn for one in section]
+    ranges = [draw_panel(study, one) for one in panels]
+    for row, (label, below) in enumerate((("training return", STRIP), ("greedy return", 0.0))):
+        set_range([one.axes[row] for one in panels], [each[row] for each in ranges], below)
+        for one in panels:
+            if one.is_first:
+                one.axes[row].set_ylabel(label, fontsize=FONT, labelpad=2)
     return figure
 
 
-def legend(scratch: str, *, warm: bool) -> list[Artist]:
-    """Return what is named once for all panels."""
-    warmup = [Patch(color=PALE, alpha=WARMUP, label="warm-up, no update yet")] if warm else []
+def legend(scratch: str, *, has_warmup: bool) -> list[Artist]:
+    """Return the legend of all panels."""
+    warmup = [Patch(color=PALE, alpha=WARMUP_ALPHA, label="warm-up, no update yet")] if has_warmup else []
     return [
-        Line2D([], [], color=SCRATCH.colour, linewidth=1.5, label=scratch),
-        Line2D([], [], color=GREY, linestyle=BEST, linewidth=1, label="best known return"),
-        Line2D([], [], color=GREY, linestyle=RANDOM, linewidth=1.2, label="random actions"),
+        Line2D([], [], color=look_of("scratch").colour, linewidth=1.5, label=scratch),
+        Line2D([], [], color=GREY, linestyle=BEST_DASHES, linewidth=1, label="best known return"),
+        Line2D([], [], color=GREY, linestyle=RANDOM_DASHES, linewidth=1.2, label="random actions"),
         Patch(color=PALE, label="exploration rate"),
         Line2D([], [], color=GREY, marker="|", markersize=9, linewidth=0, label="exploration ends"),
         *warmup,
     ]
 
 
-def draw_panel(study: Study, placed: Placed) -> list[tuple[float, float]]:
-    """Draw a panel's runs; returns the least and the largest value of its training and its greedy returns."""
-    panel = placed.panel
-    lines = [
-        (list(study.arm(*panel.scratch).values()), SCRATCH),
-        *((list(study.arm(*arm.place).values()), arm.look) for arm in panel.arms),
-    ]
-    found = [(runs, look) for runs, look in lines if runs]
-    ranges: list[list[tuple[float, float]]] = [[], []]
-    for runs, look in found:
-        for axis, seen, (x, curves) in zip(placed.axes, ranges, (training(runs), greedy(runs)), strict=True):
-            seen.append(draw_curves(axis, x, curves, look))
-    # Returns of all are alike, of one case; the exploration rate is the arm's, where there is one.
-    one = found[min(1, len(found) - 1)][0][0]
-    for axis, seen in zip(placed.axes, ranges, strict=True):
-        for level, dashes in ((one.best_known, BEST), (one.random, RANDOM)):
+def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
+    """Draw a panel's runs; returns the ranges of its training returns and its greedy returns."""
+    panel = drawn.panel
+    lines = [(panel.scratch, look_of("scratch")), *((arm.place, arm.look) for arm in panel.arms)]
+    found = [(runs, look) for place, look in lines if (runs := list(study.arm(*place).values()))]
+    # The levels are the same for all arms; the exploration rate is the arm's, or else that of scratch.
+    run = found[min(1, len(found) - 1)][0][0]
+    ranges = []
+    for axis, read in zip(drawn.axes, (training, greedy), strict=True):
+        values = [draw_curves(axis, *read(runs), look) for runs, look in found]
+        for level, dashes in ((run.best_known, BEST_DASHES), (run.random, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
-            seen.append((level, level))
-        along(axis, len(one.training.returns))
-        # A run with shorter episodes learns some episodes later.
-        if study.warmup:
-            axis.axvspan(0, study.warmup, color=PALE, alpha=WARMUP, linewidth=0, zorder=0.4)
-        axis.yaxis.set_major_locator(MaxNLocator(4))
-    draw_exploration(placed.axes, one)
-    legend_above(
-        placed.axes[0], [(f"{arm.name} ({len(study.arm(*arm.place))})", arm.look) for arm in panel.arms]
-    )
-    return [(min(low for low, _ in seen), max(high for _, high in seen)) for seen in ranges]
+            values.append((level, level))
+        set_episodes(axis, len(run.training.returns))
+        if study.plan.warmup:
+            axis.axvspan(0, study.plan.warmup, color=PALE, alpha=WARMUP_ALPHA, linewidth=0, zorder=0.4)
+        ranges.append((min(low for low, _ in values), max(high for _, high in values)))
+    draw_exploration(drawn.axes, run)
+    names = [(f"{arm.name} ({len(study.arm(*arm.place))})", arm.look) for arm in panel.arms]
+    legend_above(drawn.axes[0], names)
+    return ranges
 
 
 def training(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Return episodes [T] and moving training returns [S, T] of runs, as far as all of them go."""
+    """Return episodes [T] and moving training returns [S, T], up to the shortest run."""
     length = min(len(run.training.returns) for run in runs)
-    shown = places(length)
+    shown = points(length)
     return shown + 1, smoothed(np.stack([run.training.returns[:length] for run in runs]))[:, shown]
 
 
 def greedy(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Return after how many episodes [T], and moving greedy returns [S, T], as far as all runs go."""
+    """Return episodes [T] and moving greedy returns [S, T], up to the shortest run."""
     count = min(len(run.greedy.returns) for run in runs)
-    shown = places(count)
+    shown = points(count)
     values = smoothed(np.stack([run.greedy.returns[:count] for run in runs]))
     return runs[0].greedy.episode[:count][shown], values[:, shown]
 
 
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
-    """Shade the exploration rate along the foot of the first axes, and mark in all of them where it ends."""
+    """Draw the exploration rate along the bottom of the first axes, and its end in all of them."""
     rate = run.training.epsilon
-    shown = places(len(rate))
-    foot = axes[0]
-    across = foot.get_xaxis_transform()
+    shown = points(len(rate))
+    bottom = axes[0].get_xaxis_transform()
     height = STRIP * rate[shown]
-    foot.fill_between(shown + 1, 0, height, transform=across, color=PALE, linewidth=0, zorder=0.5)
-    # A low rate is a line that can be seen.
-    foot.plot(shown + 1, height, transform=across, color=GREY, linewidth=0.6, zorder=0.6, clip_on=False)
+    axes[0].fill_between(shown + 1, 0, height, transform=bottom, color=PALE, linewidth=0, zorder=0.5)
+    # The outline shows a low rate, too.
+    axes[0].plot(shown + 1, height, transform=bottom, color=GREY, linewidth=0.6, zorder=0.6, clip_on=False)
     ended = np.flatnonzero(rate <= rate.min())[0]
     if 0 < ended < len(rate) - 1:
         for axis in axes:
             axis.axvline(ended + 1, color=GREY, linewidth=0.7, zorder=0.6)
+
+
+def differences(study: Study, place: Place, scratch: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Return episodes [T] and moving training scores less those of scratch [S, T], by seed."""
+    runs = study.matched({"arm": place, "scratch": scratch})
+    length = min((len(run.training.returns) for both in runs.values() for run in both), default=0)
+    if not length:
+        return np.empty(0), np.empty((0, 0))
+    one, two = (
+        smoothed(np.stack([run.score(run.training.returns[:length]) for run in runs[name]]))
+        for name in ("arm", "scratch")
+    )
+    shown = points(length)
+    return shown + 1, (one - two)[:, shown]
+
+
+def draw_differences(study: Study, width: float) -> Figure | None:
+    """Draw each arm's differences from scratch; None where there is nothing to compare with."""
+    sections = grouped_sections(study)
+    found = {
+        arm.place: differences(study, arm.place, panel.scratch)
+        for section in sections
+        for panel in section.panels
+        for arm in panel.arms
+    }
+    if not any(len(curves) for _, curves in found.values()):
+        return None
+    height = NARROW_HEIGHT if width == NARROW else HEIGHT
+    figure, drawn = lay_out(width, sections, COLUMNS, [height], "training episodes")
+    for section in drawn:
+        # The range of a section holds zero.
+        ranges = [(0.0, 0.0)]
+        for one in section:
+            (axis,) = one.axes
+            axis.axhline(0, color=look_of(SCRATCH).colour, linewidth=1.0, zorder=1.5)
+            for arm in one.panel.arms:
+                x, curves = found[arm.place]
+                if len(curves):
+                    ranges.append(draw_curves(axis, x, curves, arm.look))
+                    set_episodes(axis, x[-1])
+            names = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in one.panel.arms]
+            legend_above(axis, names)
+            if one.is_first:
+                axis.set_ylabel("above scratch", fontsize=FONT, labelpad=2)
+        set_range([one.axes[0] for one in section], ranges)
+    return figure
+
+
+def steps(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
+    """Return times from 0 to 1, and the share of the runs that have reached the threshold by then.
+
+    A run that never reaches it counts among all runs, so the last share is below 1.
+    """
+    times = sorted(measure(run, "time") for run in runs if has_reached(run))
+    shares = np.arange(len(times) + 1) / len(runs)
+    return np.array([0.0, *times, 1.0]), np.append(shares, shares[-1])
+
+
+def draw_times(study: Study, width: float) -> Figure | None:
+    """Draw how many runs of each arm have reached the threshold; None without runs."""
+    sections = grouped_sections(study)
+    if not sections:
+        return None
+    label = f"share of the episodes until the moving score is at {THRESHOLDS[0]:g}"
+    height = NARROW_HEIGHT if width == NARROW else HEIGHT
+    figure, drawn = lay_out(width, sections, COLUMNS, [height], label, names=1)
+    for one in (panel for section in drawn for panel in section):
+        (axis,) = one.axes
+        names = []
+        for arm in (Arm(SCRATCH, one.panel.scratch, look_of(SCRATCH)), *one.panel.arms):
+            runs = list(study.arm(*arm.place).values())
+            if not runs:
+                continue
+            style = {"color": arm.look.colour, "linestyle": arm.look.dashes, "linewidth": 1.3}
+            axis.step(*steps(runs), where="post", clip_on=False, **style)
+            names.append((f"{arm.name} {sum(map(has_reached, runs))}/{len(runs)}", arm.look))
+        legend_above(axis, names)
+        set_episodes(axis, 1)
+        # A step at 1 stays clear of the names above it.
+        axis.set_ylim(0, 1.06)
+        axis.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
+        if one.is_first:
+            axis.set_ylabel("share of the runs", fontsize=FONT, labelpad=2)
+    return figure

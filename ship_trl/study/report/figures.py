@@ -1,159 +1,108 @@
-"""How the report's figures look, and how they are saved: forms, colours, lines, bands; PNG and PDF."""
+"""The figures of a report: their order, titles and captions, and how they are written."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
+import base64
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
-from PIL import Image
 
-from ship_trl.files.curve import moving_mean
-from ship_trl.files.disk import replacing
-from ship_trl.study.analysis.bands import LEAST, band
-from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.measured import SEED
+from ship_trl.study.analysis.metrics import THRESHOLDS
+from ship_trl.study.analysis.study import Study, pairs
+from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse, draw_times
+from ship_trl.study.report.gains import TITLES, draw_gains
+from ship_trl.study.report.layers import draw_layers
+from ship_trl.study.report.panels import EPSILON, REUSE_TITLE, pair_title
+from ship_trl.study.report.style import NARROW, WIDE, as_png, save
 
-# Training episodes in a moving mean, as a share of all.
-SMOOTH = 0.05
-# Places at which a curve is drawn: a small panel has no more pixels to show.
-PLACES = 150
-# In points. Both forms are shown at about the size that they are drawn at.
-FONT, SMALL = 8.0, 7.5
-
-
-@dataclass(frozen=True)
-class Form:
-    """What a figure is drawn for: its width in inches, and the pixels of an inch."""
-
-    width: float
-    dpi: int
-
-    @property
-    def narrow(self) -> bool:
-        """Whether it is for a telephone."""
-        return self.width < 6
-
-
-# The page is 75 rem wide at most; a telephone of 380 pixels leaves 348 to a figure.
-PAGE, TELEPHONE = Form(11.0, 110), Form(3.6, 180)
-
-
-@dataclass(frozen=True)
-class Look:
-    """A line's colour and dashes."""
-
-    colour: str
-    dashes: Any = "-"
-
-
-# Okabe and Ito's colours, which are told apart without colour vision; dashes do it in print. Black is
-# scratch, everywhere.
-SCRATCH = Look("#000000")
-LOOKS = (
-    Look("#0072B2"),
-    Look("#D55E00", (0, (4, 1.5))),
-    Look("#009E73", (0, (4, 1, 1, 1))),
-    Look("#CC79A7", (0, (1, 1))),
+# Names of figures; files of an earlier report with such a name are removed if they are not drawn anew.
+NAMES = ("pair_*", "reuse", "differences", "times", "gains", "gains_greedy", "layers", "forest_*")
+BANDS = (
+    "A line is the interquartile mean over seeds, moving over a twentieth of the episodes. Its band "
+    "holds 95 % of the means of resampled seeds, at each place by itself; it decides nothing. Fewer "
+    "than 4 seeds are a thin line each. In brackets: the number of runs."
 )
-GREY, PALE = "#6b7280", "#d9dce1"
-# The words of the page have the same marks; colours are dark enough to be read as text.
-VERDICTS = {
-    Verdict.supported.value: ("#00704f", "^", "\N{BLACK UP-POINTING TRIANGLE}"),
-    Verdict.contradicted.value: ("#b34700", "v", "\N{BLACK DOWN-POINTING TRIANGLE}"),
-    Verdict.equivalent.value: ("#0072B2", "s", "="),
-    Verdict.inconclusive.value: (GREY, "o", "?"),
-}
+CURVES = (
+    f"Returns along the training; scratch is black. {BANDS} Grey at the bottom is the exploration rate, "
+    "and the upright line is where it ends. Shaded at the left are episodes in which no run has learned "
+    "yet."
+)
+REUSED = (
+    f"{CURVES} {EPSILON} is the exploration rate at the start: 0.1 where none is named, and the same for "
+    "scratch. A source was trained on its case alone, the reused network on case 1 and then on case 2."
+)
+DIFFERENCES = (
+    "What an arm has more than scratch of the same seed, in scores: 0 is random actions, 1 the best "
+    f"known return. {BANDS}"
+)
+TIMES = (
+    f"The share of an arm's runs whose moving score has reached {THRESHOLDS[0]:g}, and how many of how "
+    "many ever do. A run that never does keeps the line below 1. Scratch is black."
+)
+GAINS = "How much more area under the training curve than scratch, by arm and by source and target case."
+GREEDY_GAINS = (
+    "The same of greedy evaluations, which do not explore, on the same colour scale: the map above has "
+    "what was earned during training, this one what the network knew. It decides nothing."
+)
+LAYERS = (
+    "CKA of a layer of two networks on the same states of the target case: 1 is alike but for rotation "
+    "and scaling, 0 unrelated. Another seed is the one before, if its networks still existed. "
+    "Interquartile mean over seeds with a band as above; it decides nothing. In brackets: the number of "
+    "seeds."
+)
 
 
-def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Take the moving mean over `SMOOTH` of the values: [..., N] to [..., N]."""
-    return moving_mean(values, max(1, round(SMOOTH * values.shape[-1])))
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that a report may have; `draw` takes a width in inches."""
+
+    name: str
+    title: str
+    caption: str
+    draw: Callable[[float], Figure | None]
 
 
-def places(count: int) -> NDArray[np.int64]:
-    """Return `PLACES` of so many places, evenly, with the first and the last; all where they are fewer."""
-    return np.unique(np.linspace(0, count - 1, min(count, PLACES)).round().astype(np.int64))
+@dataclass(frozen=True)
+class Picture:
+    """A drawn figure with its PNGs for wide and narrow screens, in base64."""
+
+    title: str
+    caption: str
+    wide: str
+    narrow: str
 
 
-def draw_curves(axis: Axes, x: NDArray[Any], curves: NDArray[np.float64], look: Look) -> tuple[float, float]:
-    """Draw seeds [S, T] as an interquartile mean and its band, or as thin lines where they are too few.
-
-    Returns:
-        The least and the largest value that was drawn.
-    """
-    if len(curves) < LEAST:
-        for row in curves:
-            axis.plot(x, row, color=look.colour, linestyle=look.dashes, linewidth=0.6)
-        return float(curves.min()), float(curves.max())
-    # Each line has a generator of its own: it is the same whatever else is drawn.
-    found = band(curves, np.random.default_rng(SEED))
-    axis.fill_between(x, found.low, found.high, color=look.colour, alpha=0.18, linewidth=0)
-    axis.plot(x, found.middle, color=look.colour, linestyle=look.dashes, linewidth=1.3)
-    return float(found.low.min()), float(found.high.max())
+def drawings(study: Study) -> Iterator[Drawing]:
+    """Yield the figures of a study, in the order of the page."""
+    for pair in pairs(study):
+        yield Drawing(f"pair_{pair}", pair_title(study, pair), CURVES, partial(draw_pair, study, pair))
+    area, greedy = (partial(draw_gains, study, metric) for metric in TITLES)
+    yield Drawing("reuse", REUSE_TITLE, REUSED, partial(draw_reuse, study))
+    title = "Differences from scratch along the training"
+    yield Drawing("differences", title, DIFFERENCES, partial(draw_differences, study))
+    yield Drawing("times", "Time to the threshold", TIMES, partial(draw_times, study))
+    yield Drawing("gains", "Gains of transfer, by source and target", GAINS, area)
+    yield Drawing("gains_greedy", "Gains of transfer in greedy returns", GREEDY_GAINS, greedy)
+    yield Drawing("layers", "Similarity of layers", LAYERS, partial(draw_layers, study))
 
 
-def along(axis: Axes, end: float) -> None:
-    """Let axes go from 0 to an end, whose numbers stay clear of those of the next panel."""
-    axis.set_xlim(0, end)
-    axis.set_xticks([0, end / 2, end], [f"{value:g}" for value in (0, end / 2, end)])
-    # Of hidden numbers there are none here.
-    sides: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
-    for label, side in zip(axis.get_xticklabels(), sides, strict=False):
-        label.set_horizontalalignment(side)
-
-
-def plain(axis: Axes, *, left: bool = True, below: bool = True) -> None:
-    """Give axes a light grid and small numbers, on the left and below where they are asked for."""
-    axis.grid(color="#8888", linewidth=0.4)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.tick_params(labelsize=SMALL, length=2, pad=2, labelleft=left, labelbottom=below)
-
-
-def legend_above(axis: Axes, looks: Sequence[tuple[str, Look]]) -> None:
-    """Name a panel's lines above it, a line each."""
-    handles = [
-        axis.plot([], [], color=look.colour, linestyle=look.dashes, linewidth=1.5, label=name)[0]
-        for name, look in looks
-    ]
-    axis.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(0, 1),
-        borderaxespad=0.1,
-        borderpad=0,
-        labelspacing=0.15,
-        handlelength=2.0,
-        handletextpad=0.5,
-        frameon=False,
-        fontsize=FONT,
-    )
-
-
-def save(figure: Figure, path: Path) -> list[Path]:
-    """Write PNG and PDF of a name without its ending; the same figure gives the same bytes."""
-    document = io.BytesIO()
-    # On a full disk matplotlib's PDF writer fails once more as it ends, and hides why.
-    figure.savefig(document, format="pdf", metadata={"CreationDate": None})
-    written = {path.with_suffix(".png"): as_png(figure), path.with_suffix(".pdf"): document.getvalue()}
-    for file, data in written.items():
-        with replacing(file) as draft:
-            draft.write_bytes(data)
-    return list(written)
-
-
-def as_png(figure: Figure) -> bytes:
-    """Return a figure's PNG; 256 colours are a third of the bytes, and the page holds two forms of each."""
-    drawn, data = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png")
-    # An octree keeps the colours of thin lines; what counts pixels would mix them with their neighbours.
-    few = Image.open(drawn).convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    few.save(data, "png")
-    return data.getvalue()
+def draw_all(study: Study, output: Path) -> list[Picture]:
+    """Draw all figures that the study has runs for, as PNG and PDF, and remove those of an earlier report."""
+    drawn, written = [], set()
+    for drawing in drawings(study):
+        wide, narrow = (drawing.draw(width) for width in (WIDE, NARROW))
+        if wide is None or narrow is None:
+            continue
+        paths = save(wide, output / drawing.name)
+        written |= set(paths)
+        forms = (base64.b64encode(data).decode() for data in (paths[0].read_bytes(), as_png(narrow)))
+        drawn.append(Picture(drawing.title, drawing.caption, *forms))
+    for name in NAMES:
+        for ending in ("png", "pdf"):
+            for path in output.glob(f"{name}.{ending}"):
+                if path not in written:
+                    path.unlink()
+    return drawn

@@ -1,4 +1,4 @@
-"""The study's numbers as tables: a row for each run, arm, claim and contrast; CSV beside the report."""
+"""The tables of a report: a row for each run, arm, contrast, transfer and pair; written as CSV."""
 
 from __future__ import annotations
 
@@ -14,77 +14,81 @@ import numpy as np
 from ship_trl.config.errors import one_line
 from ship_trl.files.disk import replacing
 from ship_trl.files.table import Cells, read_table
-from ship_trl.study.analysis.contrasts import LEAST_SEEDS, Finding, Verdict
-from ship_trl.study.analysis.measured import SEED, gain
-from ship_trl.study.analysis.metrics import METRICS, measure, reached
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.study.analysis.contrasts import MIN_SEEDS, SEED, Finding, Verdict, gain
+from ship_trl.study.analysis.metrics import METRICS, has_reached, measure
 from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
-from ship_trl.study.analysis.study import Place, Study
+from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import Answer
-from ship_trl.study.plan.config import REUSED_CASE
-from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, from_scratch
+from ship_trl.study.plan.arms import SCRATCH, is_control
+from ship_trl.study.plan.config import REUSED_CASE, options, read_option
+from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, Place, scratch_place
 from ship_trl.study.records.record import Record
 from ship_trl.transfer.measured import COLUMNS
+from ship_trl.transfer.similarity import ALPHA, BETA, in_words, similarity
 
 Row = dict[str, Any]
-# Bytes of a table that is read, at most: one of a hundred contrasts has 50,000.
-LARGEST = 10_000_000
-# Columns of claims.csv that are of a contrast.
-CONTRAST = (
+# A table of a hundred contrasts has 50,000 bytes.
+MAX_BYTES = 10_000_000
+# The columns of claims.csv that are of a contrast.
+CONTRAST_COLUMNS = (
     *("contrast", "metric", "estimate", "estimate low", "estimate high", "claimed"),
     *("p", "p against", "p against adjusted", "margin", "p beyond margin", "seeds"),
     *("seen alone", "seen adjusted", "verdict", "beside"),
 )
+# The paper's numbers of table 2.
+PAPER_SIMILARITY = {"high": 0.83, "low": 0.45, "lowest": 0.42}
+EQUATION = f"{ALPHA:g} common / ({ALPHA:g} common + {BETA:g} different)"
 
 
 def run_rows(study: Study) -> list[Row]:
-    """Every number of every run."""
+    """Return every metric of every run."""
     rows = []
     for (part, pair, arm, seed), record in sorted(study.records.items()):
         row: Row = {"part": part, "pair": pair, "arm": arm, "seed": seed}
         row |= {name: measure(record, name) for name in METRICS}
-        row["reached"] = reached(record)
-        rows.append(row)
+        rows.append(row | {"reached": has_reached(record)})
     return rows
 
 
 def arm_rows(study: Study) -> list[Row]:
-    """Each metric of each arm: interquartile mean over seeds with its interval, and the transfer ratio."""
+    """Return every metric of every arm, as interquartile mean over seeds with its interval."""
     rows = []
-    places = sorted({key[:3] for key in study.records})
-    for part, pair, arm in places:
+    for part, pair, arm in study.places:
         runs = list(study.arm(part, pair, arm).values())
         row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
         for name in METRICS:
-            row |= columns(name, estimate([measure(run, name) for run in runs]))
+            row |= estimate_cells(name, estimate([measure(run, name) for run in runs]))
         areas = [measure(run, "area") for run in runs]
         row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
-        row["reached"] = sum(map(reached, runs))
-        # A share of runs is no level: all of them count.
-        row |= columns("fell", share_interval(sum(int(measure(run, "fell")) for run in runs), len(runs)))
-        row |= columns("transfer ratio", transfer_ratio(study, part, pair, arm))
+        row["reached"] = sum(map(has_reached, runs))
+        # A share of runs has an interval of its own kind.
+        fallen = sum(int(measure(run, "fell")) for run in runs)
+        row |= estimate_cells("fell", share_interval(fallen, len(runs)))
+        row |= estimate_cells("transfer ratio", transfer_ratio(study, (part, pair, arm)))
         rows.append(row)
     return rows
 
 
-def columns(name: str, found: Estimate | None) -> Row:
-    """Write a value and the ends of its interval; empty where there is none."""
+def estimate_cells(name: str, found: Estimate | None) -> Row:
+    """Return a value and the ends of its interval as cells; empty where there is none."""
     values = ("", "", "") if found is None else (found.value, found.low, found.high)
     return dict(zip((name, f"{name} low", f"{name} high"), values, strict=True))
 
 
 def estimate(values: Sequence[float]) -> Estimate | None:
-    """Compute the interquartile mean and, of enough seeds, its interval; None where a number is missing."""
+    """Return the interquartile mean, with an interval of enough seeds; None if a number is missing."""
     if not values or not np.isfinite(values).all():
         return None
-    if len(values) < LEAST_SEEDS:
+    if len(values) < MIN_SEEDS:
         return Estimate(float(interquartile_mean(np.array(values))), np.nan, np.nan)
     return bootstrap([np.array(values)], interquartile_mean, SEED)
 
 
-def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | None:
-    """How much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
-    runs = study.matched({"arm": (part, pair, arm), "scratch": from_scratch(part, pair)})
-    if arm == "scratch" or len(runs["arm"]) < LEAST_SEEDS:
+def transfer_ratio(study: Study, place: Place) -> Estimate | None:
+    """Return how much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
+    runs = study.matched({"arm": place, "scratch": scratch_place(*place[:2])})
+    if place[2] == SCRATCH or len(runs["arm"]) < MIN_SEEDS:
         return None
     areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
 
@@ -95,47 +99,63 @@ def transfer_ratio(study: Study, part: str, pair: str, arm: str) -> Estimate | N
     return bootstrap(areas, ratio, SEED)
 
 
-def transfer_rows(study: Study, fingerprints: Mapping[str, str]) -> list[Row]:
-    """Return what each arm gained over scratch by source and target; `ship_trl.cases` recommends by it.
+def transfer_rows(study: Study) -> list[Row]:
+    """Return what each arm gained over scratch, by source and target; `ship_trl.cases` recommends by it.
 
-    Only seeds that are judged count, and transfers that have five of them. Left out are controls without
-    features, and a network that two transfers made. `fingerprints` say what a case is, by name; of a case
-    without one nothing is said.
+    Only judged seeds count, and transfers that have five of them. Left out are controls, the network that was
+    trained on two cases, and cases whose fingerprint the plan does not have.
     """
     judged = study.first(len(study.seeds), study.level)
-    targets: dict[str, list[tuple[Place, list[Record]]]] = defaultdict(list)
-    for part, pair, arm in sorted({key[:3] for key in judged.records}):
-        place = part, pair, arm
-        runs = judged.matched({"arm": place, "scratch": from_scratch(part, pair)})["arm"]
-        if arm == "scratch" or "-" in arm or len(runs) < LEAST_SEEDS:
+    cases = study.plan.cases
+    targets: dict[str, list[tuple[Place, Record]]] = defaultdict(list)
+    for place in judged.places:
+        part, pair, arm = place
+        runs = judged.matched({"arm": place, "scratch": scratch_place(part, pair)})["arm"]
+        if arm == SCRATCH or is_control(arm) or len(runs) < MIN_SEEDS:
             continue
-        source, target = runs[0].source, runs[0].target
-        chained = part in (LOW, ONE) and source == REUSED_CASE
-        if not chained and {source, target} <= set(fingerprints):
-            targets[target].append((place, runs))
+        trained_twice = part in (LOW, ONE) and runs[0].source == REUSED_CASE
+        if not trained_twice and {runs[0].source, runs[0].target} <= set(cases):
+            targets[runs[0].target].append((place, runs[0]))
     rows = []
     for target, transfers in targets.items():
-        # All intervals of a target together miss as often as one.
+        # All intervals of a target together miss as often as one (Bonferroni).
         seen = replace(judged, level=LEVEL / 2 / len(transfers))
-        for (part, pair, arm), runs in transfers:
-            found = gain(seen, (part, pair, arm), from_scratch(part, pair))
-            if found is None:
+        for place, run in transfers:
+            if (found := gain(seen, place, scratch_place(*place[:2]))) is None:
                 continue
-            row = {
-                "source": runs[0].source,
-                "target": target,
-                "source_fingerprint": fingerprints[str(runs[0].source)],
-                "target_fingerprint": fingerprints[target],
-                "profile": runs[0].profile,
-                "arm": arm,
-                "epsilon_start": LOW_EPSILON if part in (LOW, ALONE) else None,
-                "seeds": len(runs),
-                "gain": round(found.value, 4),
-                "low": round(found.low, 4),
-                "high": round(found.high, 4),
-            }
-            rows.append({name: row[name] for name in COLUMNS})
+            source, epsilon = str(run.source), LOW_EPSILON if place[0] in (LOW, ALONE) else None
+            ends = (round(value, 4) for value in (found.value, found.low, found.high))
+            names = source, target, cases[source], cases[target], run.profile, place[2]
+            rows.append(dict(zip(COLUMNS, (*names, epsilon, found.seeds, *ends), strict=True)))
     return sorted(rows, key=lambda row: (row["target"], row["source"], row["arm"]))
+
+
+def layer_rows(study: Study) -> list[Row]:
+    """Return the CKA of each layer of each two networks: interquartile mean over seeds with its interval."""
+    found: dict[tuple[str, str, str, str], list[float]] = defaultdict(list)
+    for row in study.layers:
+        found[row.pair, row.arm, row.beside, row.layer].append(row.cka)
+    return [
+        {
+            **dict(zip(("pair", "arm", "beside", "layer"), names, strict=True)),
+            "seeds": len(values),
+            **estimate_cells("cka", estimate(values)),
+        }
+        for names, values in sorted(found.items())
+    ]
+
+
+def similarity_rows() -> list[Row]:
+    """Return table 2: the similarity of source and target of each pair, the most similar first."""
+    world, rows = load_world(), []
+    for pair in options("pair"):
+        cases = read_option("pair", pair)
+        base, target = (load_case(str(cases[key]), world) for key in ("source", "target"))
+        row: Row = {"pair": pair, "source": base.name, "target": target.name}
+        row |= {"similarity": similarity(base, target), "paper": PAPER_SIMILARITY.get(pair, "")}
+        row["common"], row["different"] = in_words(base, target)
+        rows.append(row)
+    return sorted(rows, key=lambda row: -row["similarity"])
 
 
 def claim_rows(answers: Sequence[Answer]) -> list[Row]:
@@ -148,22 +168,22 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "claim's verdict": answer.word,
             "claim's p": answer.p if answer.findings else "",
             "decided after seeds": answer.decided or "",
-            "seeds wanted": answer.wanted() or "",
-            **contrast_columns(answer, finding),
+            "seeds wanted": answer.seeds_wanted() or "",
+            **contrast_cells(answer, finding),
         }
         for answer in answers
         for finding in tuple(answer.findings) or (None,)
     ]
 
 
-def contrast_columns(answer: Answer, finding: Finding | None) -> Row:
-    """Write what was measured of a contrast; empty where there is none."""
+def contrast_cells(answer: Answer, finding: Finding | None) -> Row:
+    """Return a contrast as cells; empty without one."""
     if finding is None:
-        return dict.fromkeys(CONTRAST, "")
+        return dict.fromkeys(CONTRAST_COLUMNS, "")
     values = (
         finding.what,
         finding.metric,
-        *columns("estimate", finding.estimate).values(),
+        *estimate_cells("estimate", finding.estimate).values(),
         finding.claimed.value,
         finding.p,
         finding.against,
@@ -171,16 +191,16 @@ def contrast_columns(answer: Answer, finding: Finding | None) -> Row:
         "" if finding.margin is None else finding.margin,
         finding.within,
         finding.seeds,
-        finding.seen(answer.level),
-        finding.seen(answer.level / answer.claims),
+        finding.min_detectable(answer.level),
+        finding.min_detectable(answer.level / answer.claims),
         finding.verdict.value,
         "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
     )
-    return dict(zip(CONTRAST, values, strict=True))
+    return dict(zip(CONTRAST_COLUMNS, values, strict=True))
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows beside and rename; without rows there is no file."""
+    """Write rows atomically; without rows the file is removed."""
     if not rows:
         path.unlink(missing_ok=True)
         return
@@ -191,17 +211,17 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
-    """Read from a report's claims.csv, by claim, its verdict and the sentence that was judged.
+    """Read verdict and sentence of each claim from a report's claims.csv.
 
     Raises:
-        ConfigError: it is none; `--earlier` is what it was given as.
+        ConfigError: it is not such a table.
     """
     names = "claim", "claim's verdict", "sentence"
-    return dict(read_table(path, names, verdict_of, LARGEST, "--earlier", "a report's claims.csv"))
+    return dict(read_table(path, names, verdict_of, MAX_BYTES, "folder", "a report's claims.csv"))
 
 
 def verdict_of(row: Cells) -> tuple[str, tuple[str, str]]:
-    """Make of a row's cells a claim's name, its verdict and its sentence.
+    """Return a claim's name, verdict and sentence.
 
     Raises:
         ValueError: there is no such verdict.

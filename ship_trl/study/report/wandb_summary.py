@@ -1,8 +1,7 @@
-"""A study's report as a run of its wandb project: figures, tables, the page and the verdicts."""
+"""A study's report as a run of its wandb project: figures, tables, page and verdicts."""
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import os
 from pathlib import Path
@@ -17,7 +16,7 @@ TABLES = ("claims", "arms", "table_2")
 
 
 def check_account(config: StudyConfig) -> None:
-    """Say at once, and not after hours, that nobody is logged in.
+    """Check that a user is logged in to wandb before hours of training begin.
 
     Raises:
         ConfigError: wandb is to be online, and has no key.
@@ -40,11 +39,12 @@ def log_summary(config: StudyConfig) -> None:
     if not config.logger.includes(Logger.wandb):
         return
     os.environ.setdefault("WANDB_SILENT", "true")
+    import pandas as pd
     import wandb
 
     folder = config.folder / REPORT
     mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
-    tables = {name: read_table(folder / f"{name}.csv") for name in TABLES}
+    tables = {path.stem: pd.read_csv(path) for name in TABLES if (path := folder / f"{name}.csv").exists()}
     try:
         with wandb.init(
             project=config.wandb.project,
@@ -54,7 +54,7 @@ def log_summary(config: StudyConfig) -> None:
             group=REPORT,
             job_type=REPORT,
             name=f"report of {config.folder.name}",
-            # One and the same for a study, however often its report is made anew.
+            # The same id each time, so that a later report of the study replaces this one.
             id=f"{REPORT}-{hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]}",
             resume="allow",
             tags=[config.profile],
@@ -62,37 +62,21 @@ def log_summary(config: StudyConfig) -> None:
             reinit="finish_previous",
         ) as run:
             logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}
-            logged |= {
-                name: wandb.Table(columns=list(rows[0]), data=rows[1:]) for name, rows in tables.items()
-            }
+            logged |= {name: wandb.Table(dataframe=table) for name, table in tables.items()}
             run.log(logged | {"page": wandb.Html(str(folder / "index.html"), inject=False)})
-            run.summary.update(verdicts(tables["claims"]))
+            run.summary.update(verdicts(folder / "claims.csv"))
     except (wandb.Error, OSError) as error:
         raise ConfigError(
             f"wandb: {' '.join(str(error).split())}; wandb.mode=offline needs no account"
         ) from None
 
 
-def read_table(path: Path) -> list[list[Any]]:
-    """Rows of a CSV file, the heading first; a heading alone where there is no file."""
-    if not path.exists():
-        return [["nothing"]]
-    with path.open(newline="") as file:
-        heading, *rows = csv.reader(file)
-    # A column of numbers is one: wandb sorts and plots it.
-    columns = [numbers(list(column)) for column in zip(*rows, strict=True)]
-    return [list(heading), *map(list, zip(*columns, strict=True))]
+def verdicts(path: Path) -> dict[str, str]:
+    """Return the verdict on each claim of a claims.csv, as "verdict/C1"."""
+    import pandas as pd
 
-
-def numbers(column: list[str]) -> list[Any]:
-    """Read a column as numbers, None where there is none; as it is if it holds words."""
-    try:
-        return [float(cell) if cell else None for cell in column]
-    except ValueError:
-        return list(column)
-
-
-def verdicts(rows: list[list[Any]]) -> dict[str, str]:
-    """Give the verdict on each claim, as "verdict/C1"."""
-    found = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
-    return {f"verdict/{row['claim']}": row["claim's verdict"] for row in found}
+    rows = pd.read_csv(path, dtype=str)
+    return {
+        f"verdict/{name}": verdict
+        for name, verdict in zip(rows["claim"], rows["claim's verdict"], strict=True)
+    }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
-from ship_trl.study.analysis.power import seen_effect
+from ship_trl.study.analysis.statistics import min_detectable_effect
 
 
 def measured(
@@ -45,4 +45,7 @@ def test_no_more_without_a_margin_says_nothing() -> None:
 
 def test_what_could_have_been_seen_grows_with_the_figure() -> None:
     one = measured(0.0)
-    assert one.seen() == pytest.approx(seen_effect(15) * one.error) and one.seen(0.025 / 9) > one.seen()
+    assert (
+        one.min_detectable() == pytest.approx(min_detectable_effect(15) * one.error)
+        and one.min_detectable(0.025 / 9) > one.min_detectable()
+    )

@@ -46,7 +46,7 @@ def test_rates(tmp_path: Path) -> None:
 def test_the_threshold_is_reached_by_a_mean_of_a_few(tmp_path: Path) -> None:
     run = record(tmp_path, [0.0] * 100 + [1.0] * 100)
     # Four ones among six episodes, 3 % of 200: at last after the 104th.
-    assert metrics.time_to_threshold(run) == pytest.approx(104 / 200) and metrics.reached(run)
+    assert metrics.time_to_threshold(run) == pytest.approx(104 / 200) and metrics.has_reached(run)
     assert metrics.time_to_threshold(run, 0.5) == pytest.approx(103 / 200)
     assert metrics.time_to_threshold(run, 0.8) == pytest.approx(105 / 200)
     assert len(metrics.moving_scores(run)) == 195
@@ -54,12 +54,12 @@ def test_the_threshold_is_reached_by_a_mean_of_a_few(tmp_path: Path) -> None:
 
 def test_who_never_gets_there_has_taken_all_the_time(tmp_path: Path) -> None:
     run = record(tmp_path, [0.64] * 130)
-    assert metrics.time_to_threshold(run) == 1.0 and not metrics.reached(run)
+    assert metrics.time_to_threshold(run) == 1.0 and not metrics.has_reached(run)
     assert metrics.time_to_threshold(run, 0.5) == pytest.approx(4 / 130)
 
 
 def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
-    run = record(tmp_path, [0.9] * 100)
+    run = replace(record(tmp_path, [0.9] * 100), arm="FE3")
     assert run.source == "1"
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
     reused = replace(run, part="reuse/epsilon_1", source="2")
@@ -86,7 +86,7 @@ def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
     wanted = [np.mean(scores[k : k + width]) for k in range(len(scores) - width + 1)]
     np.testing.assert_allclose(metrics.moving_scores(made), wanted, atol=1e-9)
     along = metrics.curve(made)
-    assert len(along) == metrics.PLACES
+    assert len(along) == metrics.CURVE_POINTS
     np.testing.assert_allclose([along[0], along[-1]], [wanted[0], wanted[-1]], atol=1e-9)
 
 

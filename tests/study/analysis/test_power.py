@@ -5,15 +5,15 @@ import pytest
 from scipy import stats
 
 from ship_trl.study.analysis import statistics as s
-from ship_trl.study.analysis.power import seeds_needed, seen_effect
+from ship_trl.study.analysis.statistics import min_detectable_effect, seeds_needed
 
 
 def test_what_so_many_seeds_could_see() -> None:
     # By hand: the power of a t-test is that of a noncentral t beyond its critical value.
-    effect, freedom = seen_effect(15), s.FREEDOM * (15 - 2 * 3 - 1)
+    effect, freedom = min_detectable_effect(15), s.FREEDOM_FACTOR * (15 - 2 * 3 - 1)
     assert stats.nct.sf(stats.t.isf(0.025, freedom), freedom, effect) == pytest.approx(0.8, abs=1e-4)
-    assert seen_effect(2) > seen_effect(5) > seen_effect(6) > effect
-    assert seen_effect(15, 0.001) > effect and seen_effect(1) == np.inf
+    assert min_detectable_effect(2) > min_detectable_effect(5) > min_detectable_effect(6) > effect
+    assert min_detectable_effect(15, 0.001) > effect and min_detectable_effect(1) == np.inf
 
 
 def standard_error_of_15() -> float:

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from ship_trl.study.analysis import statistics as s
+from ship_trl.study.analysis.spread import log_spread_ratio, spread_test
 
 
 def sample(seed: int, mean: float = 0.0, sd: float = 1.0, count: int = 15) -> s.Sample:
@@ -25,15 +26,15 @@ def test_the_error_is_yuens(count: int) -> None:
     error, freedom = s.standard_error(values)
     # Of two samples, one of which does not vary, Yuen's t by SciPy is that of the other alone.
     still = np.linspace(-1e-9, 1e-9, count)
-    found = stats.ttest_ind(values, still, equal_var=False, trim=s.TRIMMED)
+    found = stats.ttest_ind(values, still, equal_var=False, trim=s.TRIM)
     assert stats.trim_mean(values, 0.25) / error == pytest.approx(float(found.statistic), rel=1e-6)
-    assert freedom == pytest.approx(s.FREEDOM * float(found.df), rel=1e-6)
+    assert freedom == pytest.approx(s.FREEDOM_FACTOR * float(found.df), rel=1e-6)
 
 
 def test_estimate_interval_and_p_speak_of_one_number() -> None:
     for seed in range(50):
         values = sample(seed, 0.4)
-        found = s.level_of(values, 0.025)
+        found = s.estimate_mean(values, 0.025)
         assert found.value == pytest.approx(stats.trim_mean(values, 0.25))
         assert (found.low > 0) == (s.p_above(values) <= 0.025)
         assert (found.high < 0) == (s.p_below(values) <= 0.025)
@@ -85,33 +86,35 @@ def curves(seed: int, sd: float, count: int = 15, mean: float = 0.0) -> s.Sample
 
 def test_the_steadier_arm_is_found_whatever_its_level() -> None:
     narrow, wide = curves(0, 0.2, mean=5.0), curves(1, 1.0)
-    found, p, against = s.spread_test(narrow, wide, seed=0)
+    found, p, against = spread_test(narrow, wide, seed=0)
     spreads = [np.std(values, axis=0, ddof=1).mean() for values in (narrow, wide)]
     assert found.value == pytest.approx(np.log(spreads[1] / spreads[0])) and found.value > np.log(2)
     assert p < 0.01 and against > 0.9 and found.low > 0
-    other, _, _ = s.spread_test(wide, narrow, seed=0)
+    other, _, _ = spread_test(wide, narrow, seed=0)
     assert other.value == pytest.approx(-found.value) and other.high < 0
 
 
 def test_few_seeds_change_places_in_all_ways_and_errors_are_the_jackknifes() -> None:
     one, other = curves(2, 0.3, count=4), curves(3, 0.6, count=4)
-    found, p, against = s.spread_test(one, other, seed=0)
+    found, p, against = spread_test(one, other, seed=0)
     left, right = one - one.mean(axis=0), other - other.mean(axis=0)
     standard = []
     for swap in product([False, True], repeat=4):
         chosen = np.array(swap)[:, None]
         first, second = np.where(chosen, right, left), np.where(chosen, left, right)
-        without = np.array([s.log_ratio(*(np.delete(c, k, 0) for c in (first, second))) for k in range(4)])
+        without = np.array(
+            [log_spread_ratio(*(np.delete(c, k, 0) for c in (first, second))) for k in range(4)]
+        )
         error = np.sqrt(3 / 4 * np.sum((without - without.mean()) ** 2))
-        standard.append(s.log_ratio(first, second) / error)
-    assert found.value == pytest.approx(s.log_ratio(one, other))
+        standard.append(log_spread_ratio(first, second) / error)
+    assert found.value == pytest.approx(log_spread_ratio(one, other))
     assert p == pytest.approx(np.mean(np.array(standard) >= standard[0] - 1e-9))
     assert against == pytest.approx(np.mean(np.array(standard) <= standard[0] + 1e-9))
 
 
 def test_curves_that_do_not_vary_or_are_two_say_nothing() -> None:
     for count in (2, 5):
-        found, p, against = s.spread_test(np.ones((count, 9)), np.zeros((count, 9)), seed=0)
+        found, p, against = spread_test(np.ones((count, 9)), np.zeros((count, 9)), seed=0)
         assert (found.value, p, against) == (0.0, 1.0, 1.0)
 
 
@@ -136,6 +139,40 @@ def test_a_single_seed_is_refused() -> None:
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:
     held = [
-        found.low <= 0.5 <= found.high for found in (s.level_of(sample(seed, 0.5)) for seed in range(1000))
+        found.low <= 0.5 <= found.high
+        for found in (s.estimate_mean(sample(seed, 0.5)) for seed in range(1000))
     ]
     assert 0.93 <= np.mean(held) <= 0.97
+
+
+def skewed(seed: int, seeds: int, places: int = 20) -> np.ndarray:
+    """Curves of which some have collapsed, so that a band of deviations passes the best."""
+    rng = np.random.default_rng(seed)
+    return np.minimum(rng.normal(0.9, 0.2, (seeds, places)) - (rng.random((seeds, 1)) < 0.3), 1.0)
+
+
+@pytest.mark.parametrize("seeds", [s.MIN_BAND_SEEDS, 7, 15])
+def test_a_band_holds_the_mean_and_lies_within_the_runs(seeds: int) -> None:
+    for seed in range(20):
+        curves = skewed(seed, seeds)
+        middle, low, high = s.band(curves, np.random.default_rng(seed))
+        assert np.all(curves.min(axis=0) <= low) and np.all(high <= curves.max(axis=0))
+        assert np.all(low <= middle) and np.all(middle <= high)
+        assert middle == pytest.approx(s.interquartile_mean(curves, axis=0))
+        # The best return, which a band of deviations would pass.
+        assert np.all(high <= 1.0)
+    # 0.1 and its like are not exact: a mean of equal numbers may differ from them in the last digit.
+    equal = np.tile(np.linspace(-0.7, 0.1, 13), (seeds, 1))
+    _, low, high = s.band(equal, np.random.default_rng(0))
+    assert np.array_equal(low, equal[0]) and np.array_equal(high, equal[0])
+
+
+def test_a_band_is_that_of_resampled_seeds() -> None:
+    curves = np.random.default_rng(0).normal(0, 1, (15, 4))
+    found, again = (s.band(curves, np.random.default_rng(1)) for _ in range(2))
+    rng = np.random.default_rng(2)
+    means = [s.interquartile_mean(curves[rng.integers(0, 15, 15)], axis=0) for _ in range(4_000)]
+    ends = np.quantile(means, (0.025, 0.975), axis=0)
+    assert np.array(found[1:]) == pytest.approx(ends, abs=0.1) and np.array_equal(found, again)
+    with pytest.raises(ValueError, match="4 seeds or more, not 3"):
+        s.band(curves[:3], np.random.default_rng(0))

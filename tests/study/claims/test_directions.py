@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ship_trl.study.analysis.contrasts import Verdict
 from ship_trl.study.analysis.study import Study
-from ship_trl.study.claims.kinds import FE, FT, TRANSFERS
 from ship_trl.study.claims.verdicts import answer, explore
+from ship_trl.study.plan.arms import FE, FT, TRANSFERS
 from tests.study.synthetic import make_record, returns_of
 
 EPISODES, ANNEALED = 200, 120

@@ -6,9 +6,10 @@ import pytest
 
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.study import Study
-from ship_trl.study.claims.conclusions import OURS
-from ship_trl.study.claims.kinds import FE, Test, beats, each_above_the_last, means, rises, sooner, steady
+from ship_trl.study.claims.hypotheses import OURS
+from ship_trl.study.claims.kinds import Test, beats, means, rises, steady
 from ship_trl.study.claims.verdicts import ALL
+from ship_trl.study.plan.arms import FE
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import SOURCES, plan_jobs
 from tests.study.synthetic import make_study
@@ -48,17 +49,11 @@ def test_a_rise_follows_the_order_it_is_given() -> None:
     assert up.estimate.value == pytest.approx(0.45, abs=0.1) == -down.estimate.value
 
 
-def test_each_step_of_an_order_is_a_contrast() -> None:
-    study = make_study(pair("high", FT2=0.5, FT3=0.7, FT4=0.6))
-    found = [one(test, study) for test in each_above_the_last("high", "FT2", "FT3", "FT4")]
-    assert [finding.as_claimed for finding in found] == [True, False]
-
-
 def test_the_sooner_arm_gets_there_first_or_alone() -> None:
     study = make_study(pair("high", FE1=0.98, FT1=0.5), episodes=300)
-    found = one(sooner("high", "FE1", "FT1"), study)
+    found = one(beats("high", "FE1", "FT1", "time"), study)
     assert found.estimate.value > 0.5 and found.p < 0.01
-    assert one(sooner("high", "FT1", "FE1"), study).against < 0.01
+    assert one(beats("high", "FT1", "FE1", "time"), study).against < 0.01
     assert set(found.beside) == {"time to 0.5", "time to 0.8"}
 
 
@@ -74,7 +69,7 @@ def test_the_margin_is_a_share_of_what_could_be_gained_on_the_target(
 ) -> None:
     study = make_study(pair("high", FE1=0.9, FT1=0.9))
     assert one(beats("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["2"]["area"])
-    assert one(sooner("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * gains["2"]["time"])
+    assert one(beats("high", "FE1", "FT1", "time"), study).margin == pytest.approx(0.2 * gains["2"]["time"])
     assert one(beats("high", "FE1", "FT1", "collision rise"), study).margin is None
 
 

@@ -10,7 +10,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.metrics import METRICS, TIMES
 from ship_trl.study.analysis.study import Study, read_study
-from ship_trl.study.claims.kinds import Test, control, itself, means, network_effect, sooner
+from ship_trl.study.claims.kinds import Test, beats, control, itself, means, network_effect
 from ship_trl.study.claims.questions import ask, places_of
 from ship_trl.study.claims.verdicts import ALL, OURS
 from tests.study.synthetic import make_study, write_planned
@@ -30,7 +30,7 @@ def measured(study: Study, question: str) -> list[Finding]:
 @pytest.mark.parametrize(
     ("question", "test"),
     [
-        ("high: FE3 sooner than scratch (time)", sooner("high", "FE3", "scratch")),
+        ("high: FE3 sooner than scratch (time)", beats("high", "FE3", "scratch", "time")),
         ("low: FE3 above FE3-random", control("low", "FE3", "random")),
         ("2 to 2: FE1 above FE2 (area)", itself("2", "high", "self", "FE1", "FE2")),
         (

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.contrasts import Verdict
+from ship_trl.study.analysis.contrasts import Claimed, Verdict, contrast
 from ship_trl.study.analysis.statistics import look_level
 from ship_trl.study.analysis.study import Study
-from ship_trl.study.claims.conclusions import OURS
+from ship_trl.study.claims.hypotheses import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
-from ship_trl.study.claims.verdicts import answer, explore, judge, reached
+from ship_trl.study.claims.verdicts import answer, explore, judge
+from ship_trl.study.plan.manifest import Manifest
 from tests.study.synthetic import make_study
 
 
@@ -52,7 +53,7 @@ def test_an_open_claim_says_how_many_seeds_would_decide_it() -> None:
     def wanted(*pairs: tuple[str, str], **ends: float) -> int | None:
         (found,) = judge(make_study(high(**ends), sd=0.2), [claim("A", *pairs)], 15, 0.025)
         assert found.verdict is Verdict.inconclusive
-        return found.wanted()
+        return found.seeds_wanted()
 
     one = wanted(("FE1", "FE2"), FE1=0.8, FE2=0.7)
     assert one is not None and one > 15
@@ -61,7 +62,7 @@ def test_an_open_claim_says_how_many_seeds_would_decide_it() -> None:
     both = wanted(("FE1", "FE2"), ("FE1", "FE3"), FE1=0.8, FE2=0.7, FE3=0.3)
     assert both is not None and both > one
     (decided,) = judge(make_study(high(FE1=0.9, FE2=0.3)), [claim("A", ("FE1", "FE2"))], 15, 0.025)
-    assert decided.wanted() is None
+    assert decided.seeds_wanted() is None
 
 
 def test_differences_within_the_margin_are_equivalent() -> None:
@@ -114,7 +115,7 @@ def test_what_is_sure_early_is_decided_early_and_stays_so() -> None:
 def test_looks_follow_the_plan_and_not_what_is_there() -> None:
     study = make_study(high(FE1=0.62, FE2=0.6), seeds=5, sd=0.01)
     five = answer(study, [claim("A", ("FE1", "FE2"))])[0]
-    planned = replace(study, planned=tuple(range(15)))
+    planned = replace(study, plan=Manifest(tuple(range(15))))
     assert study.looks == (5,) and planned.looks == (5, 10, 15)
     first = answer(planned, [claim("A", ("FE1", "FE2"))])[0]
     # The first of three looks is stricter, and a second that is not whole decides nothing.
@@ -123,7 +124,7 @@ def test_looks_follow_the_plan_and_not_what_is_there() -> None:
 
 
 def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> None:
-    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 7, sd=0.002), planned=tuple(range(15)))
+    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 7, sd=0.002), plan=Manifest(tuple(range(15))))
     sure, none = answer(study, [claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))])
     assert (sure.verdict, sure.decided, sure.missing) == (Verdict.supported, 5, 0)
     assert sure.findings[0].seeds == 5 and sure.level < 0.001
@@ -133,7 +134,7 @@ def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> No
 
 
 def test_what_stays_open_at_the_last_look_is_told_of_that_look() -> None:
-    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 12, sd=0.1), planned=tuple(range(15)))
+    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 12, sd=0.1), plan=Manifest(tuple(range(15))))
     for seeds, look in ((5, 5), (6, 5), (9, 5), (10, 10), (12, 10)):
         (found,) = answer(study.first(seeds, study.level), [claim("B", ("FE2", "FE3"))])
         assert (found.verdict, found.seeds, found.missing) == (Verdict.inconclusive, look, 0)
@@ -146,7 +147,7 @@ def test_what_stays_open_at_the_last_look_is_told_of_that_look() -> None:
 def test_seeds_that_come_later_undo_no_decision() -> None:
     places = high(FE1=0.9, FE2=0.3, FE3=0.32, FT1=0.3)
     claims = [claim(f"{a}{b}", (a, b)) for a in ("FE1", "FE3") for b in ("FE2", "FT1")]
-    whole = replace(make_study(places, 20, sd=0.004), planned=tuple(range(15)))
+    whole = replace(make_study(places, 20, sd=0.004), plan=Manifest(tuple(range(15))))
     assert whole.looks == (5, 10, 15)
     decided: dict[str, tuple[Verdict, int]] = {}
     for count in range(5, 21):
@@ -190,11 +191,11 @@ def test_spread_is_judged_along_the_curve() -> None:
 def test_between_looks_nothing_is_judged() -> None:
     # Of fifteen seeds twelve have runs.
     ends = {("pairs", "low", "scratch"): 0.5, ("controls", "self4", "FTW"): 0.9}
-    study = replace(make_study(ends, seeds=12), planned=tuple(range(15)))
-    assert reached(study) == (5, 10)
+    study = replace(make_study(ends, seeds=12), plan=Manifest(tuple(range(15))))
+    assert study.whole_looks == (5, 10)
     own = {found.hypothesis.name: found for found in explore(study)}["E4"]
     assert {finding.seeds for finding in own.findings} == {10}
-    assert reached(study.first(7, 0.025)) == reached(study.first(3, 0.025)) == (5,)
+    assert study.first(7, 0.025).whole_looks == study.first(3, 0.025).whole_looks == (5,)
 
 
 def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:
@@ -208,3 +209,37 @@ def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:
     assert [a.hypothesis for a in explore(study)] == OURS
     assert found["E4"].verdict is Verdict.supported and found["E4"].decided == 5
     assert found["E1"].verdict is Verdict.inconclusive and not found["E1"].findings
+
+
+def simulated(values: np.ndarray, claimed: Claimed = Claimed.above) -> Hypothesis:
+    """A claim of one contrast, with these differences by seed and a margin of 0.5."""
+    return Hypothesis(
+        "A", "5", "", [lambda study, claim: [contrast(claim, "", "area", values, 0.5, claimed)]]
+    )
+
+
+def test_arms_like_scratch_are_seldom_decided_at_any_look() -> None:
+    # Claims of a figure share scratch; 5 % of the figures may have one that is decided.
+    rng = np.random.default_rng(0)
+    wrong = 0
+    for _ in range(100):
+        differences = rng.normal(0, 1, (11, 15)) - rng.normal(0, 1, 15)
+        looks = (
+            judge(Study({}), [simulated(row[:count]) for row in differences], count, look_level(look, 3))
+            for look, count in enumerate((5, 10, 15), 1)
+        )
+        decided = {answer.verdict for answers in looks for answer in answers}
+        wrong += bool(decided & {Verdict.supported, Verdict.contradicted})
+    assert wrong / 100 <= 0.05 + 3 * (0.05 * 0.95 / 100) ** 0.5
+
+
+def test_differences_at_the_margin_are_seldom_called_none() -> None:
+    rng = np.random.default_rng(1)
+    found = {Claimed.above: 0, Claimed.no_more: 0}
+    for _ in range(600):
+        values = rng.normal(0.5, 0.2, 15)
+        for claimed in found:
+            (answer,) = judge(Study({}), [simulated(values, claimed)], 15, 0.025)
+            wrong = Verdict.equivalent if claimed is Claimed.above else Verdict.supported
+            found[claimed] += answer.verdict is wrong
+    assert max(found.values()) / 600 <= 0.025 + 3 * (0.025 * 0.975 / 600) ** 0.5

@@ -41,7 +41,7 @@ def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None
 def test_launchers_overrides_are_not_of_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
     config = to_study(["launcher=slurm", "overrides=[hydra.launcher.partition=gpu,learn.lr=0.1]"])
-    assert config.of_runs == ["learn.lr=0.1"]
+    assert config.run_overrides == ["learn.lr=0.1"]
     assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
 
 
@@ -74,6 +74,7 @@ def test_a_process_whose_launcher_is_gone_before_it_begins_ends(name: str, code:
     assert subprocess.run([sys.executable, "-c", program], env=line, check=False).returncode == code
 
 
+@pytest.mark.long
 def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
     grid = ("target=1", "method=scratch", "profile=smoke", "learn.episodes=2000", "seed=0,1")
     # By itself it would run one after the other, and in no process of its own, where there is one core.
@@ -140,6 +141,7 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
     assert words.count("Ray Launcher is launching") == 2
 
 
+@pytest.mark.long
 def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     grid = ("target=1", "method=scratch", "profile=smoke", "seed=0,1")

@@ -5,13 +5,10 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS
 from ship_trl.study.plan.config import (
-    CONTROL_ARMS,
-    CONTROL_PAIRS,
-    EXPLORING_ARMS,
-    EXPLORING_PAIRS,
     StudyConfig,
-    names,
+    options,
     to_study,
 )
 from tests.config.test_config import composed
@@ -64,7 +61,7 @@ def test_what_is_wrong_is_said(override: str, said: str) -> None:
 
 
 def test_a_profile_of_ones_own_needs_its_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.study.plan.config.names", lambda group: ["mine", *names(group)])
+    monkeypatch.setattr("ship_trl.study.plan.config.options", lambda group: ["mine", *options(group)])
     with pytest.raises(
         ConfigError, match=r"seeds: must be given, for conf/study.yaml has none for profile mine"
     ):
@@ -96,10 +93,10 @@ def test_processes_are_of_joblib(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_every_control_composes_and_says_what_it_is() -> None:
-    for arm in (*CONTROL_ARMS, *EXPLORING_ARMS):
+    for arm in (*CONTROL_ARMS, *FIRST_BLOCK_ARMS):
         assert composed("+pair=low", f"+arm={arm}").arm == arm
-    for pair, arms in (*CONTROL_PAIRS.items(), *EXPLORING_PAIRS.items()):
-        assert set(arms) <= set(names("arm")) and pair in names("pair")
+    for pair, arms in (*CONTROL_PAIRS.items(), *FIRST_BLOCK_PAIRS.items()):
+        assert set(arms) <= set(options("arm")) and pair in options("pair")
 
 
 def test_the_folder_follows_the_profile() -> None:

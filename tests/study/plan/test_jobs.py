@@ -8,7 +8,7 @@ import pytest
 from ship_trl.run.plan import make_run
 from ship_trl.study.launch.launch import write_jobs
 from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import Job, from_scratch, plan_jobs
+from ship_trl.study.plan.jobs import Job, plan_jobs, scratch_place
 from tests.config.test_config import composed
 
 
@@ -131,7 +131,7 @@ def test_each_control_is_compared_with_runs_from_scratch_on_its_target() -> None
     targets = {(j.part, j.label, j.arm): j.values["target"] for j in planned}
     for job in planned:
         if job.part == "controls":
-            assert targets[from_scratch(job.part, job.label)] == job.values["target"]
+            assert targets[scratch_place(job.part, job.label)] == job.values["target"]
 
 
 def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:

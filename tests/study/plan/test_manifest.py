@@ -8,7 +8,7 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import PLAN, begun_with, warmup_of, write_plan
+from ship_trl.study.plan.manifest import PLAN, Manifest, read_manifest, write_plan
 
 
 def begin(folder: Path, *overrides: str) -> None:
@@ -72,31 +72,31 @@ def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
         begin(tmp_path)
     assert (tmp_path / PLAN).read_text() == text
     with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan; allowed: the file that the"):
-        begun_with(tmp_path)
+        read_manifest(tmp_path)
 
 
 @pytest.mark.parametrize("judged", [[], None, 3, ["5"], [0, 1.5], {"0": 1}], ids=str)
 def test_damaged_seeds_are_refused_and_do_not_become_one_look(judged: object, tmp_path: Path) -> None:
     begin(tmp_path)
-    seeds, rules = begun_with(tmp_path)
-    assert seeds == (0, 1) and rules
+    begun = read_manifest(tmp_path)
+    assert begun.seeds == (0, 1) and begun.rules and len(begun.folders) == len(set(begun.folders)) > 2
     plan = json.loads((tmp_path / PLAN).read_text())
     (tmp_path / PLAN).write_text(json.dumps(plan | {"judged": judged}))
     with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan"):
-        begun_with(tmp_path)
+        read_manifest(tmp_path)
     (tmp_path / PLAN).unlink()
-    assert begun_with(tmp_path) == ((), {})
+    assert read_manifest(tmp_path) == Manifest()
 
 
 def test_a_plan_says_after_how_many_episodes_runs_learn_at_the_earliest(tmp_path: Path) -> None:
     begin(tmp_path, "overrides=[learn.warmup_steps=2000,world.max_steps=60]")
     # The 33rd ends at step 1980 if all are as long as they may be.
-    assert warmup_of(tmp_path) == 33
+    assert read_manifest(tmp_path).warmup == 33
     plan = json.loads((tmp_path / PLAN).read_text())
     wrongs: list[dict[str, object]] = [{}, {"learn": {"warmup_steps": 10}, "world": {"max_steps": 0}}]
     for wrong in (*wrongs, {"learn": []}):
         (tmp_path / PLAN).write_text(json.dumps(plan | {"settings": wrong}))
-        assert warmup_of(tmp_path) == 0
+        assert read_manifest(tmp_path).warmup == 0
 
 
 def test_what_is_missing_now_is_named_too(tmp_path: Path) -> None:

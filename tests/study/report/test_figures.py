@@ -1,14 +1,117 @@
-"""How a report's figures are written."""
+"""A report's figures can be read at both widths: letters of a size, none upon others; and are written."""
 
 import errno
 import resource
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-from ship_trl.study.report.figures import save
+from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.report.figures import drawings
+from ship_trl.study.report.style import DPI, NARROW, WIDE, save
+from tests.study.synthetic import make_study, write_planned
+
+# CSS pixels of a figure where it is shown smallest: a page of 64 rem, and a screen of 380, less the edges.
+SHOWN = {WIDE: 64 * 16 - 32, NARROW: 380 - 32}
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """Pair high, the new case with all sources, and the controls of them."""
+    folder = tmp_path_factory.mktemp("planned")
+    write_planned(folder, 5, 60, "pairs=[high]")
+    return read_study(folder)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure of a width, with the words that were drawn: numbers of axes beyond their ends are none."""
+
+    name: str
+    width: float
+    figure: Figure
+    words: list[Text]
+
+
+@pytest.fixture(scope="module")
+def figures(study: Study) -> list[Shown]:
+    """All figures of the study at both widths."""
+    found, words = [], []
+
+    def note(text: Text, *arguments: Any, draw: Callable[..., Any] = Text.draw) -> None:
+        if text.get_visible() and text.get_text().strip():
+            words.append(text)
+        draw(text, *arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Text, "draw", note)
+        for drawing in drawings(study):
+            for width in (WIDE, NARROW):
+                figure = drawing.draw(width)
+                if figure is not None:
+                    words.clear()
+                    FigureCanvasAgg(figure).draw()
+                    found.append(Shown(drawing.name, width, figure, words[:]))
+    return found
+
+
+def test_a_whole_study_has_all_figures(figures: list[Shown]) -> None:
+    for width in (WIDE, NARROW):
+        names = {one.name for one in figures if one.width == width}
+        assert names == {"pair_high", "reuse", "differences", "times", "gains", "gains_greedy"}
+
+
+def test_no_letter_is_smaller_than_seven_points_where_it_is_shown(figures: list[Shown]) -> None:
+    for one in figures:
+        assert one.figure.get_size_inches()[0] == one.width and one.words
+        shrunk = SHOWN[one.width] / (96 * one.width)
+        for text in one.words:
+            assert float(text.get_fontsize()) * shrunk >= 7, f"{one.name}, {text.get_text()}"
+
+
+def test_no_word_leaves_the_figure_or_lies_upon_another(figures: list[Shown]) -> None:
+    for one in figures:
+        whole = one.figure.bbox
+        boxes = [(text.get_text(), text.get_window_extent()) for text in one.words]
+        for text, box in boxes:
+            inside = whole.x0 - 1 <= box.x0 and box.x1 <= whole.x1 + 1
+            assert inside and whole.y0 - 1 <= box.y0 and box.y1 <= whole.y1 + 1, f"{one.name}: {text}"
+        # Letters do not fill their boxes: a pixel or two may be of both.
+        slack = 0.03 * DPI[one.width]
+        for (text, first), (other, second) in combinations(boxes, 2):
+            across = min(first.x1, second.x1) - max(first.x0, second.x0)
+            down = min(first.y1, second.y1) - max(first.y0, second.y0)
+            assert across < slack or down < slack, f"{one.name}, {one.width}: {text!r} and {other!r}"
+
+
+def test_nothing_is_drawn_of_no_runs() -> None:
+    study = make_study({("controls", "self", "FE1"): 0.5}, seeds=2)
+    assert [drawing.name for drawing in drawings(study) if drawing.draw(WIDE) is not None] == []
+
+
+def test_from_scratch_alone_there_are_its_curves() -> None:
+    study = make_study({("pairs", "high", "scratch"): 0.5}, seeds=2)
+    drawn = [drawing.name for drawing in drawings(study) if drawing.draw(NARROW) is not None]
+    assert drawn == ["pair_high"]
+
+
+def test_a_figure_is_drawn_alike_each_time(study: Study) -> None:
+    def drawn() -> bytes:
+        figure = {drawing.name: drawing.draw for drawing in drawings(study)}["differences"](NARROW)
+        assert figure is not None
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba()).tobytes()
+
+    assert drawn() == drawn()
 
 
 def test_a_disk_that_has_no_room_for_the_pdf_is_said_and_the_last_one_kept(tmp_path: Path) -> None:

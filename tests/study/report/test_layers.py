@@ -8,8 +8,9 @@ import pytest
 
 from ship_trl.study.analysis.statistics import interquartile_mean
 from ship_trl.study.records.layers import OTHER_SEED, SCRATCH, UNTRAINED, Layer
-from ship_trl.study.report.figures import PAGE
-from ship_trl.study.report.layers import draw_layers, layer_rows
+from ship_trl.study.report.layers import draw_layers
+from ship_trl.study.report.style import WIDE
+from ship_trl.study.report.tables import layer_rows
 from tests.study.synthetic import make_study
 
 NAMES = ("conv1", "conv2")
@@ -41,11 +42,11 @@ def test_each_layer_of_each_two_networks_has_a_row() -> None:
 
 def test_what_was_not_measured_has_neither_rows_nor_a_figure() -> None:
     bare = replace(STUDY, layers=[])
-    assert layer_rows(bare) == [] and draw_layers(bare, PAGE) is None
+    assert layer_rows(bare) == [] and draw_layers(bare, WIDE) is None
 
 
 def test_a_line_is_the_mean_over_seeds_of_each_layer() -> None:
-    figure = draw_layers(STUDY, PAGE)
+    figure = draw_layers(STUDY, WIDE)
     assert figure is not None
     (axis,) = figure.axes
     assert [label.get_text() for label in axis.get_xticklabels()] == list(NAMES)

@@ -1,4 +1,4 @@
-"""The page: whole, readable on a telephone, and what it says of each claim."""
+"""The page: whole, readable on a narrow screen, and what it says of each claim."""
 
 import base64
 import csv
@@ -6,16 +6,18 @@ import html.parser
 import json
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ship_trl.cli.report import main
-from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.power import seen_effect
+from ship_trl.study.analysis.contrasts import Finding, Verdict
+from ship_trl.study.analysis.statistics import Estimate, min_detectable_effect
 from ship_trl.study.claims.kinds import Hypothesis, beats
-from ship_trl.study.claims.verdicts import ALL, judge
-from ship_trl.study.report.page import in_a_sentence
+from ship_trl.study.claims.verdicts import ALL, Answer, judge
+from ship_trl.study.report.page import families, in_a_sentence, interval, scale_of
 from tests.study.synthetic import make_study, write_study
 
 
@@ -36,16 +38,32 @@ class Page(html.parser.HTMLParser):
         assert self.open.pop() == tag
 
 
+def page(study: Path) -> str:
+    return (study / "report/index.html").read_text()
+
+
+def claims(study: Path) -> list[dict[str, str]]:
+    with (study / "report/claims.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def verdict(study: Path, name: str) -> str:
+    """The line of a claim in verdicts.md."""
+    lines = (study / "report/verdicts.md").read_text().splitlines()
+    (line,) = (line for line in lines if line.startswith(f"| {name} "))
+    return line
+
+
 def test_the_page_is_whole_and_needs_nothing_else(study: Path) -> None:
-    page, text = Page(), (study / "report/index.html").read_text()
-    page.feed(text)
-    assert page.open == [] and all(link.startswith("data:") for link in page.fetched)
+    read, text = Page(), page(study)
+    read.feed(text)
+    assert read.open == [] and all(link.startswith("data:") for link in read.fetched)
     assert "50 runs of the profile quick, 60 episodes each, 5 seeds" in text
     assert text.count('<section class="card">') == 5 and 'class="verdict supported"' in text
 
 
-def test_each_figure_has_a_form_for_telephones(study: Path) -> None:
-    text = (study / "report/index.html").read_text()
+def test_each_figure_has_a_form_for_narrow_screens(study: Path) -> None:
+    text = page(study)
     found = re.findall(
         r'<picture>\n<source media="\(max-width: 64rem\)" srcset="data:image/png;base64,([^"]*)">\n'
         r'<img src="data:image/png;base64,([^"]*)"',
@@ -62,7 +80,7 @@ def test_each_figure_has_a_form_for_telephones(study: Path) -> None:
 
 
 def test_nothing_of_the_page_is_wider_than_a_telephone_but_what_moves_in_itself(study: Path) -> None:
-    text = (study / "report/index.html").read_text()
+    text = page(study)
     style = text[text.index("<style>") : text.index("</style>")]
     # In rem of 16 pixels; a page of 380 leaves 348.
     widths = [float(width) * 16 for width in re.findall(r"[{;(\s](?:min-)?width: ([\d.]+)rem", style)]
@@ -72,17 +90,15 @@ def test_nothing_of_the_page_is_wider_than_a_telephone_but_what_moves_in_itself(
 
 
 def test_verdicts_are_a_markdown_table(study: Path) -> None:
-    lines = (study / "report/verdicts.md").read_text().splitlines()
+    head, _, *lines = (study / "report/verdicts.md").read_text().splitlines()
+    assert "95 % after 5 seeds" in head
     assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 3 for line in lines)
-    (line,) = (line for line in lines if line.startswith("| H5h | "))
-    assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in line
+    assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in verdict(study, "H5h")
 
 
 def test_the_page_begins_with_what_is_decided(study: Path) -> None:
-    with (study / "report/claims.csv").open(newline="") as file:
-        rows = {row["claim"]: row for row in csv.DictReader(file) if row["decided after seeds"]}
-    page = (study / "report/index.html").read_text()
-    top = page[: page.index("The five conclusions")]
+    rows = {row["claim"]: row for row in claims(study) if row["decided after seeds"]}
+    top, _, _ = page(study).partition("The five conclusions")
     assert f"{len(rows)} of {len(ALL)} claims decided" in top and len(rows) > 0
     told = re.findall(r'<p><span class="verdict (\w+)">\1</span> (\w+): ', top)
     assert {name: verdict for verdict, name in told} == {
@@ -92,74 +108,98 @@ def test_the_page_begins_with_what_is_decided(study: Path) -> None:
 
 def test_a_claim_without_runs_is_called_so_everywhere(study: Path) -> None:
     # The study has pair high alone: figure 7 is of pair lowest.
-    (line,) = (
-        line for line in (study / "report/verdicts.md").read_text().splitlines() if line.startswith("| H7d ")
-    )
+    line = verdict(study, "H7d")
     assert line.startswith("| H7d | no runs | ") and line.endswith(" | No runs. |")
-    with (study / "report/claims.csv").open(newline="") as file:
-        claims = list(csv.DictReader(file))
-    assert {row["claim"] for row in claims} >= {claim.name for claim in ALL}
-    (row,) = (row for row in claims if row["claim"] == "H7d")
+    assert {row["claim"] for row in claims(study)} >= {claim.name for claim in ALL}
+    (row,) = (row for row in claims(study) if row["claim"] == "H7d")
     assert row["claim's verdict"] == "no runs" and row["contrast"] == row["estimate"] == row["verdict"] == ""
-    page = (study / "report/index.html").read_text()
-    (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", page, re.DOTALL)
+    (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", page(study), re.DOTALL)
     assert ">no runs</span>" in cells and "inconclusive" not in cells
 
 
 def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> None:
-    with (study / "report/claims.csv").open(newline="") as file:
-        values = [float(row["estimate"]) for row in csv.DictReader(file) if row["claim"] == "H5f"]
-    (line,) = (
-        line for line in (study / "report/verdicts.md").read_text().splitlines() if line.startswith("| H5f ")
-    )
+    values = [float(row["estimate"]) for row in claims(study) if row["claim"] == "H5f"]
     leaning = sum(value > 0 for value in values)
-    assert len(values) == 9 and f"; {leaning} estimated as claimed ({min(values):+.3f} to " in line
+    assert len(values) == 9 and f"; {leaning} estimated as claimed ({min(values):+.3f} to " in verdict(
+        study, "H5f"
+    )
 
 
-def test_what_an_earlier_study_said_stands_beside(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    earlier = tmp_path / "claims.csv"
-    with (study / "report/claims.csv").open(newline="") as file:
-        sentence = next(row["sentence"] for row in csv.DictReader(file) if row["claim"] == "H5a")
+def test_what_an_earlier_study_said_stands_beside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_study(tmp_path, seeds=2)
+    earlier = tmp_path / "earlier.csv"
+    (sentence,) = (claim.sentence for claim in ALL if claim.name == "H5a")
     rows = (("H5a", "contradicted", sentence), ("H5b", "supported", "less | <b>"), ("OLD", "supported", ""))
     with earlier.open("w", newline="") as file:
         csv.writer(file).writerows([("claim", "claim's verdict", "sentence"), *rows])
-    main([str(study), "--output", str(tmp_path / "page"), "--earlier", str(earlier)])
-    lines = (tmp_path / "page/verdicts.md").read_text().splitlines()
-    said = [
-        row.split(" | ")[0] for row in lines if "An earlier study, by its own rules: contradicted." in row
-    ]
-    assert said == ["| H5a"] and "An earlier study" not in (study / "report/verdicts.md").read_text()
-    said = [row.split(" | ")[0] for row in lines if 'rules, of "less / &lt;b>": supported.' in row]
-    assert said == ["| H5b"]
+    main([str(tmp_path)])
+    lines = (tmp_path / "report/verdicts.md").read_text().splitlines()
+
+    def claims_with(words: str) -> list[str]:
+        return [row.split(" | ")[0] for row in lines if words in row]
+
+    assert claims_with("An earlier study, by its own rules: contradicted.") == ["| H5a"]
+    assert claims_with('rules, of "less / &lt;b>": supported.') == ["| H5b"]
     for text in ("a,b\n1,2\n", "claim,claim's verdict,sentence\nH5a,<b>perhaps</b>,x\n", "\x00\n"):
         earlier.write_text(text)
         capsys.readouterr()
         with pytest.raises(SystemExit):
-            main([str(study), "--output", str(tmp_path / "other"), "--earlier", str(earlier)])
+            main([str(tmp_path), "--output", str(tmp_path / "other")])
         told = capsys.readouterr().err
-        assert told.startswith(f"ship_trl: --earlier: {earlier} ") and told.count("\n") == 1
+        assert told.startswith(f"ship_trl: folder: {earlier} ") and told.count("\n") == 1
     assert not (tmp_path / "other").exists()
 
 
+def finding(value: float, reach: float = 0.05, **changes: object) -> Finding:
+    made = Finding(
+        "H1", "a", "area", Estimate(value, value - reach, value + reach), 0.01, 0.99, 15, margin=0.03
+    )
+    return replace(made, **changes)  # type: ignore[arg-type]
+
+
+def test_each_contrast_has_a_bar_on_the_scale_of_its_unit(study: Path) -> None:
+    rows = [row for row in claims(study) if row["contrast"]]
+    bars = re.findall(r'<svg class="bar bar-(\w+)"', page(study))
+    assert sorted(bars) == sorted(row["verdict"] for row in rows)
+    parts = [finding(0.1), finding(1.5, metric="spread"), finding(0.9, metric="start")]
+    answers = [Answer(Hypothesis("H1", "5", "", []), parts)]
+    ((title, _, scales),) = families(answers)
+    assert title == "Figure 5" and set(scales) == {"difference", "spread", "start"}
+    assert scales["spread"].high > 1.5 > scales["difference"].high
+
+
+def test_a_wide_interval_leaves_room_to_see_the_others() -> None:
+    scale = scale_of([finding(0.1, reach=9.0), finding(0.05)])
+    assert -0.3 < scale.low < -0.2 and 0.2 < scale.high < 0.3
+    assert scale.percent(-9) == 0 and scale.percent(9) == 100 and 40 < scale.percent(0) < 60
+    scale = scale_of([finding(0.4, reach=0.1)])
+    assert scale.low < 0 < 0.5 < scale.high < 0.6
+    for endless in (Estimate(0.1, -np.inf, np.inf), Estimate(0.0, 0.0, 0.0)):
+        scale = scale_of([finding(0.1, estimate=endless)])
+        assert -1 < scale.low < 0 < scale.high < 1
+    assert interval(Estimate(0.1, -np.inf, np.inf)) == "unbounded"
+
+
 def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None:
-    with (study / "report/claims.csv").open(newline="") as file:
-        rows = {row["claim"]: row for row in csv.DictReader(file)}
+    rows = {row["claim"]: row for row in claims(study)}
     wanted = {name: row["seeds wanted"] for name, row in rows.items() if row["seeds wanted"]}
     assert wanted and not any(rows[name]["decided after seeds"] for name in wanted)
-    for line in (study / "report/verdicts.md").read_text().splitlines()[2:]:
+    for line in (study / "report/verdicts.md").read_text().splitlines()[4:]:
         name = line.split(" | ")[0].removeprefix("| ")
         assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
 
 
 def test_of_each_look_it_is_said_what_it_could_see(study: Path) -> None:
-    text = " ".join((study / "report/index.html").read_text().split())
+    text = " ".join(page(study).split())
     # Without a plan five seeds are all, and are looked at once. Were the error known, 2.8 would be seen.
     seen = re.search(
-        r"after 5 seeds \(one-sided level 0.02500, which sees a difference of ([\d.]+) standard", text
+        r"after 5 seeds \(one-sided level 0.02500, which detects a difference of ([\d.]+) standard", text
     )
-    assert seen and float(seen[1]) == pytest.approx(seen_effect(5, 0.025), abs=0.05) and float(seen[1]) > 5
+    assert (
+        seen
+        and float(seen[1]) == pytest.approx(min_detectable_effect(5, 0.025), abs=0.05)
+        and float(seen[1]) > 5
+    )
 
 
 def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:
@@ -181,7 +221,7 @@ def test_runs_that_were_not_computed_alike_are_counted(tmp_path: Path) -> None:
         path = tmp_path / f"pairs/high/FE1/seed={seed}/result.json"
         path.write_text(json.dumps(json.loads(path.read_text()) | {"precision": precision, "device": "cpu"}))
     main([str(tmp_path)])
-    text = (tmp_path / "report/index.html").read_text()
+    text = page(tmp_path)
     assert re.search(r"Not computed alike, precision: bfloat16 \(1\), float32 \(\d+\)\.", text)
     assert "alike, device" not in text
     assert re.search(r"computed with .*device: cpu \(\d+\); precision: bfloat16 \(1\), float32", text)
@@ -192,6 +232,6 @@ def test_a_strangers_study_puts_no_markup_into_the_page(tmp_path: Path) -> None:
     name = "<img src=x onerror=alert(1)>"
     (tmp_path / "pairs" / name / "scratch" / "seed=0").mkdir(parents=True)
     main([str(tmp_path)])
-    page, text = Page(), (tmp_path / "report/index.html").read_text()
-    page.feed(text)
-    assert "&lt;img src=x" in text and not any(place == "x" for place in page.fetched)
+    read, text = Page(), page(tmp_path)
+    read.feed(text)
+    assert "&lt;img src=x" in text and not any(place == "x" for place in read.fetched)

@@ -10,7 +10,7 @@ from ship_trl.cli.cases import main as cases
 from ship_trl.cli.report import main as report
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.statistics import level_of
+from ship_trl.study.analysis.statistics import estimate_mean
 from ship_trl.study.analysis.study import read_study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
@@ -52,7 +52,7 @@ def test_each_transfer_is_there_once_by_what_its_cases_are(table: Path) -> None:
     differences = [measure(whole[seed], "area") - measure(scratch[seed], "area") for seed in range(SEEDS)]
     # Those to case 4, whose intervals hold together: from case 3, and from itself.
     among = sum(target == "4" for _, target, *_ in found)
-    wanted = level_of(np.array(differences), 0.025 / among)
+    wanted = estimate_mean(np.array(differences), 0.025 / among)
     assert [float(row[end]) for end in ("low", "gain", "high")] == pytest.approx(
         [wanted.low, wanted.value, wanted.high], abs=1e-4
     )

@@ -51,8 +51,8 @@ def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
 
 
 def test_verdicts_are_the_summary() -> None:
-    rows = [["claim", "contrast", "claim's verdict"], ["C1", "a", "supported"], ["C1", "b", "supported"]]
-    assert verdicts(rows) == {"verdict/C1": "supported"} and verdicts([["nothing"]]) == {}
+    Path("claims.csv").write_text("claim,contrast,claim's verdict\nC1,a,supported\nC1,b,supported\n")
+    assert verdicts(Path("claims.csv")) == {"verdict/C1": "supported"}
 
 
 def test_the_runs_get_the_studys_project() -> None:

@@ -1,0 +1,162 @@
+"""The style of the report's figures: sizes, the look of each arm, and how figures are saved."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from ship_trl.files.curve import moving_mean
+from ship_trl.files.disk import replacing
+from ship_trl.study.analysis.contrasts import SEED
+from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
+from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, WHOLE, control_kind
+
+# Widths in inches. The page shows a figure at one of them, each at about the size that it is drawn at: the
+# page is 75 rem wide at most, and a screen of 380 pixels leaves 348 to a figure.
+WIDE, NARROW = 11.0, 3.6
+DPI = {WIDE: 110, NARROW: 180}
+# In points.
+FONT, SMALL = 8.0, 7.5
+# A curve is a moving mean over this share of its values, drawn at so many points.
+SMOOTH, POINTS = 0.05, 150
+GREY, PALE = "#6b7280", "#d9dce1"
+
+
+@dataclass(frozen=True)
+class Look:
+    """A line's colour and dashes."""
+
+    colour: str
+    dashes: Any = "-"
+
+
+# Colours of Okabe and Ito, which people without colour vision tell apart; in print the dashes do it.
+BLUE, VERMILION, GREEN, PINK = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#7f5539"
+DASHED, DOTTED, DASH_DOTTED = (0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1))
+# The look of every arm. Controls go by their kind, and the networks on the new case by their source.
+LOOKS = {
+    SCRATCH: Look("#000000"),
+    **{arm: Look(colour) for arm, colour in zip(FE, (BLUE, VERMILION, GREEN, PINK), strict=True)},
+    **{arm: Look(colour, DASHED) for arm, colour in zip(FT, (BLUE, VERMILION, GREEN, PINK), strict=True)},
+    WHOLE: Look(ORANGE, DASH_DOTTED),
+    RANDOM: Look(SKY, DOTTED),
+    PERMUTED: Look(BROWN, DASH_DOTTED),
+    "reused, low": Look(ORANGE, DASH_DOTTED),
+    "reused, 1": Look(ORANGE, DASH_DOTTED),
+    "case 1": Look(BLUE),
+    "case 2": Look(VERMILION, DASHED),
+    "case 3": Look(GREEN),
+    "case 4": Look(PINK, DASHED),
+    "case 5": Look(SKY),
+    "case 6": Look(BROWN, DASHED),
+}
+
+
+def look_of(arm: str) -> Look:
+    """Return the look of an arm; an arm of an unknown name is grey."""
+    return LOOKS.get(control_kind(arm) or arm, Look(GREY, DASHED))
+
+
+def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the moving mean over `SMOOTH` of the values, [..., N] to [..., N]."""
+    return moving_mean(values, max(1, round(SMOOTH * values.shape[-1])))
+
+
+def points(count: int) -> NDArray[np.int64]:
+    """Return `POINTS` of so many indices, evenly, with the first and the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, POINTS)).round().astype(np.int64))
+
+
+def draw_curves(axis: Axes, x: NDArray[Any], curves: NDArray[np.float64], look: Look) -> tuple[float, float]:
+    """Draw seeds [S, T] as interquartile mean and band, or each as a thin line if there are few.
+
+    Returns:
+        The least and the largest value drawn.
+    """
+    if len(curves) < MIN_BAND_SEEDS:
+        for row in curves:
+            axis.plot(x, row, color=look.colour, linestyle=look.dashes, linewidth=0.6)
+        return float(curves.min()), float(curves.max())
+    # A generator for each line: the line does not depend on what else is drawn.
+    middle, low, high = band(curves, np.random.default_rng(SEED))
+    axis.fill_between(x, low, high, color=look.colour, alpha=0.18, linewidth=0)
+    axis.plot(x, middle, color=look.colour, linestyle=look.dashes, linewidth=1.3)
+    return float(low.min()), float(high.max())
+
+
+def set_range(axes: Sequence[Axes], ranges: Sequence[tuple[float, float]], below: float = 0.0) -> None:
+    """Give axes the same range of values, with a share of free room below them."""
+    least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
+    room = 0.05 * (most - least) or 0.1
+    for axis in axes:
+        axis.set_ylim(least - room - below * (most - least), most + room)
+        axis.locator_params(axis="y", nbins=4)
+
+
+def set_episodes(axis: Axes, end: float) -> None:
+    """Let an axis go from 0 to an end; its numbers stay clear of the next panel's."""
+    axis.set_xlim(0, end)
+    axis.set_xticks([0, end / 2, end], [f"{value:g}" for value in (0, end / 2, end)])
+    sides: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
+    for label, side in zip(axis.get_xticklabels(), sides, strict=False):
+        label.set_horizontalalignment(side)
+
+
+def style_axis(axis: Axes) -> None:
+    """Give an axis a light grid and small numbers."""
+    axis.grid(color="#8888", linewidth=0.4)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.tick_params(labelsize=SMALL, length=2, pad=2)
+
+
+def legend_above(axis: Axes, looks: Sequence[tuple[str, Look]]) -> None:
+    """Name a panel's lines above it, one a row."""
+    handles = [
+        axis.plot([], [], color=look.colour, linestyle=look.dashes, linewidth=1.5, label=name)[0]
+        for name, look in looks
+    ]
+    axis.legend(
+        handles=handles,
+        loc="lower left",
+        bbox_to_anchor=(0, 1),
+        borderaxespad=0.1,
+        borderpad=0,
+        labelspacing=0.15,
+        handlelength=2.0,
+        handletextpad=0.5,
+        frameon=False,
+        fontsize=FONT,
+    )
+
+
+def save(figure: Figure, path: Path) -> list[Path]:
+    """Write PNG and PDF of a path without ending; the same figure gives the same bytes."""
+    document = io.BytesIO()
+    # Into memory: on a full disk Matplotlib's PDF writer raises a second error that hides the first.
+    figure.savefig(document, format="pdf", metadata={"CreationDate": None})
+    written = {path.with_suffix(".png"): as_png(figure), path.with_suffix(".pdf"): document.getvalue()}
+    for file, data in written.items():
+        with replacing(file) as draft:
+            draft.write_bytes(data)
+    return list(written)
+
+
+def as_png(figure: Figure) -> bytes:
+    """Return a figure as PNG of 256 colours, a third of the bytes."""
+    drawn, data = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png")
+    # An octree keeps the colours of thin lines; methods that count pixels mix them with their neighbours.
+    few = Image.open(drawn).convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(data, "png")
+    return data.getvalue()

@@ -40,7 +40,7 @@ class CheckRuns(Callback):
 
 
 def check(config: DictConfig) -> None:
-    """Compose and check all_words run.
+    """Compose and check every run.
 
     Raises:
         ConfigError: a run is invalid, two runs with different settings share a folder, or SLURM is missing.

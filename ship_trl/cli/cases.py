@@ -1,4 +1,4 @@
-"""`python -m ship_trl cases`: the cases, how alike they are, and a picture of them all, or of a target."""
+"""`python -m ship_trl cases`: list and draw the cases, or rank sources for a target."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.measured import PACKAGED, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.similarity import MEASURES, distance, in_words, similarity
 
-# Transfers to a target that are listed, at most.
-SHOWN = 12
+# Transfers listed for a target.
+MAX_TRANSFERS_SHOWN = 12
 console = Console(highlight=False, markup=False)
 
 
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
         if options.target is not None:
             target = load_case(options.target, world, "--target")
             bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
-            # There is no table until a study is done.
+            # The table exists once a study is finished.
             table = options.measured or (PACKAGED if PACKAGED.is_file() else None)
             known = [] if table is None else read_transfers(table)
             show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
@@ -69,7 +69,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def show_cases(cases: dict[str, Case]) -> None:
-    """Print what each case is."""
+    """Print ideal path, target ships and fingerprint of each case."""
     table = Table(title="Cases", title_justify="left")
     for name in ("case", "ideal path", "target ships: x, y (m), heading (deg), speed (m/s)", "fingerprint"):
         table.add_column(name)
@@ -79,8 +79,8 @@ def show_cases(cases: dict[str, Case]) -> None:
     console.print(table)
 
 
-def shipped_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
-    """Source and target of the pairs in conf/pair, in the order of the paper's table 2."""
+def bundled_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
+    """Return the names of the pairs in conf/pair by (source, target), in the order of the paper's table 2."""
     found = {}
     for path in (conf_dir() / "pair").glob("*.yaml"):
         values = OmegaConf.load(path)
@@ -89,8 +89,8 @@ def shipped_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
 
 
 def show_pairs(cases: dict[str, Case], world: World) -> None:
-    """Table 2 with the rules behind each number, then every other pair."""
-    named = shipped_pairs(cases)
+    """Print table 2 with the properties behind each number, then the similarity of all pairs."""
+    named = bundled_pairs(cases)
     table = Table(title="Table 2: similarity by equation 8, distance by equation 7", title_justify="left")
     for name in ("pair", "source", "target", "similarity", "distance", "common", "different"):
         table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
@@ -110,7 +110,7 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 
 
 def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored: CaseBase) -> None:
-    """Print sources for a target, best first, what is stored of each, and the arm recommended."""
+    """Print the sources for a target, best first, with their stored networks and the recommended arm."""
     table = Table(title=f"Sources for case {target.name}, by {by}", title_justify="left")
     for name in ("source", *MEASURES, "arm, by the paper", "stored networks"):
         table.add_column(name, justify="right" if name in MEASURES else "left")
@@ -136,7 +136,7 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
 
 
 def show_measured(target: Case, found: list[Transfer]) -> None:
-    """Print what transfers to a target gained, and recommend the first if it is shown to gain."""
+    """Print the measured gains of transfers to a target; recommend the first if it is shown to gain."""
     if not found:
         console.print(f"By measurement: no transfer to case {target.name} from these cases was measured.")
         return
@@ -147,12 +147,12 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
     table = Table(title=title, title_justify="left")
     for name in ("source", "arm", "epsilon from", "gain", "interval", "seeds"):
         table.add_column(name, justify="right" if name in ("gain", "interval", "seeds") else "left")
-    for one in found[:SHOWN]:
+    for one in found[:MAX_TRANSFERS_SHOWN]:
         start = "1" if one.epsilon_start is None else f"{one.epsilon_start:g}"
         between = f"{one.low:+.3f} to {one.high:+.3f}"
         table.add_row(one.source, one.arm, start, f"{one.gain:+.3f}", between, str(one.seeds))
     console.print(table)
-    # Not the largest gain: of many arms that is the luckiest one.
+    # `found` is sorted by lower bound: of many arms the one with the largest gain may just be lucky.
     best = found[0]
     if best.low > 0:
         console.print(f"By measurement, of {len(found)} transfers the one whose interval begins highest:")
@@ -164,7 +164,7 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
 
 
 def write_picture(path: Path, cases: list[Case], world: World) -> None:
-    """Draw the contact sheet: cases as people and as the network see them."""
+    """Write the contact sheet: each case as people and as the network see it."""
     from ship_trl.view.contact_sheet import write_contact_sheet
 
     path.parent.mkdir(parents=True, exist_ok=True)

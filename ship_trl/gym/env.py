@@ -54,7 +54,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         self._rasteriser = Rasteriser(self._case, self._world, colour=colour)
         reference = Transition(self._case, self._world, torch.device("cpu"))
         assert self._rasteriser.compiled is not None
-        self._draw, self._advance = self._rasteriser.compiled.into, CompiledStep(reference).into
+        self._draw, self._advance = self._rasteriser.compiled.draw_into, CompiledStep(reference).step_into
         self._start = reference.start[None].numpy()
         self._reward_scale = reward_scale
         self.render_mode = render_mode

@@ -6,7 +6,7 @@ import pytest
 
 from ship_trl.policies.demonstrations import read_demonstrations
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.reference import best_known, sail
+from ship_trl.sim.reference import best_known, follow_plan
 from ship_trl.view.window.game import Game
 from tests.view.episodes import press
 
@@ -65,7 +65,9 @@ def test_what_is_sailed_is_the_world_and_is_kept(game: Game, tmp_path: Path) -> 
     (kept,) = read_demonstrations(tmp_path / "demos", CASES[0], WORLD)
     assert kept.actions == plan.actions == game.helm.actions
     assert kept.episode_return == pytest.approx(plan.episode_return, abs=1e-3)
-    assert sail(CASES[0], WORLD, kept.actions).episode_return == pytest.approx(kept.episode_return, abs=1e-3)
+    assert follow_plan(CASES[0], WORLD, kept.actions).episode_return == pytest.approx(
+        kept.episode_return, abs=1e-3
+    )
     assert game.status.startswith("goal: 83.9 of 83.9, kept as 2-001.json")
     # Nothing is kept twice.
     to_the_end(game)

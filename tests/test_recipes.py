@@ -59,7 +59,7 @@ RECIPES = {
         ("ship_trl/learn/loss.py", "    raise ValueError(", f"{LOSS}    raise ValueError("),
     ],
     "metric": [("ship_trl/study/analysis/metrics.py", METRICS, f'{METRIC}{METRICS}    "worst": worst,\n')],
-    "claim": [("ship_trl/study/claims/conclusions.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],
+    "claim": [("ship_trl/study/claims/hypotheses.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],
     "similarity": [
         (
             "ship_trl/transfer/similarity.py",

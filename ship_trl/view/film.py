@@ -22,6 +22,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.view import palette, pen
 from ship_trl.view.dashboard import SMALL_SIZE, Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
+from ship_trl.view.graph import DIMMED
 from ship_trl.view.painter import GRID
 from ship_trl.view.telemetry import measure_episode
 
@@ -33,11 +34,13 @@ SCENE = (
     *(scene.OUTSIDE, scene.DISC, scene.GOAL_CIRCLE, scene.SAFE_CIRCLE),
     *(scene.OWN, scene.LINE, scene.TARGET),
 )
-# Kept as they are: the scene in colour and in the network's grey with a ramp between, letters and bars.
+# Kept as they are: the scene in colour and in the network's grey with a ramp between, letters, bars, graphs.
 GREYS = tuple((round(float(np.dot(colour, scene.LUMINANCE))),) * 3 for colour in SCENE)
 RAMP = tuple((level,) * 3 for level in range(8, 256, 8))
 LETTERS = (palette.BACKGROUND, palette.TEXT, palette.FAINT, palette.RULE, palette.BAR, palette.CHOSEN)
-EXACT = (*SCENE, GRID, *GREYS, *RAMP, *LETTERS, *palette.OUTCOMES.values())
+LINES = (palette.TEXT, *palette.SERIES)
+TO_COME = tuple(palette.blend(line, palette.BACKGROUND, 1 - DIMMED) for line in LINES)
+EXACT = (*SCENE, GRID, *GREYS, *RAMP, *LETTERS, *palette.OUTCOMES.values(), *LINES, *TO_COME)
 
 
 def draw_film(

@@ -275,7 +275,7 @@ def test_a_replay_of_states_may_be_large_whatever_is_frozen(line: str) -> None:
 def test_it_is_refused_before_torch_is_imported(tmp_path: Path) -> None:
     first = "import atexit, sys; atexit.register(lambda: print('torch' in sys.modules))"
     line = ("target=1", "method=scratch", "learn.batch_size=100000", "learn.replay_size=100000")
-    assert ship_trl(*line, folder=tmp_path, code=1, first=first).stdout == "False\n"
+    assert ship_trl(*line, folder=tmp_path, code=1, first=first, new_process=True).stdout == "False\n"
 
 
 @pytest.mark.parametrize("logger", ["tensorboard", "all"])

@@ -1,6 +1,6 @@
 """`python -m ship_trl record POLICY... target=CASE --output FILE`: what `watch` shows, without a screen.
 
-POLICY is what it is for `ship_trl.watch`; of a result folder the best network is taken. FILE ends with .gif
+POLICY is the same as for `watch`; of a result folder the best network is taken. FILE ends with .gif
 or .mp4; any other name is a folder for PNG frames. Several policies are shown one after the other, or two
 beside each other with --compare. --trajectories draws all of them into one chart.
 """

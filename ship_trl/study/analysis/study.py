@@ -159,7 +159,9 @@ def finished_study(folder: Path, seeds: int | None = None) -> Study:
             )
         study = study.first(seeds, study.level)
     if not study.records and study.broken and all(reason.endswith(NO_PART) for _, reason in study.broken):
-        raise ConfigError(f"folder: the runs below {folder} are of no study; ship_trl.results tables them")
+        raise ConfigError(
+            f"folder: the runs below {folder} are of no study; python -m ship_trl results tables them"
+        )
     for path, reason in study.broken:
         print_error(f"{path}: {reason}; left out")
     if not study.records:

@@ -50,9 +50,10 @@ def to_config(values: DictConfig) -> Config:
     check_learner(config)
     check_backend(config)
     check_logger(config.logger)
+    # The network limits the layers of the arm, and the arm says how many of them are frozen.
+    layers = geometry(config.network)
     check_arm(config)
-    # The arm says how many layers are frozen, so it is checked first.
-    check_memory(config, geometry(config.network))
+    check_memory(config, layers)
     return config
 
 

@@ -1,4 +1,4 @@
-"""Cases: one YAML file each, read and checked. No torch."""
+"""Load cases, one YAML file each, and check them. No torch."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from ship_trl.files.disk import read_file
 from ship_trl.files.untrusted import read_yaml
 
 MAX_TARGET_SHIPS = 8
-# Up to here 32-bit numbers are right to a centimetre, or to a hundredth of a degree.
+# Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.
 Number = Annotated[float, limit(-MAX_DISTANCE, MAX_DISTANCE)]
-FEW_SHIPS = Rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
+SHIP_COUNT = Rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
 Point = Annotated[list[Number], Rule("two numbers, as [X,Y]", lambda point: len(point) == 2)]
 
 
@@ -41,19 +41,19 @@ class TargetShip:
 class CaseFile:
     """What a case's YAML file holds.
 
-    `ideal_path` names the shortest safe path; equal names, equal paths. Only similarity reads it.
+    `ideal_path` names the shortest safe path. Cases with the same name share it. Only similarity reads it.
     """
 
     start: Point
     heading: Number
     goal: Point
     ideal_path: Annotated[str, Rule("one line of plain text", str.isprintable)]
-    target_ships: Annotated[list[TargetShip], FEW_SHIPS]
+    target_ships: Annotated[list[TargetShip], SHIP_COUNT]
 
 
 @dataclass
 class Case(CaseFile):
-    """One encounter (figure 4), by the name of its file."""
+    """One encounter (figure 4). `name` is the stem of its file."""
 
     name: str = ""
 
@@ -81,14 +81,14 @@ def case_names() -> list[str]:
 
 
 def shadowing_case(name: str) -> Path | None:
-    """Return the working directory's case that hides another, bundled one of this name."""
+    """Return the working directory's case file if it hides a different bundled case of this name."""
     own, bundled = (folder / f"{name}.yaml" for folder in case_folders())
     both = is_file(own) and is_file(bundled)
     return own if both and read_file(own) != read_file(bundled) else None
 
 
 def load_case(name: str, world: World, key: str = "case") -> Case:
-    """Read a case by name, or by the path of a YAML file, and check it against the world.
+    """Read a case by name, or by the path of a YAML file, and check that it fits the world.
 
     Raises:
         ConfigError: no such case, a field that is missing, unknown or wrong, a goal that no policy can reach
@@ -120,7 +120,7 @@ def find_case(name: str) -> Path | None:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a path is that of a file, even where no file can have its name."""
+    """Return whether a path is a file; False for a path that the system refuses."""
     try:
         return path.is_file()
     except OSError:
@@ -135,14 +135,16 @@ def check_case(case: Case, world: World, where: str) -> None:
     """
     to_goal = math.dist(case.start, case.goal) - world.goal_distance
     if to_goal <= 0:
-        raise ConfigError(f"{where}: goal: must lie beyond the expected distance")
+        raise ConfigError(
+            f"{where}: goal: must be more than {world.goal_distance:g} m (world.goal_distance) from the start"
+        )
     fastest = max(abs(speed) for speed, _ in world.actions)
     reach = fastest * world.dt * world.max_steps
     if to_goal > reach and not math.isclose(to_goal, reach):
         raise ConfigError(
-            f"{where}: goal: cannot be reached: {to_goal:.0f} m to the expected distance, and "
-            f"{world.max_steps} steps (world.max_steps) of {world.dt:g} s at up to {fastest:g} m/s are "
-            f"{reach:.0f} m"
+            f"{where}: goal: cannot be reached: {to_goal:.0f} m to go, but "
+            f"{world.max_steps} steps (world.max_steps) of {world.dt:g} s at up to {fastest:g} m/s "
+            f"cover only {reach:.0f} m"
         )
     for index, ship in enumerate(case.target_ships):
         distance = math.dist(case.start, (ship.x, ship.y))

@@ -36,8 +36,8 @@ def angle_off_bow(position: Tensor, heading: Tensor, point: Tensor) -> Tensor:
 def closest_approach(start: Tensor, end: Tensor) -> Tensor:
     """Return the least distance [...] from the origin to points that move from `start` to `end`, [..., 2].
 
-    Within a step both ships move on straight lines at constant speed, and so does one relative to the
-    other. Their least distance is therefore the distance from the origin to a segment.
+    Within a step both ships move on straight lines at constant speed. So one ship moves on a segment
+    relative to the other, and their least distance is the distance from the origin to this segment.
     """
     travel = end - start
     length2 = (travel * travel).sum(-1)

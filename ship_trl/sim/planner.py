@@ -1,7 +1,7 @@
 """Search for the action sequence with the greatest return: beam search.
 
 The simulation is deterministic, so a sequence of actions is a plan. Its return is a lower bound of the
-optimal return, with which results are compared.
+optimal return. Results are compared with this bound.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ class Resolution(NamedTuple):
         position: size of a cell in metres, along x and y.
         heading: size of a cell in radians.
         passing: size of a cell in metres of passing distance.
-        width: maximum distance in metres from the best plan so far.
+        max_deviation: maximum distance in metres from the best plan so far.
     """
 
     position: float
     heading: float
     passing: float
-    width: float
+    max_deviation: float
 
 
-# First search everywhere, then at finer resolution near the best plan so far.
+# The first search covers everything, the others are finer and stay near the best plan so far.
 RESOLUTIONS = (
     Resolution(8.0, 0.05, 1.0, math.inf),
     Resolution(4.0, 0.03, 1.0, 40.0),
     Resolution(2.0, 0.02, 0.5, 20.0),
 )
-# Ranking penalty of a plan that will pass inside the safe distance: each missing metre costs as much as this
+# A plan that will pass inside the safe distance is ranked lower: each metre too close costs as much as this
 # many metres to the goal in one step. Without it, plans that will collide crowd out plans that give way.
 METRES_PER_MISSING_METRE = 50.0
 
@@ -69,38 +69,40 @@ class Plan:
 def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
     """Search for the action sequence with the greatest return; deterministic.
 
-    If no sequence found reaches the goal, return the best of the others.
+    If none of the sequences found reaches the goal, return the one with the greatest return anyway.
 
     Args:
         case: where to search.
         world: physics and reward.
         beam: maximum number of plans kept from one step to the next.
     """
-    step = Transition(case, world, torch.device("cpu"))
-    value_bound = ValueBound(step)
+    transition = Transition(case, world, torch.device("cpu"))
+    value_bound = ValueBound(transition)
     best = Plan(-math.inf, [], False)
     for resolution in RESOLUTIONS:
-        best = search(step, value_bound, beam, resolution, best)
+        best = search(transition, value_bound, beam, resolution, best)
     return best
 
 
-def search(step: Transition, value_bound: ValueBound, beam: int, resolution: Resolution, best: Plan) -> Plan:
+def search(
+    transition: Transition, value_bound: ValueBound, beam: int, resolution: Resolution, best: Plan
+) -> Plan:
     """Run one beam search; return `best` if it finds nothing better.
 
     Args:
-        step: the case's simulation step, on the CPU.
+        transition: the case's simulation step, on the CPU.
         value_bound: upper bound of the return to come, which prunes plans.
         beam: maximum number of plans kept from one step to the next.
         resolution: which plans count as similar, and how far they may be from `best`.
         best: best plan so far; its actions may be empty.
     """
-    best_positions = plan_positions(step, best.actions)
-    state, total = step.start[None], torch.zeros(1, dtype=torch.float64)
+    best_positions = plan_positions(transition, best.actions)
+    state, total = transition.start[None], torch.zeros(1, dtype=torch.float64)
     history = torch.zeros(1, 0, dtype=torch.int8)
     while len(state):
-        action = torch.arange(len(step.actions)).repeat(len(state))
-        parent = torch.arange(len(state)).repeat_interleave(len(step.actions))
-        after = step(state[parent], action)
+        action = torch.arange(len(transition.actions)).repeat(len(state))
+        parent = torch.arange(len(state)).repeat_interleave(len(transition.actions))
+        after = transition(state[parent], action)
         totals = total[parent] + after.reward
         ended = after.goal | after.collision | after.truncated
         index = int(totals.masked_fill(~ended, -math.inf).argmax())
@@ -112,35 +114,35 @@ def search(step: Transition, value_bound: ValueBound, beam: int, resolution: Res
         time = history.shape[1]
         if time < len(best_positions):
             from_best = after.state[:, :2] - best_positions[time]
-            kept &= torch.linalg.vector_norm(from_best, dim=-1) <= resolution.width
+            kept &= torch.linalg.vector_norm(from_best, dim=-1) <= resolution.max_deviation
         rows = kept.nonzero().squeeze(-1)
-        rows = rows[select(bound[rows], after.state[rows], step, beam, resolution)]
+        rows = rows[select(bound[rows], after.state[rows], transition, beam, resolution)]
         state, total = after.state[rows], totals[rows]
         history = torch.cat((history[parent[rows]], action[rows, None].to(torch.int8)), dim=1)
     return best
 
 
-def plan_positions(step: Transition, actions: list[int]) -> Tensor:
+def plan_positions(transition: Transition, actions: list[int]) -> Tensor:
     """Return own ship's positions in metres after each of T actions, [T, 2]."""
-    state, positions = step.start[None], [torch.zeros(0, 2)]
+    state, positions = transition.start[None], [torch.zeros(0, 2)]
     for action in actions:
-        state = step(state, torch.tensor([action])).state
+        state = transition(state, torch.tensor([action])).state
         positions.append(state[:, :2])
     return torch.cat(positions)
 
 
-def select(bound: Tensor, state: Tensor, step: Transition, beam: int, resolution: Resolution) -> Tensor:
+def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, resolution: Resolution) -> Tensor:
     """Return the indices of the best-ranked plans, at most one per cell and `beam` in all.
 
     Args:
         bound: upper bounds of the plans' returns, [N].
         state: states that the plans have reached, [N, 4].
-        step: the case's simulation step.
+        transition: the case's simulation step.
         beam: maximum number of plans.
         resolution: size of a cell.
     """
-    passing = passing_distance(state, step)
-    weights, safe = step.world.reward, step.world.safe_distance
+    passing = passing_distance(state, transition)
+    weights, safe = transition.world.reward, transition.world.safe_distance
     penalty = abs(weights.w3 * weights.k1) * METRES_PER_MISSING_METRE
     order = torch.argsort(bound - penalty * (safe - passing).clamp(min=0.0), descending=True, stable=True)
     cells = torch.cat(
@@ -162,18 +164,18 @@ def select(bound: Tensor, state: Tensor, step: Transition, beam: int, resolution
     return order[torch.sort(by_cell[is_first]).values[:beam]]
 
 
-def passing_distance(state: Tensor, step: Transition) -> Tensor:
+def passing_distance(state: Tensor, transition: Transition) -> Tensor:
     """Return the distances [N] in metres at which states [N, 4] will pass the nearest target ship.
 
-    Own ship is assumed to keep its course at full speed. Distances are clipped at 4/3 of the safe distance,
-    and ships already past count as that far away.
+    Own ship is assumed to keep its course at full speed. Distances are clipped at 4/3 of the safe distance;
+    ships that are already past count as this far away.
     """
-    away = step.away(state)
-    max_distance = step.world.safe_distance * 4 / 3
+    away = transition.away(state)
+    max_distance = transition.world.safe_distance * 4 / 3
     if not away.shape[1]:
         return torch.full_like(state[:, 0], max_distance)
-    own_velocity = float(step.actions[:, 0].max()) * unit_vector(state[:, HEADING])
-    velocity = step.ship_velocity - own_velocity[:, None]
+    own_velocity = float(transition.actions[:, 0].max()) * unit_vector(state[:, HEADING])
+    velocity = transition.ship_velocity - own_velocity[:, None]
     time = -(away * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
     distance = torch.linalg.vector_norm(away + time[..., None] * velocity, dim=-1)
     return torch.where(time > 0, distance, max_distance).amin(-1).clamp(max=max_distance)

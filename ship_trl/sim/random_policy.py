@@ -1,4 +1,4 @@
-"""The mean return of a uniform random policy: the zero of a score."""
+"""The mean return of a uniform random policy, which is the zero of all scores."""
 
 from __future__ import annotations
 

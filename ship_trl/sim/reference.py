@@ -22,10 +22,10 @@ from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
 from ship_trl.sim.transition import Transition
 
-# Raise this after every change of the planner that may find another plan.
+# Increase it with every change of the planner that may find another plan.
 PLANNER_VERSION = 2
 BUNDLED_PLANS = Path(__file__).parent / "plans"
-# Raw return. Another processor may round differently, and give a plan's return with this much error.
+# Raw return. Processors round differently, so a cached plan's return may differ by this much.
 RETURN_TOLERANCE = 1e-3
 _known: dict[str, Plan] = {}
 
@@ -37,7 +37,7 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
     search replaces it.
 
     Args:
-        case: whose plan to return.
+        case: case of the plan.
         world: physics and reward.
         folder: cache of plans, one file each; created if a plan is written. None disables it.
     """

@@ -42,7 +42,7 @@ def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
 
 
 class Rasteriser:
-    """Draws states of one case as the network sees them.
+    """Draws the states of one case as the network sees them.
 
     `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. The picture depends only on
     the state, the case and the world. A compiled loop draws it on the CPU, torch on other devices.
@@ -57,7 +57,7 @@ class Rasteriser:
         size: width and height of the picture in pixels.
         channels: C.
         background: the picture without line and target ships, uint8 [C, 84, 84].
-        compiled: the compiled loop, or None on other devices than the CPU.
+        compiled: the compiled loop; None where the device is not the CPU.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Rasteriser:
         self.compiled = self._compile() if self.device.type == "cpu" else None
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
-        """Return an RGB colour as float [C]: as it is, or its luminance."""
+        """Return an RGB colour as float [C]: the colour itself (C = 3) or its luminance (C = 1)."""
         ink = torch.tensor(colour, dtype=torch.float32, device=self.device)
         if self.channels == 1:
             ink = (ink * torch.tensor(scene.LUMINANCE, device=self.device)).sum(0, keepdim=True)
@@ -154,7 +154,7 @@ class Rasteriser:
         dx, dy = torch.where(at_goal, 1e-6, dx), torch.where(at_goal, 0.0, dy)
         length = torch.hypot(dx, dy)
         ux, uy = dx / length, dy / length
-        # Walk pixel by pixel along the longer axis, four pixels wide across it.
+        # A strip along the longer axis holds the line: one row of four pixels for each pixel along the axis.
         steep = dy.abs() > dx.abs()
         major, minor = torch.where(steep, uy, ux), torch.where(steep, ux, uy)
         ahead = major >= 0
@@ -165,10 +165,10 @@ class Rasteriser:
         row = first[:, :, None] + self._across
         across = row + (0.5 - half)
         along = along[:, :, None]
-        reach = along * major[:, None, None] + across * minor[:, None, None]
-        beside = along * minor[:, None, None] - across * major[:, None, None]
-        past = (reach - length[:, None, None]).clamp_(min=0.0)
-        distance = torch.sqrt(beside * beside + past * past)
+        on_axis = along * major[:, None, None] + across * minor[:, None, None]
+        off_axis = along * minor[:, None, None] - across * major[:, None, None]
+        beyond_end = (on_axis - length[:, None, None]).clamp_(min=0.0)
+        distance = torch.sqrt(off_axis * off_axis + beyond_end * beyond_end)
         coverage = (0.5 + scene.LINE_WIDTH / 2 - distance).clamp_(0.0, 1.0)
         column = column[:, :, None]
         index = torch.where(steep[:, None, None], column * self.size + row, row * self.size + column)
@@ -192,7 +192,8 @@ class Rasteriser:
         cx = away[..., 0] * rotate_x - away[..., 1] * rotate_y + half
         cy = half - (away[..., 0] * rotate_y + away[..., 1] * rotate_x)
         heading = self._course + turn[:, None]
-        # Move a patch that leaves the picture back inside: coverage is computed for any pixel.
+        # Move a patch that overlaps the edge back inside the picture; the coverage of its pixels is right
+        # anywhere.
         last = self.size - len(self._patch)
         left = (cx - len(self._patch) / 2).round_().clamp_(0, last)
         top = (cy - len(self._patch) / 2).round_().clamp_(0, last)
@@ -207,7 +208,7 @@ class Rasteriser:
             self._blend(image, index[:, k], coverage[:, k], self._ship_ink)
 
     def _blend(self, image: Tensor, index: Tensor, coverage: Tensor, ink: Tensor) -> None:
-        """Blend `ink` [C] over `image` [N, C, P] at pixel numbers `index` [N, ...] by `coverage` [N, ...]."""
+        """Blend `ink` [C] over `image` [N, C, P]; pixel `index` and `coverage` are [N, ...]."""
         where = index.flatten(1).long()[:, None].expand(-1, self.channels, -1)
         under = image.gather(2, where)
         image.scatter_(2, where, under + coverage.flatten(1)[:, None] * (ink[:, None] - under))

@@ -29,7 +29,7 @@ LUMINANCE = (0.299, 0.587, 0.114)
 LINE_WIDTH = 1.0
 # Metres.
 OWN_LENGTH = 76.0
-# Metres: 7.2 pixels of the network's view, which needs at least 6.
+# Metres: 7.2 pixels in the network's view. At least 6 are needed.
 TARGET_LENGTH = 110.0
 
 

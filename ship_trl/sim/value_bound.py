@@ -1,7 +1,7 @@
 """Upper bound of the return to come, by dynamic programming on a grid.
 
 Without target ships the return to come depends only on the goal's distance, its angle off the bow and the
-steps left. If there are target ships, each step assumes the distance to them that pays best.
+steps left. With target ships, each step assumes the ship distance with the highest reward.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, step_reward
 from ship_trl.sim.transition import Transition
 
-# With this grid, returns in the paper's world are correct to about one point.
+# With this grid, the error of a return in the paper's world is about one point.
 GRID_STEPS_PER_ACTION = 2
 GRID_ANGLES = 96
-# Distances (m) to the nearest ship to try, each about a fifth larger than the last. Both sides of the safe
-# distance are tried too.
+# Distances (m) to the nearest ship for which the reward is computed, each about a fifth larger than the last.
+# `_best_rewards` adds both sides of the safe distance.
 SHIP_DISTANCES = (1e-3, *torch.logspace(0, math.log10(MAX_SHIP_DISTANCE), 76).tolist())
 
 # Bound of the interpolation error, as a share of the range of a step's reward.
@@ -28,16 +28,19 @@ MAX_ERROR_SHARE = 1 / 150
 
 
 class ValueBound:
-    """Upper bound of the return to come in one case, whatever its target ships do.
+    """Upper bound of the return to come in one case, valid for any positions of its target ships.
 
     `value_bound(state)` takes float [N, 4], all at the same step, and returns float [N]. No plan gains more
-    than this bound plus `max_error`. That holds for rewards that are as smooth as the paper's in the goal's
-    distance and angle. In the nearest ship's distance the reward may jump at the safe distance only, and must
-    hardly change between distances a fifth apart. Within two goal distances of the goal the grid is too
-    coarse to say which states reach it, and the bound may be too low by more than `max_error`.
+    than this bound plus `max_error`, within two limits:
+
+    - The reward must be as smooth in the goal's distance and angle as the paper's. As a function of the
+      nearest ship's distance it may jump only at the safe distance, and must hardly change between distances
+      a fifth apart.
+    - Within two goal distances of the goal the grid is too coarse to say which states reach it. There the
+      bound may be too low by more than `max_error`.
 
     Args:
-        step: the case's simulation step, on the CPU.
+        transition: the case's simulation step, on the CPU.
 
     Attributes:
         max_error: error of the grid, in raw reward.
@@ -47,20 +50,20 @@ class ValueBound:
         column_spacing: difference of two neighbouring angles in radians.
     """
 
-    def __init__(self, step: Transition) -> None:
-        self.step = step
-        world, count = step.world, len(step.actions)
-        reach = float(step.actions[:, 0].abs().max()) * world.dt
+    def __init__(self, transition: Transition) -> None:
+        self.transition = transition
+        world, count = transition.world, len(transition.actions)
+        reach = float(transition.actions[:, 0].abs().max()) * world.dt
         self.row_spacing = reach / GRID_STEPS_PER_ACTION
         self.column_spacing = 2 * math.pi / GRID_ANGLES
-        farthest = float(step.goal_distance(step.start)) + reach * world.max_steps
+        farthest = float(transition.goal_distance(transition.start)) + reach * world.max_steps
         self.rows = math.ceil(farthest / self.row_spacing) + 2
         # The goal is at the origin, own ship west of it, with each of the grid's angles off the bow.
         state = torch.zeros(self.rows, GRID_ANGLES, 4)
         state[..., 0] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
         state[..., HEADING] = math.pi - torch.arange(GRID_ANGLES) * self.column_spacing
         after = advance(
-            state.reshape(-1, 1, 4).expand(-1, count, 4), torch.arange(count), step.actions, world.dt
+            state.reshape(-1, 1, 4).expand(-1, count, 4), torch.arange(count), transition.actions, world.dt
         )
         distance = torch.linalg.vector_norm(after[..., :2], dim=-1)
         off_bow = angle_off_bow(after[..., :2], after[..., HEADING], torch.zeros(2))
@@ -74,9 +77,9 @@ class ValueBound:
             self.table[left + 1] = torch.maximum(reward + following, collision).amax(-1)
 
     def _best_rewards(self, distance: Tensor, off_bow: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the best reward of a step without and with a collision, [..., A] each.
+        """Return the highest rewards of a step without and with a collision, [..., A] each.
 
-        Both are needed: an added reward term may pay for being near a ship, or make an early end the best.
+        Both are needed: with another reward formula, being near a ship or ending early may be best.
         Without target ships the reward of a collision is minus infinity.
 
         Args:
@@ -84,17 +87,17 @@ class ValueBound:
             off_bow: theta_2 after the step in radians, [..., A].
             goal: whether the goal is reached, bool [..., A].
         """
-        speed, turn = self.step.actions.unbind(-1)
+        speed, turn = self.transition.actions.unbind(-1)
         reached, zero = goal.to(distance.dtype), torch.zeros_like(distance)
 
         def rewards(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
             ends, ships = (reached, collided), zero + nearest
-            return step_reward(self.step.constants, distance, off_bow, *ends, ships, speed, turn)
+            return step_reward(self.transition.constants, distance, off_bow, *ends, ships, speed, turn)
 
         reward, collision = rewards(MAX_SHIP_DISTANCE, reached, zero), zero - math.inf
-        safe = self.step.world.safe_distance
+        safe = self.transition.world.safe_distance
         distances = (*SHIP_DISTANCES, safe, safe - POSITION_TOLERANCE)
-        for nearest in distances if len(self.step.ship_start) else ():
+        for nearest in distances if len(self.transition.ship_start) else ():
             if nearest < safe:
                 collision = torch.maximum(collision, rewards(nearest, zero, zero + 1.0))
             else:
@@ -117,7 +120,7 @@ class ValueBound:
 
     def __call__(self, state: Tensor) -> Tensor:
         """Return the upper bounds [N] of states [N, 4], which must all be at the same step."""
-        off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.step.goal)
-        corners, weights = self._corners(self.step.goal_distance(state), off_bow)
-        left = max(0, self.step.world.max_steps - int(state[0, STEP]))
+        off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.transition.goal)
+        corners, weights = self._corners(self.transition.goal_distance(state), off_bow)
+        left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
         return (self.table[left][corners] * weights).sum(-1)

@@ -121,7 +121,9 @@ def test_the_bound_is_reached_by_turning_towards_the_goal(world: World, make_cas
     plan = best_plan(case, world)
     bound = ValueBound(Transition(case, world, CPU))
     assert plan.goal and plan.actions[0] == 0
-    assert plan.episode_return == pytest.approx(float(bound(bound.step.start[None])), abs=bound.max_error)
+    assert plan.episode_return == pytest.approx(
+        float(bound(bound.transition.start[None])), abs=bound.max_error
+    )
 
 
 # Terms added to the paper's reward, computed from collided, nearest, speed and turn.

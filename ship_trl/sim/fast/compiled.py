@@ -68,8 +68,8 @@ class CompiledStep:
         after, floats = torch.empty(count, 4, device="cpu"), torch.empty(2, count, device="cpu")
         flags = torch.empty(3, count, dtype=torch.bool, device="cpu")
         reward, min_distance = floats.unbind(0)
-        before = state.contiguous().numpy(), action.contiguous().numpy()
-        self.step_into(*before, after.numpy(), reward.numpy(), flags.numpy(), min_distance.numpy())
+        inputs = state.contiguous().numpy(), action.contiguous().numpy()
+        self.step_into(*inputs, after.numpy(), reward.numpy(), flags.numpy(), min_distance.numpy())
         goal, collision, truncated = flags.unbind(0)
         return Outcome(after, reward, goal, collision, truncated, min_distance)
 

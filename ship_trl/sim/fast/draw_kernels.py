@@ -19,10 +19,11 @@ Array = np.ndarray[Any, Any]
 # float32 in compiled code; the types of Python and NumPy differ there.
 Number = Any
 
-# `draw` refuses NaN, so that minimum and maximum can be single instructions.
+# Lets the compiler assume that no value is NaN, so that `min` and `max` are single instructions. `draw`
+# refuses NaN.
 NO_NAN = RELAXED | {"nnan"}
-# Bound of |x| + |y| + |heading| + |time|, in metres, radians and seconds. Beyond it squares overflow
-# float32, and pixel numbers would lie outside the picture's memory.
+# Bound of |x| + |y| + |heading| + |time|, in metres, radians and seconds. Above it, squares overflow
+# float32, and pixel indices would point outside the picture's memory.
 MAX_STATE_SUM = np.float32(1e9)
 # A Python float would turn every sum into float64.
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -43,20 +44,21 @@ def copy(source: Array, target: Array) -> None:
 def cover_line(
     dx: Number, dy: Number, reach: Number, size: int, cover: Array, pixels: Array
 ) -> tuple[int, int]:
-    """Compute the coverage of the line from the middle to (dx, dy), in pixels; see `Rasteriser._draw_line`.
+    """Compute how much of each pixel the line from the middle to (dx, dy) covers.
 
-    The loop walks along the longer axis, and each row of the strip lies across it.
+    This is `Rasteriser._draw_line` for one state. The line lies in a strip. The loop walks along its longer
+    axis; each row of the strip crosses that axis.
 
     Args:
-        dx: pixels to the right.
-        dy: pixels up.
+        dx: pixels from the middle to the line's end, to the right.
+        dy: pixels from the middle to the line's end, upwards.
         reach: distance from the line's axis at which coverage becomes zero, in pixels.
         size: width and height of the picture in pixels.
         cover: coverage of the pixels of each row, float32 [STRIP_WIDTH, size / 2]; written.
-        pixels: number of each row's first pixel, int32 [size / 2]; written.
+        pixels: flat index of each row's first pixel, int32 [size / 2]; written.
 
     Returns:
-        The number of rows, and the step from one pixel of a row to the next.
+        The number of rows, and the difference of the flat indices of two neighbours in a row.
     """
     if dx == 0 and dy == 0:  # at the goal
         dx = float32(1e-6)
@@ -77,9 +79,10 @@ def cover_line(
         pixels[k] = column * stride + (int(nearest) - 1) * pixel_step
         for j in range(STRIP_WIDTH):
             across = nearest + (float32(j) - HALF - middle)
-            past = max(along * major + across * minor - length, ZERO)
-            beside = along * minor - across * major
-            cover[j, k] = min(max(reach - math.sqrt(beside * beside + past * past), ZERO), ONE)
+            beyond_end = max(along * major + across * minor - length, ZERO)
+            off_axis = along * minor - across * major
+            distance = math.sqrt(off_axis * off_axis + beyond_end * beyond_end)
+            cover[j, k] = min(max(reach - distance, ZERO), ONE)
     return count, pixel_step
 
 
@@ -131,7 +134,7 @@ def blend_ship(
         cover: scratch memory for their coverage, [W * W].
 
     Returns:
-        The number of the square's first pixel, or -1 if the ship is outside the picture.
+        The flat index of the square's first pixel, or -1 if the ship is outside the picture.
     """
     patch = math.floor(math.sqrt(float32(cover.shape[0])) + HALF)
     if cx < -patch or cy < -patch or cx > size + patch or cy > size + patch:
@@ -152,12 +155,12 @@ def blend_ship(
         for r in range(patch):
             first = (top + r) * size + left
             # With slices no index can be negative, so the loop is vectorised.
-            share = cover[r * patch : (r + 1) * patch]
-            floats, whole = image[c, first : first + patch], picture[c, first : first + patch]
+            cover_row = cover[r * patch : (r + 1) * patch]
+            image_row, picture_row = image[c, first : first + patch], picture[c, first : first + patch]
             for i in range(patch):
-                over = floats[i] + max(share[i], ZERO) * (ink[c] - floats[i])
-                floats[i] = over
-                whole[i] = np.uint8(over + HALF)
+                over = image_row[i] + max(cover_row[i], ZERO) * (ink[c] - image_row[i])
+                image_row[i] = over
+                picture_row[i] = np.uint8(over + HALF)
     return top * size + left
 
 
@@ -220,7 +223,7 @@ def draw(
     """
     dt, scale, reach = scales
     channels, half = background.shape[0], float32(size) * HALF
-    # Layers are blended in floats; what they changed is restored for the next picture.
+    # Line and ships are blended in floats. The pixels that they changed are restored before the next state.
     image = background.copy()
     line_cover, pixels = np.empty((STRIP_WIDTH, size // 2), np.float32), np.empty(size // 2, np.int32)
     cover, squares = np.empty(patch * patch, np.float32), np.empty(ships.shape[0], np.int32)

@@ -17,8 +17,8 @@ from ship_trl.config.types import World
 from ship_trl.files.disk import replacing
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.transfer.casebase import CaseBase, rank
-from ship_trl.transfer.measured import PACKAGED, TABLE, Transfer, read_transfers, transfers_to
-from ship_trl.transfer.similarity import MEASURES, distance, in_words, similarity
+from ship_trl.transfer.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
+from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
 # Transfers listed for a target.
 MAX_TRANSFERS_SHOWN = 12
@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> None:
             target = load_case(options.target, world, "--target")
             bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
             # The table exists once a study is finished.
-            table = options.measured or (PACKAGED if PACKAGED.is_file() else None)
+            table = options.measured or (BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None)
             known = [] if table is None else read_transfers(table)
             show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
             show_measured(target, transfers_to(target, known, bases))
@@ -96,7 +96,7 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
         table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
     for (source, target), pair in named.items():
         base, case = cases[source], cases[target]
-        common, different = in_words(base, case)
+        common, different = describe_similarity(base, case)
         value, apart = similarity(base, case), distance(base, case, world)
         table.add_row(pair, source, target, f"{value:.2f}", f"{apart:.2f}", common, different)
     console.print(table)

@@ -126,7 +126,7 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
 
 def metadata_of(entry: Entry) -> dict[str, str]:
     """Return the model's metadata: case, policy, actions, and the run that its weights are from."""
-    from ship_trl.transfer.layers import opened
+    from ship_trl.transfer.layers import open_safetensors
 
     found = {
         "case": entry.case.name,
@@ -136,7 +136,7 @@ def metadata_of(entry: Entry) -> dict[str, str]:
         "ship_trl": __version__,
     }
     if Path(entry.policy).is_file():
-        with opened(Path(entry.policy), "policy") as file:
+        with open_safetensors(Path(entry.policy), "policy") as file:
             header = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
         found |= {key: str(header[key]) for key in ("config_hash", "episode") if key in header}
     return found

@@ -7,7 +7,7 @@ import sys
 
 from ship_trl.cli.errors import refusals
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.run.progress import in_words
+from ship_trl.run.progress import format_duration
 from ship_trl.run.stop import TerminatedError, unwind_at_sigterm
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
@@ -91,7 +91,7 @@ def run_study(jobs: list[Job], config: StudyConfig) -> list[Job]:
             except RuntimeError as error:
                 raise ConfigError(f"overrides: {error}") from None
             at_once = processes(config)
-            total = in_words(len(missing) * seconds / at_once)
+            total = format_duration(len(missing) * seconds / at_once)
             say(f"{len(missing)} of {len(jobs)} runs to do, about {total}, {at_once} at once, by {how}")
         elif missing:
             say(f"{len(missing)} of {len(jobs)} runs to do, by {config.launcher}")

@@ -1,1 +1,1 @@
-"""The learner: a double dueling DQN that knows an EnvBase and a drawing function, not the simulator."""
+"""The learner: a double dueling DQN. It needs an EnvBase and a drawing function, not the simulator."""

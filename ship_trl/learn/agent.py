@@ -1,4 +1,4 @@
-"""The agent: learns by double DQN from replayed transitions, and provides its policies."""
+"""The agent: double DQN on replayed transitions, with its exploring and its greedy policy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Generator, Tensor
 from torchrl.modules import QValueActor
 
 from ship_trl.config.types import BackendName, Learn
-from ship_trl.learn.backend import Draw, choose_backend, computing
+from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
 from ship_trl.learn.fast.changes import count_rewrite
 from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.fast.inference import CachedInference
@@ -25,23 +25,27 @@ from ship_trl.learn.replay import DrawPixels, StateReplay
 class Agent:
     """Networks, loss, target updater, optimiser and policies of double DQN.
 
-    The online network explores, as in the paper. The target network is evaluated: it is the running
+    The online network explores, as in the paper. Evaluations use the target network, which is the running
     average of the online network over the last 1/tau updates. Q-values of actions are often almost equal
-    (one second at 12 m/s instead of 15 costs 0.7 of a return of 84), so each update changes some choices
-    of the online network; the average is stable.
+    (one second at 12 m/s instead of 15 costs 0.7 of a return of 84). So each update changes some choices
+    of the online network, but few of the average.
 
     Args:
         network: initial weights of both the online and the target network.
         draw: maps states to pixels.
         num_actions: A.
         learn: hyperparameters.
-        exploration: generator of the exploration, on the network's device.
-        frozen: how many conv layers, counted from the image, never learn and stay out of the optimiser.
+        exploration: random generator of the exploring policy, on the network's device.
+        frozen: how many conv layers, counted from the image, never learn. The optimiser does not get them.
 
-    `observation` is the key that it reads: `state`, or `features` where so many layers are frozen that the
-    replay stores their features instead of the state; `encode` computes them.
-    `policy` explores, `greedy` is evaluated. `backend` computes the conv layers. `kept` is the half
-    precision in which features are stored.
+    Attributes:
+        observation: key that the agent reads: `features` if the replay stores features of the frozen layers
+            (see `encode`), else `state`.
+        policy: explores.
+        greedy: takes the best action; evaluations use it.
+        backend: name of the backend that computes the conv layers.
+        dtype: precision of the conv layers.
+        feature_dtype: half precision in which features are stored.
     """
 
     def __init__(
@@ -56,52 +60,52 @@ class Agent:
         self.network, self.draw, self.frozen = network, draw, frozen
         network.freeze(frozen)
         device = network.shared.weight.device
-        self.dtype = computing(learn.precision, device)
+        self.dtype = choose_dtype(learn.precision, device)
         network.backend = choose_backend(learn.backend, draw, self.dtype, device, network.geometry)
         incremental = isinstance(network.backend, Incremental)
         self.backend = BackendName.incremental if incremental else BackendName.dense
-        # Once only linear layers learn, the replay stores features of the frozen layers instead of states:
-        # in the paper's network 3,136 numbers after the third layer (6 kB in half precision, a little less
-        # than a frame), 200 after the fourth. That is far more than a state, but reading it takes a fraction
-        # of the time of computing it again.
-        keeping = incremental and self.frozen >= network.linear_from
-        self.observation = "features" if keeping else "state"
-        # Of a float32 result, float16 keeps three bits more than bfloat16.
-        self.kept = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
+        # If only linear layers learn, the replay stores features of the frozen layers instead of states. In
+        # the paper's network these are 3,136 numbers after the third layer (6 kB in half precision, a little
+        # less than a frame), or 200 after the fourth. They are far larger than a state, but quick to read and
+        # slow to compute.
+        stores_features = incremental and self.frozen >= network.linear_from
+        self.observation = "features" if stores_features else "state"
+        # float16 has three more bits of mantissa than bfloat16, so it is better for float32 results.
+        self.feature_dtype = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
         learned_from = "pixels" if self.observation == "state" else self.observation
         actor = QValueActor(network, in_keys=[learned_from], action_space="categorical")
         self.loss = DoubleDQNLoss(
             actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
         )
-        # Evaluated in float32, on whole frames.
+        # Evaluations compute in float32, on whole frames.
         self.target_network = copy.copy(self.loss.target_network)
         self.target_network.backend = Dense()
         self.target_update = ForeachSoftUpdate(self.loss, tau=learn.tau)
         learning = [parameter for parameter in network.parameters() if parameter.requires_grad]
         self.optimiser = ChannelsLastAdam(learning, lr=learn.lr)
-        self._few = CachedInference(network, draw.background, self.frozen) if incremental else None
+        self._inference = CachedInference(network, draw.background, self.frozen) if incremental else None
         self.policy = EpsilonGreedy(self._best, self.observation, num_actions, exploration)
         self.greedy = greedy_policy(self.target_network, draw)
 
     def encode(self, state: Tensor) -> Tensor:
         """Encode states with the frozen layers: [N, S] to [N, K] in half precision.
 
-        States are encoded one by one, so that the bits depend on the state alone, not on the batch: a replay
-        that is loaded from a checkpoint recomputes them.
+        States are encoded one by one, so that the bits do not depend on the other states of the batch. A
+        replay that is loaded from a checkpoint recomputes the features, and must get the same bits.
         """
-        assert self._few is not None
-        features = torch.cat([self._few.encode(self.draw(one)) for one in state.split(1)])
-        # float16 ends at 65,504 and would store larger values as infinity; nothing is negative.
-        return features.clamp_(max=torch.finfo(self.kept).max).to(self.kept)
+        assert self._inference is not None
+        features = torch.cat([self._inference.encode(self.draw(one)) for one in state.split(1)])
+        # float16 would store values above 65,504 as infinity. After ReLU no value is negative.
+        return features.clamp_(max=torch.finfo(self.feature_dtype).max).to(self.feature_dtype)
 
     @torch.no_grad()
     def _best(self, observation: Tensor) -> Tensor:
         """Return the online network's best actions: observations [N, ...] to int64 [N]."""
-        if self._few is None:
+        if self._inference is None:
             return self.network(self.draw(observation)).argmax(-1)
         if self.observation == "features":
-            return self._few.actions_on(observation)
-        return self._few.actions(self.draw(observation))
+            return self._inference.actions_from_features(observation)
+        return self._inference.actions(self.draw(observation))
 
     def set_learning_rate(self, rate: float) -> None:
         """Set the learning rate of the next updates."""
@@ -109,7 +113,7 @@ class Agent:
             group["lr"] = rate
 
     def replay(self, learn: Learn, generator: Generator, device: torch.device) -> StateReplay:
-        """Make the replay buffer whose batches `update` takes."""
+        """Make a replay buffer; `update` takes its batches."""
         return StateReplay(
             learn.replay_size,
             learn.reward_scale,
@@ -121,7 +125,7 @@ class Agent:
         )
 
     def update(self, batch: TensorDictBase) -> Tensor:
-        """Take one gradient step on a batch, then update the target network; returns the loss."""
+        """Take one gradient step on a batch, update the target network, and return the loss."""
         loss = self.loss(batch)["loss"]
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
@@ -130,9 +134,9 @@ class Agent:
         return loss.detach()
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Return networks, Adam's averages and the state of the exploration's generator.
+        """Return the networks, Adam's averages and the state of the exploration generator.
 
-        The tensors of networks and Adam are not copies.
+        The tensors of the networks and of Adam are not copies.
         """
         online, target = self.network.state_dict(), self.target_network.state_dict()
         found = {f"online.{key}": value for key, value in online.items()}
@@ -149,13 +153,13 @@ class Agent:
         """Load what `state_dict` returned into the memory of these networks.
 
         Raises:
-            KeyError, RuntimeError: the state is of another agent.
+            KeyError, RuntimeError: the state does not fit this agent.
         """
         for name, network in (("online", self.network), ("target", self.target_network)):
             for key, value in network.state_dict().items():
                 saved = state.get(f"{name}.{key}", state[f"online.{key}"])
                 value.copy_(saved)
-        # Caches of weights become stale.
+        # Makes caches of weights stale.
         count_rewrite()
         for name, parameter in self.network.named_parameters():
             if f"adam.{name}.step" in state:

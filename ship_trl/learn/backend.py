@@ -26,30 +26,30 @@ class Draw(Protocol):
 def choose_backend(
     wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device, geometry: Geometry
 ) -> Backend:
-    """Make the backend of the conv layers; `auto` is the fastest one that supports them on the device."""
-    windows = device.type == "cpu" and supports_incremental(geometry)
-    quickest = BackendName.incremental if windows else BackendName.dense
-    chosen = quickest if wanted is BackendName.auto else wanted
+    """Make the backend of the conv layers; `auto` means the fastest one that supports them on the device."""
+    can_be_incremental = device.type == "cpu" and supports_incremental(geometry)
+    fastest = BackendName.incremental if can_be_incremental else BackendName.dense
+    chosen = fastest if wanted is BackendName.auto else wanted
     if chosen is BackendName.dense:
         return Dense(dtype)
     return Incremental(draw.background, dtype, geometry)
 
 
-def computing(precision: Precision, device: torch.device) -> torch.dtype:
+def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:
     """Choose the precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
 
-    `SHIP_TRL_BFLOAT16=off` disables this.
+    The environment variable `SHIP_TRL_BFLOAT16=off` makes `auto` choose float32.
 
     Raises:
-        ConfigError: the variable is neither `on` nor `off`.
+        ConfigError: this variable is neither `on` nor `off`.
     """
     if not bfloat16_allowed():
         native = False
     elif device.type == "cuda":
         native = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
-        able = torch.cpu.get_capabilities()
-        native = any(able.get(name) for name in ("avx512_bf16", "amx_bf16"))
+        capabilities = torch.cpu.get_capabilities()
+        native = any(capabilities.get(name) for name in ("avx512_bf16", "amx_bf16"))
     if precision is Precision.bf16 or (precision is Precision.auto and native):
         return torch.bfloat16
     return torch.float32

@@ -1,6 +1,6 @@
-"""Greedy returns before training, over many draws of the layers that are not copied.
+"""Compute greedy returns before training, for many random draws of the layers that are not copied.
 
-One draw tells little: before training a network often repeats one action, which reaches the goal by chance.
+One draw tells little: an untrained network often repeats one action, and may reach the goal by chance.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ def jumpstart(
     draws: int,
     generator: Generator,
 ) -> list[float]:
-    """Compute greedy returns of networks that share the first layers of `network` and redraw the others.
+    """Compute greedy returns of networks that share the first layers of `network`; the others are drawn anew.
 
-    Their episodes run side by side: a step of many ships costs little more than a step of one. Neither
-    `network` nor any other random stream changes.
+    The episodes run side by side, because a step of many ships costs little more than a step of one.
+    `network` and all random streams other than `generator` stay unchanged.
 
     Args:
-        env: its batch size limits how many ships run side by side.
+        env: batched environment; its batch size limits how many episodes run side by side.
         draw: maps states to pixels.
         network: the network that training begins with.
         copied: how many conv layers, counted from the image, are shared.
@@ -53,7 +53,7 @@ def jumpstart(
             # All networks share these layers: encode the pictures of all ships in one batch.
             encode, decide = (
                 lambda state: inferences[0].encode(draw(state)),
-                [g.actions_on for g in inferences],
+                [one.actions_from_features for one in inferences],
             )
     else:
         decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in networks]  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""The double-DQN loss (equations 1 and 2, with van Hasselt's choice of the action)."""
+"""The double-DQN loss: equations 1 and 2, but the online network chooses the next action (van Hasselt)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) 
     rewards, and linear above.
 
     Raises:
-        ValueError: the kind has no formula here.
+        ValueError: an unknown kind of loss.
     """
     if kind is Loss.l2:
         return F.mse_loss(q, td_target)
@@ -36,8 +36,8 @@ def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) 
 class DoubleDQNLoss(DQNLoss):
     """TorchRL's `DQNLoss` for double DQN, with a Huber threshold and several times less overhead.
 
-    Keys, target parameters and updaters are those of `DQNLoss`. The networks are called directly, without
-    the actor, online and target one after the other on the same next observations. Actions are indices
+    Keys, target parameters and updaters are the same as in `DQNLoss`. The networks are called directly, not
+    through the actor: first online, then target, on the same next observations. Actions are indices
     [B]. Priority weights, masks, reductions and value estimators other than TD(0) are not supported.
 
     Args:
@@ -68,7 +68,7 @@ class DoubleDQNLoss(DQNLoss):
         self.write_td_error = write_td_error
         self.make_value_estimator(gamma=gamma)
         network = value_network[0].module
-        # Not registered: these are views of parameters that the loss holds already.
+        # Not registered as modules: the loss holds their parameters already.
         target = copy.deepcopy(network).requires_grad_(False)
         self.__dict__.update(network=network, target_network=target)
         self._share_target()
@@ -81,7 +81,8 @@ class DoubleDQNLoss(DQNLoss):
         params["module", "0", "module"].to_module(self.target_network)
         for name, layer in self.network.named_children():
             if not any(parameter.requires_grad for parameter in layer.parameters()):
-                # A frozen layer is the same in both networks, so both may share what it computes.
+                # A frozen layer is the same in both networks. Sharing it lets a backend reuse its
+                # activations.
                 setattr(self.target_network, name, layer)
 
     def _apply(self, fn: Any, recurse: bool = True) -> Any:
@@ -93,21 +94,22 @@ class DoubleDQNLoss(DQNLoss):
         return moved
 
     def __deepcopy__(self, memo: Any) -> Any:
-        """Refuse: the copy's networks would not use the copy's parameters."""
+        """Raise an error: the networks of a copy would not use the copy's parameters."""
         raise TypeError("a DoubleDQNLoss cannot be copied; build a new one around a copy of its network")
 
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """Compute the loss of transitions [B]; writes the squared `td_error` [B, 1] into them if asked to.
+        """Compute the loss of transitions [B].
 
-        A truncated step is not terminated, so it bootstraps.
+        With `write_td_error`, the squared `td_error` [B, 1] is written into the transitions. A truncated step
+        is not terminated, so it bootstraps.
         """
         keys, (observation,) = self.tensor_keys, self.value_network_in_keys
         following = tensordict.get("next")
         with torch.no_grad():
-            later = following.get(observation)
-            choice = self.network(later).argmax(-1, keepdim=True)
-            value = self.target_network(later).gather(-1, choice)
+            next_observation = following.get(observation)
+            choice = self.network(next_observation).argmax(-1, keepdim=True)
+            value = self.target_network(next_observation).gather(-1, choice)
             ended = following.get(keys.terminated)
             td_target = following.get(keys.reward) + self.gamma * value * ~ended
         action = tensordict.get(keys.action).unsqueeze(-1)
@@ -122,21 +124,21 @@ class ForeachSoftUpdate(SoftUpdate):
 
     def __init__(self, loss_module: DoubleDQNLoss, *, tau: float) -> None:
         super().__init__(loss_module, tau=tau)
-        self._find()
+        self._find_parameters()
 
-    def _find(self) -> None:
-        """Look up the parameters' memory, which a move or cast of the loss changes."""
+    def _find_parameters(self) -> None:
+        """Look up the memory of the parameters; moving or casting the loss changes it."""
         names = list(self._sources.keys(True, True))
         self._online = [self._sources[name].data for name in names]
-        self._slow = [self._targets[target_key(name)].data for name in names]
+        self._target = [self._targets[target_key(name)].data for name in names]
         self._rewrites = rewrites()
 
     def step(self) -> None:
-        """Move the target parameters towards the online ones by the share `tau`."""
+        """Move the target parameters towards the online ones by the fraction `tau`."""
         if self._rewrites != rewrites():
-            self._find()
+            self._find_parameters()
         tau = 1.0 - self.eps
-        torch._foreach_lerp_(self._slow, self._online, tau)
+        torch._foreach_lerp_(self._target, self._online, tau)
 
 
 def target_key(name: Any) -> Any:

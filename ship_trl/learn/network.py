@@ -16,9 +16,9 @@ from ship_trl.config.types import Network
 class DuelingNetwork(nn.Module):
     """Q-values of all actions from pixels: uint8 [B, C, 84, 84] to float32 [B, A].
 
-    Section 3.5: conv layers with ReLU give F features (200 in the paper's network). The paper says of the
-    rest only "fully connected layers with a dueling structure"; ours are one shared layer, then value (1)
-    and advantage (A).
+    Conv layers with ReLU give F features, 200 in the paper's network (section 3.5). The paper describes the
+    other layers only as "fully connected layers with a dueling structure". Ours are one shared layer, then
+    value (1) and advantage (A).
 
     Args:
         channels: 1 (grey) or 3 (colour).
@@ -26,10 +26,14 @@ class DuelingNetwork(nn.Module):
         generator: draws the initial weights.
         config: the layers; None for conf/network/paper.yaml.
 
-    `conv_names` are `conv1` to the last; `geometry` has their windows and maps. Conv layers from index
-    `linear_from` on (3 in the paper's network) see their whole map, so they are linear layers.
-    `backend` computes the conv layers and may be replaced at any time: all backends compute the same
-    function. `frozen` counts the conv layers, from the image on, that do not learn (see `freeze`).
+    Attributes:
+        conv_names: names of the conv layers, `conv1` to the last.
+        geometry: windows and maps of the conv layers.
+        linear_from: index of the first conv layer whose window is its whole map, 3 in the paper's network.
+            From there on, conv layers are linear layers.
+        backend: computes the conv layers. It may be replaced at any time: all backends compute the same
+            function.
+        frozen: how many conv layers, counted from the image, do not learn (see `freeze`).
     """
 
     frozen = 0
@@ -56,7 +60,7 @@ class DuelingNetwork(nn.Module):
 
     @property
     def convs(self) -> list[nn.Conv2d]:
-        """The conv layers, from the image on."""
+        """Conv layers, counted from the image."""
         return [getattr(self, name) for name in self.conv_names]
 
     def freeze(self, layers: int) -> None:
@@ -72,16 +76,16 @@ class DuelingNetwork(nn.Module):
         self.frozen = layers
 
     def conv_weights(self) -> list[Tensor]:
-        """Return weight and bias of each conv layer, from the image on."""
+        """Return weight and bias of each conv layer, counted from the image."""
         weights: list[Any] = [weight for conv in self.convs for weight in (conv.weight, conv.bias)]
         return weights
 
     @torch.no_grad()
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
-        """Draw new weights (He et al., 2015) and zero biases for all layers except those `kept`.
+        """Draw new weights (He et al., 2015) and set biases to zero, in all layers but `kept`.
 
-        PyTorch's default shrinks the signal to a third at each ReLU layer; the first hundred
-        episodes would be spent growing it again.
+        PyTorch's default weights shrink the signal to a third at each ReLU layer. Training would spend the
+        first hundred episodes on growing it again.
         """
         for name, layer in self.named_children():
             if name in kept:
@@ -97,8 +101,9 @@ class DuelingNetwork(nn.Module):
             observation: pixels, uint8 [..., C, 84, 84], or features of the frozen layers, in half
                 precision or float32 [..., K].
         """
-        drawn = observation.dtype is torch.uint8
-        compute, dims = (self.backend.features if drawn else self.backend.features_from), 3 if drawn else 1
+        are_pixels = observation.dtype is torch.uint8
+        compute = self.backend.features if are_pixels else self.backend.features_from
+        dims = 3 if are_pixels else 1
         if observation.dim() == dims + 1:
             return self.dueling(compute(self, observation))
         shape = observation.shape[:-dims]
@@ -111,7 +116,7 @@ class DuelingNetwork(nn.Module):
         x = F.relu_(self._first(pixels))
         for conv in convs[1 : self.linear_from]:
             x = F.relu_(conv(x))
-        # Both are channels last, so these are views.
+        # Activations and weights are channels last, so flattening them makes views.
         return self._linear(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 
     def activations(self, pixels: Tensor) -> dict[str, Tensor]:
@@ -126,12 +131,12 @@ class DuelingNetwork(nn.Module):
             found[name] = x
         return found | {"shared": F.relu(self.shared(x.flatten(1)))}
 
-    def convolve_from(self, kept: Tensor) -> Tensor:
-        """Compute the conv layers after the frozen ones, at least `linear_from` of them: [B, K] to [B, F]."""
-        return self._linear(kept, self.convs[self.frozen :])
+    def convolve_from(self, frozen_features: Tensor) -> Tensor:
+        """Compute the conv layers after the frozen ones (`linear_from` or more): [B, K] to [B, F]."""
+        return self._linear(frozen_features, self.convs[self.frozen :])
 
     def _linear(self, x: Tensor, convs: list[nn.Conv2d]) -> Tensor:
-        """Compute conv layers that see their whole map as linear layers: the same function, faster."""
+        """Compute conv layers whose window is their whole map as linear layers, which is faster."""
         for conv in convs:
             x = F.relu_(F.linear(x, conv.weight.permute(0, 2, 3, 1).flatten(1), conv.bias))
         return x
@@ -152,8 +157,8 @@ class DuelingNetwork(nn.Module):
     def _first(self, pixels: Tensor) -> Tensor:
         """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S].
 
-        Windows two strides wide are computed by space-to-depth and a 2x2 convolution: the same function,
-        faster on a CPU.
+        If windows are two strides wide, compute it by space-to-depth and a 2x2 convolution: the same result,
+        but faster on a CPU.
         """
         conv, step = self.convs[0], self.geometry[0].stride
         batch, channels, side, _ = pixels.shape
@@ -175,13 +180,13 @@ class Backend(Protocol):
         """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
         ...
 
-    def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
+    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
         ...
 
 
 class Dense:
-    """Computes every layer on every pixel, on any device: a pure function of weights and batch.
+    """Backend for any device that computes every layer on every pixel, without caches.
 
     Args:
         dtype: of the conv layers; bfloat16 uses autocast, weights and gradients stay float32.
@@ -194,11 +199,13 @@ class Dense:
         """Compute all conv layers."""
         with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
             found = network.convolve(pixels)
-        # Q-values of actions may differ by less than bfloat16 resolves.
+        # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
         return found.float()
 
-    def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
+    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones."""
-        with torch.autocast(kept.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            found = network.convolve_from(kept.float())
+        with torch.autocast(
+            frozen_features.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16
+        ):
+            found = network.convolve_from(frozen_features.float())
         return found.float()

@@ -12,14 +12,14 @@ class ChannelsLastAdam(torch.optim.Optimizer):
     """Adam (Kingma and Ba, 2015) that updates channels-last filters without copying them.
 
     torch's own fused step copies tensors that are not contiguous, which more than doubles the time for
-    conv4. Kernel, results and state names are those of `torch.optim.Adam(fused=True)`; any other torch
-    optimiser works too, only slower.
+    conv4. Kernel, results and state names are the same as in `torch.optim.Adam(fused=True)`. Any other torch
+    optimiser works too, but is slower.
 
     Args:
-        params: float32.
+        params: float32 parameters.
         lr: learning rate.
-        betas: of the running averages of the gradient and of its square.
-        eps: added to the square root of the second.
+        betas: decay rates of the running averages of the gradient and of its square.
+        eps: added to the square root of the second average.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
 
 
 def in_memory_order(tensor: Tensor, parameter: Tensor) -> Tensor:
-    """View a tensor in the memory order of a parameter: channels last, or as it is."""
+    """Return a contiguous tensor in the memory order of a parameter; a view where possible."""
     if parameter.dim() == 4 and not parameter.is_contiguous():
         return tensor.permute(0, 2, 3, 1).contiguous()
     return tensor.contiguous()

@@ -30,15 +30,15 @@ def greedy_policy(network: nn.Module, draw: Callable[[Tensor], Tensor]) -> Tenso
 class EpsilonGreedy(TensorDictModuleBase):
     """Writes `action` int64 [N]: with probability `epsilon` a random one, else the best.
 
-    TorchRL's `EGreedyModule` draws from torch's global generator and computes Q-values for every row. Here
-    the draws come from the run's own generator, the same number whatever `epsilon` is, and Q-values are
-    computed only for rows that do not explore. The training loop sets `epsilon`.
+    TorchRL's `EGreedyModule` draws from torch's global generator, and computes Q-values for every row. This
+    module draws from the run's own generator, and computes Q-values only for rows that do not explore. The
+    number of draws does not depend on `epsilon`. The training loop sets `epsilon`.
 
     Args:
         best: maps observations [N, ...] to the best actions, int64 [N].
         observation: the observation's key.
         num_actions: A.
-        generator: of the draws, on the observation's device.
+        generator: random generator of the draws, on the observation's device.
     """
 
     def __init__(
@@ -56,9 +56,9 @@ class EpsilonGreedy(TensorDictModuleBase):
         count, device = observation.shape[0], observation.device
         explore = torch.rand(count, generator=self.generator, device=device) < self.epsilon
         action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
-        exploring = sum(explore.tolist())
-        if exploring == 0:
+        explorers = sum(explore.tolist())
+        if explorers == 0:
             action = self.best(observation)
-        elif exploring < count:
+        elif explorers < count:
             action[~explore] = self.best(observation[~explore])
         return tensordict.set("action", action)

@@ -1,4 +1,4 @@
-"""Replay of states: pixels are drawn when a batch is sampled.
+"""Replay buffer of states, which draws pixels when a batch is sampled.
 
 A frame is a function of the state, so 50,000 transitions take about 2 MB instead of 0.7 GB.
 """
@@ -15,7 +15,7 @@ from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictRepl
 from torchrl.envs.transforms import Transform
 
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
-# Steps kept in a list before they are written; bounds its size during a long warm-up.
+# Steps that are collected before they are written to the storage.
 MAX_PENDING = 256
 
 
@@ -37,11 +37,11 @@ class DrawPixels(Transform):
 class TransitionStorage(Storage):
     """Storage with one tensor per key; stores transitions in a third of `LazyTensorStorage`'s time.
 
-    Writes and reads are small, so the time goes into handling tensordicts, not into moving numbers.
+    Writes and reads are small, so most of the time would be spent on tensordicts, not on moving numbers.
 
     Args:
         capacity: maximum number of transitions.
-        device: of the stored tensors.
+        device: device of the stored tensors.
         hidden: keys that are stored but not returned by `get`.
     """
 
@@ -75,15 +75,15 @@ class TransitionStorage(Storage):
 
     def get(self, index: Any) -> TensorDict:
         """Read the rows `index` [B] as a tensordict [B]."""
-        given = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.hidden}
-        return nested(given, self.device)
+        shown = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.hidden}
+        return nest(shown, self.device)
 
     def rows(self) -> dict[NestedKey, Tensor]:
         """Return the stored tensors [L, ...] by key, hidden ones too; these are not copies."""
         return {key: rows[: self._len] for key, rows in self._rows.items()}
 
     def load_rows(self, rows: Mapping[NestedKey, Tensor]) -> None:
-        """Load what `rows` returned; further keys with the same number of rows may be written later."""
+        """Load what `rows` returned; `write` may add further keys with the same number of rows."""
         self._rows, self._len = {}, 0
         for key, value in rows.items():
             self._len = len(value)
@@ -91,7 +91,7 @@ class TransitionStorage(Storage):
             self._rows[key][: self._len] = value
 
     def write(self, key: NestedKey, number: int, value: Tensor) -> Tensor:
-        """Write one row of a key, and return the stored row."""
+        """Write row `number` of a key, and return the stored row."""
         if key not in self._rows:
             self._rows[key] = value.new_zeros((self.max_size, *value.shape), device=self.device)
         self._rows[key][number] = value
@@ -107,11 +107,11 @@ class TransitionStorage(Storage):
         self._len = state_dict["length"]
 
     def dumps(self, path: Any) -> None:
-        """Refuse: use `state_dict`."""
+        """Raise an error: use `state_dict`."""
         raise NotImplementedError("not supported; save state_dict() instead")
 
     def loads(self, path: Any) -> None:
-        """Refuse: use `load_state_dict`."""
+        """Raise an error: use `load_state_dict`."""
         raise NotImplementedError("not supported; use load_state_dict() instead")
 
     def _empty(self) -> None:
@@ -124,12 +124,12 @@ def dotted(key: NestedKey) -> str:
 
 
 def keep_batch(batch: TensorDict) -> TensorDict:
-    """Return a batch unchanged: the storage collates already."""
+    """Return a batch unchanged, because the storage has collated it already."""
     return batch
 
 
-def nested(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
-    """Make a tensordict [B] of tensors [B, ...], with a nested `next`."""
+def nest(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
+    """Make a tensordict [B] of tensors [B, ...]; keys with two parts go into its `next`."""
     outer: dict[str, Any] = {}
     following: dict[str, Any] = {}
     for key, value in entries.items():
@@ -145,19 +145,20 @@ def nested(entries: dict[NestedKey, Tensor], device: torch.device | None = None)
 class StateReplay(TensorDictReplayBuffer):
     """Uniform replay of `capacity` transitions: a `TensorDictReplayBuffer` with TorchRL's keys.
 
-    A batch [B] has the observation [B, ...] and `action` [B], and under `next` the observation, `reward`
-    (scaled), `done` and `terminated` [B, 1]. It is drawn uniformly, with replacement.
+    A batch [B] has the observation [B, ...] and `action` [B]. Its `next` has the observation, and `reward`
+    (scaled), `done` and `terminated` [B, 1]. Batches are drawn uniformly, with replacement.
 
     Args:
-        capacity: beyond it the oldest transitions are overwritten.
+        capacity: maximum number of transitions; then the oldest ones are overwritten.
         reward_scale: factor of the rewards.
         generator: draws the batches.
-        device: of the stored transitions.
+        device: device of the stored transitions.
         observation: the key that is stored: `state`, or `features` where layers are frozen.
         transform: applied to batches, for example `DrawPixels`.
         batch_size: default of `sample()` and of iteration.
-        encode: maps states [N, S] to the observation [N, ...]. With it, states are stored beside the
-            observation, which is a hundred times larger: `kept` leaves it out, `load_kept` recomputes it.
+        encode: maps states [N, S] to the observation [N, ...], which is a hundred times larger. The replay
+            then stores both. `compact_state_dict` leaves out the observation, and `load_compact_state_dict`
+            recomputes it.
     """
 
     def __init__(
@@ -193,10 +194,10 @@ class StateReplay(TensorDictReplayBuffer):
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
         """Store a step of N environments: tensordict [N] with the observation, `action` and `next`."""
         following = tensordicts.get("next")
-        beside = STATES if self._encode is not None else ()
-        # Copies: the caller may reuse its memory before they are written.
+        extra_keys = STATES if self._encode is not None else ()
+        # Copies, because the caller may reuse its memory before they are written.
         self._pending.append(
-            {key: tensordicts.get(key).clone() for key in beside}
+            {key: tensordicts.get(key).clone() for key in extra_keys}
             | {
                 self.observation: tensordicts.get(self.observation).clone(),
                 "action": tensordicts.get("action").clone(),
@@ -213,10 +214,10 @@ class StateReplay(TensorDictReplayBuffer):
         """Store one step of one environment."""
         self.extend(data.unsqueeze(0))
 
-    def empty(self, *arguments: Any, **how: Any) -> None:
+    def empty(self, *args: Any, **kwargs: Any) -> None:
         """Delete all transitions."""
         self._pending.clear()
-        super().empty(*arguments, **how)
+        super().empty(*args, **kwargs)
 
     def state_dict(self) -> dict[str, Any]:
         """Return all transitions and the state of writer and sampler."""
@@ -228,13 +229,13 @@ class StateReplay(TensorDictReplayBuffer):
         self._pending.clear()
         super().load_state_dict(state_dict)
 
-    def kept(self) -> dict[str, Tensor]:
+    def compact_state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to resume with the same transitions and draws, by dotted names.
 
-        The tensors are the storage's memory, not copies.
+        Observations that can be recomputed are left out. The tensors are the storage's memory, not copies.
         """
         self._store()
-        computed, writer = self._computed(), self._writer.state_dict()
+        computed, writer = self._computed_keys(), self._writer.state_dict()
         rows = {key: value for key, value in self._storage.rows().items() if key not in computed}
         return {
             **{f"rows.{dotted(key)}": value for key, value in rows.items()},
@@ -242,34 +243,34 @@ class StateReplay(TensorDictReplayBuffer):
             "generator": self.generator.get_state(),
         }
 
-    def load_kept(self, kept: Mapping[str, Tensor]) -> None:
-        """Load what `kept` returned, and recompute the observations that it left out."""
+    def load_compact_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `compact_state_dict` returned, and recompute the observations that it left out."""
         self._pending.clear()
-        named = {name.removeprefix("rows."): v for name, v in kept.items() if name.startswith("rows.")}
+        named = {name.removeprefix("rows."): v for name, v in state.items() if name.startswith("rows.")}
         rows: dict[NestedKey, Tensor] = {unravel_key(tuple(name.split("."))): v for name, v in named.items()}
         self._storage.load_rows(rows)
         if rows:
-            self._compute(rows)
-        cursor, count = kept["cursor"].tolist()
+            self._recompute(rows)
+        cursor, count = state["cursor"].tolist()
         self._writer.load_state_dict({"_cursor": cursor, "_write_count": count})
-        self.generator.set_state(kept["generator"].cpu())
+        self.generator.set_state(state["generator"].cpu())
 
-    def _computed(self) -> dict[NestedKey, NestedKey]:
-        """Return the keys that can be recomputed, each with the key of its states."""
+    def _computed_keys(self) -> dict[NestedKey, NestedKey]:
+        """Return the keys that can be recomputed, each with the key of the states to compute it from."""
         if self._encode is None:
             return {}
         return {self.observation: STATES[0], ("next", self.observation): STATES[1]}
 
-    def _compute(self, rows: Mapping[NestedKey, Tensor]) -> None:
+    def _recompute(self, rows: Mapping[NestedKey, Tensor]) -> None:
         """Recompute observations from the stored states, directly into the storage."""
-        # The state after one step is mostly the state before the next: encode each only once.
-        known: dict[bytes, Tensor] = {}
-        for key, source in self._computed().items():
+        # The state after a step is usually also the state before the next one: encode it only once.
+        encoded: dict[bytes, Tensor] = {}
+        for key, source in self._computed_keys().items():
             assert self._encode is not None
             for number, state in enumerate(rows[source].split(1)):
-                name = state.cpu().numpy().tobytes()
-                found = known[name] if name in known else self._encode(state)[0]
-                known[name] = self._storage.write(key, number, found)
+                bits = state.cpu().numpy().tobytes()
+                observation = encoded[bits] if bits in encoded else self._encode(state)[0]
+                encoded[bits] = self._storage.write(key, number, observation)
 
     def __getitem__(self, index: Any) -> Any:
         self._store()
@@ -277,14 +278,14 @@ class StateReplay(TensorDictReplayBuffer):
 
     def _store(self) -> None:
         if self._pending:
-            kept = {key: torch.cat([step[key] for step in self._pending]) for key in self._pending[0]}
+            steps = {key: torch.cat([step[key] for step in self._pending]) for key in self._pending[0]}
             self._pending.clear()
-            # A `TensorDictReplayBuffer` would add an index to each transition.
-            ReplayBuffer.extend(self, nested(kept))
+            # Not `super()`: a `TensorDictReplayBuffer` adds an index to each transition.
+            ReplayBuffer.extend(self, nest(steps))
 
     def sample(self, batch_size: int | None = None, return_info: bool = False) -> TensorDictBase:
         """Draw a batch of transitions."""
         self._store()
-        # Uniform replay does not need the index that a `TensorDictReplayBuffer` adds.
+        # Not `super()`: a `TensorDictReplayBuffer` adds an index, which uniform replay does not need.
         batch: TensorDictBase = ReplayBuffer.sample(self, batch_size, return_info)
         return batch

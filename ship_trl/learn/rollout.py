@@ -10,7 +10,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 
-# Reads a tensordict with `state` and writes `action`, as every module of TorchRL does.
+# Reads a tensordict with `state` and writes `action`, as every policy module of TorchRL does.
 Policy = Callable[[TensorDictBase], TensorDictBase]
 
 
@@ -18,8 +18,14 @@ Policy = Callable[[TensorDictBase], TensorDictBase]
 class Episode:
     """An episode of T steps.
 
-    `states` float [T + 1, S], `actions` int64 [T], raw `rewards` float [T]. `q_values` float [T, A] is None
-    if the policy wrote no `action_value`. `dcpa` is in metres, infinite without target ships.
+    Attributes:
+        states: float [T + 1, S].
+        actions: int64 [T].
+        q_values: float [T, A]; None if the policy wrote no `action_value`.
+        rewards: raw rewards, float [T].
+        goal: whether it ended at the goal.
+        collision: whether it ended with a collision.
+        dcpa: least distance to any target ship in metres; infinite without target ships.
     """
 
     states: Tensor
@@ -42,7 +48,7 @@ class Episode:
 
     @property
     def outcome(self) -> str:
-        """goal, collision or timeout."""
+        """How the episode ended: goal, collision or timeout."""
         return outcome(self.goal, self.collision)
 
 
@@ -55,7 +61,8 @@ def outcome(goal: bool, collision: bool) -> str:
 def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
     """Roll out one episode in each of the N environments of a batch.
 
-    TorchRL's `EnvBase.rollout` stops with the first episode of a batch that ends, or runs into the next ones.
+    TorchRL's `EnvBase.rollout` either stops when the first episode of a batch ends, or continues with new
+    episodes.
 
     Args:
         env: has the keys `state`, `action`, `goal`, `collision` and `dcpa`.
@@ -70,10 +77,10 @@ def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
         running &= ~stepped["next", "done"].squeeze(-1)
     done = torch.stack([step["next", "done"].squeeze(-1) for step in steps])
     lengths = (done.to(torch.int8).argmax(0) + 1).tolist()
-    return [episode(steps[:length], row) for row, length in enumerate(lengths)]
+    return [extract_episode(steps[:length], row) for row, length in enumerate(lengths)]
 
 
-def episode(steps: list[TensorDictBase], row: int) -> Episode:
+def extract_episode(steps: list[TensorDictBase], row: int) -> Episode:
     """Extract the episode of one environment from the steps of a batch."""
 
     def stack(key: str) -> Tensor:

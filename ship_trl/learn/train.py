@@ -1,4 +1,4 @@
-"""The training loop yields events, so that logging, pictures and progress stay outside it."""
+"""The training loop. It yields events, so that logging, pictures and progress stay outside it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ship_trl.learn.rollout import Episode, outcome, rollout
 class Finished:
     """A training episode that ended.
 
-    `loss` is the mean of the updates since the episode before; None without updates.
+    `loss` is the mean over the updates since the last episode ended; None without updates.
     """
 
     episode: int
@@ -35,11 +35,11 @@ class Finished:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A greedy evaluation after `episode` training episodes; 0 is before training."""
+    """A greedy evaluation after `episode` training episodes; 0 means before training."""
 
     episode: int
     steps: int
-    sailed: Episode
+    greedy_episode: Episode
 
 
 def epsilon_at(episode: int, learn: Learn) -> float:
@@ -60,11 +60,11 @@ class DivergedError(Exception):
 class Training:
     """Train for `learn.episodes` episodes, one step of the batched environment at a time.
 
-    Between two steps `state_dict` saves everything. `load_state_dict` resumes a training of the same parts,
-    on a CPU with the same bits.
+    Between two steps `state_dict` returns everything that is needed to resume. `load_state_dict` resumes with
+    parts that were made in the same way; on a CPU the results have the same bits.
 
     Args:
-        env: batched environment with `state`, `action`, and `goal`, `collision`, `dcpa` to report.
+        env: batched environment with `state` and `action`; `goal`, `collision` and `dcpa` are reported.
         eval_env: the same world with a batch size of one.
         agent: acts and learns.
         replay: stores the transitions.
@@ -80,17 +80,17 @@ class Training:
         count = env.batch_size[0]
         self._returns = torch.zeros(count, dtype=torch.float64, device=env.device)
         self._lengths = torch.zeros(count, dtype=torch.int64, device=env.device)
-        # Of the updates since the last episode ended.
+        # Losses of the updates since the last episode ended.
         self._losses: list[torch.Tensor] = []
         self._current: TensorDictBase | None = None
 
     @property
-    def finished(self) -> bool:
+    def is_finished(self) -> bool:
         """Whether all episodes have ended."""
         return self.episode >= self._learn.episodes
 
     @property
-    def begun(self) -> bool:
+    def has_begun(self) -> bool:
         """Whether the environments have been reset."""
         return self._current is not None
 
@@ -122,7 +122,7 @@ class Training:
             self._losses.append(agent.update(self.replay.sample(learn.batch_size)))
             self.updates += 1
         for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
-            if self.finished:
+            if self.is_finished:
                 break
             self.episode += 1
             yield Finished(
@@ -137,7 +137,7 @@ class Training:
             )
             self._losses.clear()
             self._returns[row], self._lengths[row] = 0.0, 0
-            if self.episode % learn.evaluate_every == 0 or self.finished:
+            if self.episode % learn.evaluate_every == 0 or self.is_finished:
                 yield self._evaluate()
 
     def _mean_loss(self) -> float | None:
@@ -147,7 +147,7 @@ class Training:
         losses = torch.stack(self._losses)
         mean = float(losses.mean())
         if not math.isfinite(mean):
-            # Name the first loss that is not finite, or the last one where only the sum overflows.
+            # Name the first loss that is not finite, or the last loss if only the sum overflows.
             wrong = (~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1]
             update = self.updates - len(losses) + wrong[0] + 1
             step = self._learn.warmup_steps + update * self._learn.update_every
@@ -156,13 +156,13 @@ class Training:
 
     def _evaluate(self) -> Evaluated:
         """Roll out one greedy episode."""
-        sailed = rollout(self._eval_env, self.agent.greedy)[0]
-        if sailed.q_values is not None and not bool(sailed.q_values.isfinite().all()):
+        greedy = rollout(self._eval_env, self.agent.greedy)[0]
+        if greedy.q_values is not None and not bool(greedy.q_values.isfinite().all()):
             raise DivergedError(f"a Q-value is not finite after environment step {self.steps}")
-        return Evaluated(self.episode, self.steps, sailed)
+        return Evaluated(self.episode, self.steps, greedy)
 
     def check_finite(self) -> None:
-        """Check every weight: neither the loss nor a greedy evaluation need show a bad one yet.
+        """Check the losses and all weights; a bad weight may not have reached the loss or an evaluation yet.
 
         Raises:
             DivergedError: a loss or a weight is not finite.
@@ -182,7 +182,7 @@ class Training:
             "losses": torch.stack(self._losses) if self._losses else torch.empty(0),
             **add_prefix("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
             **add_prefix("agent", self.agent.state_dict()),
-            **add_prefix("replay", self.replay.kept()),
+            **add_prefix("replay", self.replay.compact_state_dict()),
         }
         return {name: value.detach().cpu() for name, value in own.items()}
 
@@ -190,7 +190,7 @@ class Training:
         """Resume from a `state_dict`, instead of `begin`.
 
         Raises:
-            KeyError, RuntimeError, TypeError, ValueError: the state is of another training.
+            KeyError, RuntimeError, TypeError, ValueError: the state does not fit this training.
         """
         if state["counters"].dtype is not torch.int64:
             raise TypeError("counters must be int64")
@@ -202,7 +202,7 @@ class Training:
         current = {key: value.to(device) for key, value in strip_prefix("current", state).items()}
         self._current = TensorDict(current, self._env.batch_size, device=device).unflatten_keys(".")
         self.agent.load_state_dict(strip_prefix("agent", state))
-        self.replay.load_kept(strip_prefix("replay", state))
+        self.replay.load_compact_state_dict(strip_prefix("replay", state))
 
 
 def add_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -211,14 +211,14 @@ def add_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.
 
 
 def strip_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Return the entries with that prefix, without it."""
+    """Return the entries whose key has a name and a dot as prefix, and strip the prefix."""
     return {key.removeprefix(f"{name}."): v for key, v in state.items() if key.startswith(f"{name}.")}
 
 
 def train(
     env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
 ) -> Iterator[Finished | Evaluated]:
-    """Train from the first episode to the last, and yield events; see `Training`.
+    """Train from the first episode to the last, and yield the events; see `Training`.
 
     Yields:
         `Finished` for each episode, in order; `Evaluated` before the first episode, every
@@ -226,5 +226,5 @@ def train(
     """
     training = Training(env, eval_env, agent, replay, learn)
     yield training.begin()
-    while not training.finished:
+    while not training.is_finished:
         yield from training.advance()

@@ -1,1 +1,1 @@
-"""One run: what is planned, its training, what is shown and written down of it."""
+"""One run: plan it, train it, log it, and write its results."""

@@ -1,8 +1,8 @@
-"""Checkpoints of a training: everything that is needed to resume it, in two alternating files.
+"""Checkpoints of a training: everything that is needed to resume it. Two files are written in turn.
 
-A checkpoint is a safetensors file, so that nothing is unpickled. Its header names the run and holds a digest
-of the contents, because a truncated or corrupted file may still have an intact header. Headers are read
-without torch.
+A checkpoint is a safetensors file, so that nothing is unpickled. Its header names the run, and holds a digest
+of the contents: a truncated or corrupted file may still have an intact header. Headers are read without
+torch.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ HEADER_KEY = "ship_trl"
 
 
 class CheckpointError(Exception):
-    """A damaged checkpoint; the message says how, in a few words."""
+    """A damaged checkpoint; the message says what is wrong with it."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class About:
     """The header of a checkpoint.
 
     Attributes:
-        config_hash: which run it belongs to.
-        computed: the arithmetic that computed it (`Parts.computed`). Under another the run would not be
-            resumed with the same bits.
+        config_hash: hash of the run that it belongs to.
+        computed: the arithmetic that computed it (`Parts.computed`). With other arithmetic, the resumed run
+            would have other bits.
         episode: how many training episodes are finished.
-        episodes: how many the run has.
+        episodes: how many training episodes the run has.
         steps: environment steps so far.
         seconds: training time so far.
     """
@@ -79,7 +79,7 @@ class Checkpoints:
 
     Args:
         run: the run's folder.
-        every: minimum number of episodes between two checkpoints; below 1 it counts as 1.
+        every: minimum number of episodes between two checkpoints; values below 1 mean 1.
         seconds: minimum time between two checkpoints.
         clock: returns monotonic time in seconds.
     """
@@ -92,11 +92,11 @@ class Checkpoints:
         self._written_at, self._episode = clock(), 0
 
     def begin(self, episode: int) -> None:
-        """Start the wait for the next checkpoint at this episode."""
+        """Restart the wait for the next checkpoint, after `episode` episodes."""
         self._written_at, self._episode = self._clock(), episode
 
     def due(self, episode: int) -> bool:
-        """Whether a checkpoint is due after `episode` episodes."""
+        """Return whether a checkpoint is due after `episode` episodes."""
         episodes, seconds = episode - self._episode, self._clock() - self._written_at
         return episodes >= max(1, self._every) and seconds >= self._seconds
 
@@ -118,8 +118,8 @@ class Checkpoints:
         """Read the newest intact checkpoint of a run.
 
         Returns:
-            The checkpoint, or None, and what is wrong with each damaged file. A file with an unreadable
-            header counts as damaged, because it may be the newest.
+            The checkpoint (None if there is none), and what is wrong with each damaged file. A file with an
+            unreadable header counts as damaged, because it may be the newest one.
         """
         damaged: dict[Path, str] = {}
         newest: Checkpoint | None = None
@@ -144,7 +144,7 @@ class Checkpoints:
         return None
 
     def begin_run(self, config_hash: str) -> None:
-        """Create the folder and write down which run owns it, in case its checkpoints get damaged.
+        """Create the folder, and record which run owns it, in case the checkpoints get damaged.
 
         Raises:
             OSError: the folder is not writable.
@@ -154,7 +154,7 @@ class Checkpoints:
             draft.write_text(config_hash)
 
     def has_other_owner(self, config_hash: str) -> bool:
-        """Whether there are checkpoints, and the folder is owned by another run."""
+        """Return whether the folder has checkpoints and is owned by another run."""
         try:
             owner = read_file(self.folder / OWNER, most=MAX_NAME_LENGTH).decode()
         except (OSError, ValueError):
@@ -190,7 +190,7 @@ def read_about(path: Path) -> About:
     Raises:
         CheckpointError: it is missing or damaged.
     """
-    with opened(path, "numpy") as file:
+    with open_safetensors(path, "numpy") as file:
         return parse_about(parse_header(file))
 
 
@@ -200,7 +200,7 @@ def read(path: Path) -> Checkpoint:
     Raises:
         CheckpointError: it is missing or damaged.
     """
-    with opened(path, "pt") as file:
+    with open_safetensors(path, "pt") as file:
         header = parse_header(file)
         about = parse_about(header)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
@@ -210,22 +210,22 @@ def read(path: Path) -> Checkpoint:
 
 
 def parse_header(file: Any) -> dict[str, Any]:
-    """Return our entry of an open file's header.
+    """Return our entry in the header of an open file.
 
     Raises:
-        CheckpointError: the file is no checkpoint.
+        CheckpointError: the file is not a checkpoint.
     """
     try:
         values = json.loads((file.metadata() or {}).get(HEADER_KEY, ""))
     except (ValueError, RecursionError):
-        raise CheckpointError("is no checkpoint") from None
+        raise CheckpointError("is not a checkpoint") from None
     if not isinstance(values, dict):
-        raise CheckpointError("is no checkpoint")
+        raise CheckpointError("is not a checkpoint")
     return values
 
 
 def parse_about(header: dict[str, Any]) -> About:
-    """Check the types of a header's values.
+    """Convert a header to `About`, and check the types of its values.
 
     Raises:
         CheckpointError: a value is missing or has another type.
@@ -233,19 +233,19 @@ def parse_about(header: dict[str, Any]) -> About:
     values: dict[str, Any] = {name: header.get(name) for name in HEADER_TYPES}
     for name, types in HEADER_TYPES.items():
         if type(values[name]) not in types:
-            raise CheckpointError(f"has no right {name} in its header")
+            raise CheckpointError(f"has a wrong or missing {name} in its header")
     return About(**values)
 
 
 @contextmanager
-def opened(path: Path, framework: str) -> Iterator[Any]:
+def open_safetensors(path: Path, framework: str) -> Iterator[Any]:
     """Open a safetensors file.
 
     Raises:
         CheckpointError: it is missing, a link, or truncated.
     """
     if not path.is_file() or path.is_symlink():
-        raise CheckpointError("is no file")
+        raise CheckpointError("is not a file")
     try:
         with safe_open(path, framework=framework) as file:
             yield file

@@ -1,4 +1,4 @@
-"""Write what a finished training leaves: last network, pictures, result, and case base entry."""
+"""Write the files of a finished training: last network, pictures, result, and case base entry."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
         draw_transfer(
             run.folder / console.TRANSFER, config.arm_label, returns, scratch_curves, known, run.title
         )
-    best = history.best.sailed
+    best = history.best.greedy_episode
     origin = "" if run.arm.is_scratch else f" from case {config.source}"
     title = f"{config.arm_label}{origin}, seed {config.seed}"
     write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, title)
@@ -61,9 +61,9 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         source_network=parts.origin,
         best_known_return=known,
         random_return=random_return(run.target, config.world),
-        scratch=evaluation(parts.scratch, 0),
+        scratch=summarise(parts.scratch, 0),
         before=evaluated[0],
-        best=evaluation(best.sailed, best.episode),
+        best=summarise(best.greedy_episode, best.episode),
         final=evaluated[-1],
         draws=parts.draws,
         episodes=config.learn.episodes,
@@ -82,8 +82,8 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
     )
 
 
-def evaluation(episode: Episode, at: int) -> Evaluation:
-    """Summarise a greedy episode after training episode `at`; without target ships DCPA is None."""
+def summarise(episode: Episode, at: int) -> Evaluation:
+    """Summarise a greedy episode after training episode `at`; DCPA is None without target ships."""
     dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
     return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)
 

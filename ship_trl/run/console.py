@@ -1,4 +1,4 @@
-"""What a run prints: progress with the time left, then a table of results; plain lines in a file or pipe."""
+"""Print the progress of a run with the time left, then a table of results; plain lines in a file or pipe."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from rich.table import Table
 from ship_trl.config.errors import one_line
 from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.run.progress import Lines, in_words
+from ship_trl.run.progress import Lines, format_duration
 
 console = Console()
 # Picture in a run's folder that compares a transfer with learning from scratch.
 TRANSFER = "transfer.png"
-# Share of a run's episodes between two progress lines: for a single run, and for a run of a grid.
+# Share of a run's episodes between two progress lines, in a single run and in a run of a grid.
 SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
-# Seconds to wait for another process before the first message about it, and between further ones.
+# Seconds until the first message that this process waits for another one, and between further messages.
 SHORT_WAIT, LONG_WAIT = 1.0, 60.0
 
 
@@ -40,18 +40,18 @@ def say(text: str) -> None:
 def progress(
     title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = "", done: int = 0
 ) -> Iterator[Finished | Evaluated]:
-    """Yield the events, and meanwhile show finished episodes, time left and the last returns.
+    """Yield the events, and show finished episodes, time left and the last returns.
 
-    A terminal gets a bar. A file or a pipe gets a line at the first episode and every 5 % of them. A run of
-    a grid prints a line with its place and title every 25 %, because all runs share the output. The warm-up
-    makes no updates, so its pace says nothing about the time left: the estimate begins with the first update.
+    A terminal gets a bar. A file or a pipe gets a line at the first episode and after every 5 % of the
+    episodes. A run of a grid prints a line with its place and title after every 25 %, because all runs share
+    the output. The estimate of the time left begins with the first update, because the warm-up is faster.
 
     Args:
-        title: the run in words.
-        episodes: how many the run has.
-        events: what the training yields.
-        place: the run's place in a grid, else empty.
-        done: episodes that were finished before the run was resumed.
+        title: title of the run.
+        episodes: number of training episodes of the run.
+        events: events that the training yields.
+        place: the run's place in a grid, such as `3 of 40`; empty outside a grid.
+        done: number of episodes that were finished before the run was resumed.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -72,7 +72,7 @@ def progress(
         task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy="")
         for event in events:
             if isinstance(event, Evaluated):
-                greedy = f"{event.sailed.episode_return:.1f}"
+                greedy = f"{event.greedy_episode.episode_return:.1f}"
                 bar.update(task, greedy=greedy)
             else:
                 now = f"{event.episode_return:.1f}"
@@ -83,21 +83,21 @@ def progress(
                 if plain and (left := lines.due(event.episode / episodes)) is not None:
                     left = left if is_measured else ""
                     say(f"{prefix}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
-                    # The pace of the next line is that since this one.
+                    # The next line's estimate uses the pace since this line.
                     is_measured = has_updates
             yield event
 
 
 @contextmanager
 def hold(lock: FileLock, what: str) -> Iterator[None]:
-    """Hold a lock; while another process has it, print what this one waits for, every minute."""
+    """Hold a lock; while another process has it, print every minute what this process waits for."""
     started, wait = time.monotonic(), SHORT_WAIT
     while True:
         try:
             lock.acquire(timeout=wait)
             break
         except Timeout:
-            waited = in_words(time.monotonic() - started)
+            waited = format_duration(time.monotonic() - started)
             say(f"waiting for another process that is at {what} ({waited} so far; {lock.lock_file})")
             wait = LONG_WAIT
     try:
@@ -147,10 +147,10 @@ def show_result(result: Result, folder: Path) -> None:
 
 
 def say_next(result: Result, folder: Path) -> None:
-    """Print what to look at, and how to watch the policy."""
+    """Print which picture to look at, and how to watch the policy."""
     if (folder / TRANSFER).is_file():
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
-        say("  no run from scratch of these settings to compare with; +arm=scratch makes one")
+        say("  no run from scratch of these settings to compare with; to train one: +arm=scratch")
     say(f"  watch it: python -m ship_trl watch {folder}")
     say("  watch a ship give way to two others: python -m ship_trl watch pretrained target=4")

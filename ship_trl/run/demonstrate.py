@@ -9,12 +9,12 @@ from ship_trl.learn.replay import StateReplay
 from ship_trl.run.run import Run
 from ship_trl.sim.env import ShipEnv
 
-# Allowed difference of a return, because processors round differently.
+# Allowed difference of returns, because processors round differently.
 RETURN_TOLERANCE = 0.01
 
 
 def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
-    """Replay the actions of a run's demonstrations and store their steps; the oldest go when it is full.
+    """Step through a run's demonstrations and store the steps; a full replay overwrites the oldest ones.
 
     Raises:
         ConfigError: a demonstration does not reach the return in its file.

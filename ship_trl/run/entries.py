@@ -1,7 +1,7 @@
 """Read policies and cases from a command line, the same way for `evaluate`, `watch` and `record`.
 
 POLICY is a name in `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
-folders and `pretrained` bring their own target; every other policy needs `target=CASE`.
+folders and `pretrained` have their own target; every other policy needs `target=CASE`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     Raises:
         ConfigError: an unknown word, a folder without a result, or a policy without a target.
     """
-    # A path may contain an equals sign, such as seed=0.
+    # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
     given = [word.split("=", 1) for word in words if word not in names]
     settings = {word[0]: word[1] for word in given}
@@ -39,7 +39,7 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     if unknown:
         raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
     if len(given) > 1:
-        raise ConfigError("target: given twice; allowed: once, with several behind commas")
+        raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
     world = load_world()
@@ -54,7 +54,7 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
             raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
         elif not targets:
             raise ConfigError(
-                f"target: none given for {name}; allowed: target=CASE, or several behind commas"
+                f"target: none given for {name}; allowed: target=CASE, with commas between several cases"
             )
         else:
             entries += [Entry(name, name, case, world, colour) for case in targets]
@@ -62,16 +62,16 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
 
 
 def bundled_entries(name: str, targets: list[Case], world: World) -> list[Entry]:
-    """Return the bundled networks, on `targets` or each on its own case, with the returns they claim.
+    """Return the bundled networks, on `targets` or each on its own case, with the return that each claims.
 
     Raises:
-        ConfigError: no bundled network has such a case.
+        ConfigError: there is no bundled network for a case.
     """
     if targets:
         chosen = [(find(name, case), case) for case in targets]
     else:
         named = networks() if name == PRETRAINED else [find(name, None)]
-        # A file of that name in the working directory may be another case, without a claimed return.
+        # The working directory may have another case of the same name. For it no return is claimed.
         chosen = [(one, load_case(one.case, world)) for one in named]
     entries = []
     for one, case in chosen:
@@ -87,10 +87,10 @@ def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
         ConfigError: there is no result, or its configuration is unreadable.
     """
     found: list[Entry] = []
-    whole, broken = collect(folder)
+    readable, broken = collect(folder)
     for path, error in broken:
         print_error(f"{path} {error}; left out")
-    for run in whole:
+    for run in readable:
         result, place = run.result, run.folder
         world, colour = settings_of(place)
         cases = targets or [load_case(result.target, world, f"{place / RESULT}: target")]
@@ -108,7 +108,7 @@ def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
 
 
 def best_of_folders(entries: list[Entry]) -> list[Entry]:
-    """Leave out the last network of each result, but keep files that were named.
+    """Drop the last network of each result, but keep files that the command line names.
 
     Raises:
         ConfigError: nothing is left.
@@ -120,7 +120,7 @@ def best_of_folders(entries: list[Entry]) -> list[Entry]:
 
 
 def settings_of(folder: Path) -> tuple[World, bool]:
-    """Read from a run's configuration its world, and whether its pictures have colours.
+    """Read a run's world, and whether its pictures have colours, from its configuration.
 
     Raises:
         ConfigError: the configuration is missing or unreadable.

@@ -20,9 +20,9 @@ from ship_trl.transfer.casebase import CaseBase, Entry
 
 
 def run_experiment(run: Run, place: str = "") -> Result:
-    """Train a run, and its source first if the case base lacks it, and return the result.
+    """Train a run and return its result; if the case base lacks its source network, train that first.
 
-    A finished run of the same settings is shown again, not trained again.
+    If the folder holds a finished run of the same settings, its result is shown and nothing is trained.
 
     Args:
         run: what to train.
@@ -32,19 +32,19 @@ def run_experiment(run: Run, place: str = "") -> Result:
     device = torch.device(run.config.device)
     if device.type == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
-    # A file that cannot be used is refused before anything is written.
+    # Refuse an unusable file before anything is written.
     given = read_source(run) if run.source is None else None
-    # Of two processes with the same run the second waits and finds it done. That happens when a study was
-    # killed and started again.
+    # Two processes may have the same run, if a study was killed and started again. The second one waits, and
+    # then finds the run finished.
     with console.hold(run.lock(), run.title):
-        # Since planning, a run of other settings may have finished in this folder.
+        # A run of other settings may have finished in this folder since `make_run` checked it.
         result = find_result(run)
         if result is None:
             source = read_source(run, find_source(run.source, run.title, place)) if run.source else given
             result = train_run(run, device, source, place)
         else:
             console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
-        # A process may have been killed after the result was written and before these two steps.
+        # An earlier process may have been killed after it wrote the result and before these two steps.
         retain(run, result)
         Checkpoints(run.folder).remove()
     release_memory()
@@ -53,31 +53,31 @@ def run_experiment(run: Run, place: str = "") -> Result:
 
 
 def find_source(source: Run, title: str, place: str) -> Entry:
-    """Find a source network in the case base, or train and keep it first.
+    """Find a source network in the case base; if it is missing, train and store it.
 
-    If several processes want the same one, the first trains it and the others wait.
+    If several processes need the same network, the first one trains it and the others wait.
 
     Args:
         source: the run that trains it.
-        title: what it is needed for.
-        place: the place in a grid of the run that needs it.
+        title: title of the run that needs it.
+        place: place in a grid of the run that needs it; empty outside a grid.
     """
     base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
     wanted = (source.target, source.entry_arm, source.config.seed, source.config_hash)
     with console.hold(base.lock(*wanted), source.title):
         entry = base.find(*wanted)
         if entry is None:
-            # It may be trained as a run of its own at the same time.
+            # Another process may train it at the same time, as a run of its own.
             with console.hold(source.lock(), source.title):
                 result = find_result(source)
                 if result is None:
-                    console.say(f"two trainings: first the source, {source.title}; then {title}")
+                    console.say(f"two trainings: first {source.title} as the source; then {title}")
                     result = train_run(source, device, None, place)
                 entry = retain(source, result)
                 Checkpoints(source.folder).remove()
             return entry
     if find_result(source) is not None:
-        # The process that trained it may have been killed before it did this.
+        # The process that trained it may have been killed before this step.
         Checkpoints(source.folder).remove()
     console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry

@@ -1,4 +1,4 @@
-"""The folder of a run: check what it holds before the run begins, and empty it. No torch."""
+"""The folder of a run: check its contents before the run begins, and empty it. No torch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ship_trl.run.run import Run
 from ship_trl.transfer.casebase import CONFIG, LOCKS, CaseBase
 
 OTHER_SETTINGS = "of other settings"
-# Settings that do not change what is learned.
+# Settings that do not change what a run learns.
 IGNORED_KEYS = {
     *("output", "case_base", "overwrite", "logger", "wandb", "checkpoint", "objective", "pair", "profile")
 }
@@ -39,15 +39,16 @@ class TakenError(ConfigError):
         self.folder, self.held = folder, held
 
     def __reduce__(self) -> tuple[type[TakenError], tuple[Path, str]]:
-        """Keep both arguments when a grid process sends the error to its launcher."""
+        """Pickle both arguments, for a process of a grid that sends the error to its launcher."""
         return TakenError, (self.folder, self.held)
 
 
 def check_folder(run: Run) -> None:
-    """Check, before a run begins, that its folder can be written and that no other run would be lost.
+    """Check, before a run begins, that its folder is writable and that no other run would be overwritten.
 
     Raises:
-        ConfigError: the folder, a lock or the case base would be written through a link, or not at all.
+        ConfigError: the folder is not writable, or it, a lock or the case base would be written through a
+            link.
         TakenError: the folder holds another run.
     """
     for parent in (run.folder, *run.folder.parents):
@@ -61,16 +62,16 @@ def check_folder(run: Run) -> None:
         raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     if linked := links(run.folder / FOLDER, output):
         raise ConfigError(
-            f"output: {linked[0]} is a link, and what it leads to might be replaced; "
+            f"output: {linked[0]} is a link, so files outside the folder could be replaced; "
             "allowed: only output= itself may be one"
         )
     find_result(run)
 
 
 def find_result(run: Run) -> Result | None:
-    """Return the run's own result if its folder holds one, and None if it may be trained there.
+    """Return the run's result if its folder holds it, or None if the run may be trained there.
 
-    With `overwrite=true` a run may be trained wherever there is no result of its own.
+    With `overwrite=true`, it may also be trained in a folder of another run or of a damaged result.
 
     Raises:
         TakenError: the folder holds a run of other settings, finished or not, or a damaged result.
@@ -94,7 +95,7 @@ def find_result(run: Run) -> Result | None:
 
 
 def check_unfinished(run: Run) -> None:
-    """Refuse a folder with checkpoints of a run of other settings."""
+    """Raise a `TakenError` if the folder has checkpoints of a run of other settings."""
     checkpoints = Checkpoints(run.folder)
     unfinished = checkpoints.about()
     if unfinished is not None and unfinished.config_hash != run.config_hash:
@@ -106,13 +107,13 @@ def check_unfinished(run: Run) -> None:
 
 
 def other_settings(run: Run) -> str:
-    """Say that a folder holds other settings than the run's, and name the first ones that differ."""
-    found = differences(run.folder, run.config)
+    """Return the words "of other settings", with the first settings that differ from the run's."""
+    found = list_differences(run.folder, run.config)
     return f"{OTHER_SETTINGS} ({', '.join(found)})" if found else OTHER_SETTINGS
 
 
-def differences(folder: Path, config: Config) -> list[str]:
-    """Name settings of the run in `folder` that differ from `config`, such as `learn.lr=0.001`."""
+def list_differences(folder: Path, config: Config) -> list[str]:
+    """List settings of the run in `folder` that differ from `config`, for example `learn.lr=0.001`."""
     try:
         there = OmegaConf.to_container(read_yaml(folder / CONFIG))
     except (OSError, yaml.YAMLError):
@@ -135,8 +136,8 @@ def flatten(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 def open_folder(run: Run, resume: bool = False) -> None:
     """Empty the run's folder and write its configuration.
 
-    What is deleted is an unfinished run, or one that `overwrite=true` replaces. With `resume` the
-    checkpoints stay; everything else is written again.
+    It deletes an unfinished run, or a run that `overwrite=true` replaces. With `resume` it keeps the
+    checkpoints, because everything else is written again.
     """
     try:
         run.folder.mkdir(parents=True, exist_ok=True)
@@ -145,7 +146,7 @@ def open_folder(run: Run, resume: bool = False) -> None:
                 remove(path)
         with replacing(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
-        # The folder of the checkpoints exists until the run is finished.
+        # The checkpoint folder exists until the run is finished.
         Checkpoints(run.folder).begin_run(run.config_hash)
     except OSError as error:
         place = error.filename or run.folder

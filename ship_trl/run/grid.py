@@ -27,7 +27,7 @@ Words = Sequence[str]
 
 
 class CheckRuns(Callback):
-    """Refuses a grid, in one line, if a run is invalid or two runs would share a folder."""
+    """Ends the program with a one-line message if a run is invalid or two runs would share a folder."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Check before Hydra writes anything and before the launcher starts."""
@@ -46,18 +46,18 @@ def check(config: DictConfig) -> None:
         ConfigError: a run is invalid, two different runs share a folder, or there is no cluster.
     """
     check_slurm(str(config.hydra.runtime.choices["hydra/launcher"]), "hydra/launcher")
-    kept: dict[Path, dict[str, set[str]]] = {}
-    for number, words in enumerate(runs_of(config)):
+    in_folder: dict[Path, dict[str, set[str]]] = {}
+    for number, words in enumerate(list_runs(config)):
         try:
-            run = make_run(to_config(composed(config, number, words)))
+            run = make_run(to_config(compose_run(config, number, words)))
         except TakenError:
-            # This run is refused when its turn comes; the others are trained.
+            # This run fails when its turn comes; the other runs are trained.
             continue
         except (HydraException, OmegaConfBaseException):
-            # Hydra itself reports what is wrong.
+            # Hydra reports this error itself.
             return
-        kept.setdefault(run.folder, {})[run.config_hash] = set(words)
-    for folder, runs in kept.items():
+        in_folder.setdefault(run.folder, {})[run.config_hash] = set(words)
+    for folder, runs in in_folder.items():
         if len(runs) > 1:
             every = [word for words in runs.values() for word in words]
             differ = {word for word in every if every.count(word) < len(runs)}
@@ -67,24 +67,22 @@ def check(config: DictConfig) -> None:
 
 
 def describe_shared(folder: Path, keys: Sequence[str]) -> str:
-    """Say that runs which differ in `keys` share a folder, and how each gets its own."""
+    """Return the message that runs which differ in `keys` share a folder, and how each run gets its own."""
     groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
-    each = f"as 'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
+    how = f"as 'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
     if groups & set(keys):
-        # These keys choose config groups, which the name of the output folder cannot contain.
-        each = "by a grid for each with another output=FOLDER"
-    return (
-        f"output: runs that differ in {' and '.join(keys)} would all be {folder}; allowed: one each, {each}"
-    )
+        # These keys choose config groups. The name of the output folder cannot contain them.
+        how = "by a grid for each with another output=FOLDER"
+    return f"output: runs that differ in {' and '.join(keys)} would all be {folder}; allowed: one each, {how}"
 
 
-def runs_of(config: DictConfig) -> list[Words]:
-    """List the overrides of each run of a grid; empty if a sweeper chooses them one after another."""
+def list_runs(config: DictConfig) -> list[Words]:
+    """List the overrides of each run of a grid; empty if a sweeper chooses them during the sweep."""
     sweeper = config.hydra.sweeper
     if not str(sweeper.get("_target_")).endswith(BasicSweeper.__name__):
         return []
     params = sweeper.get("params") or {}
-    # Unresolved: ${learn.lr} has another value in each run.
+    # Unresolved, because ${learn.lr} may have another value in each run.
     task: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
     words = [*(f"{key}={value}" for key, value in params.items()), *task]
     try:
@@ -94,8 +92,8 @@ def runs_of(config: DictConfig) -> list[Words]:
     return [run for batch in BasicSweeper.split_arguments(given, None) for run in batch]
 
 
-def composed(config: DictConfig, number: int, words: Words) -> DictConfig:
-    """Compose a run of a grid as the launcher will."""
+def compose_run(config: DictConfig, number: int, words: Words) -> DictConfig:
+    """Compose the configuration of a run of a grid, as the launcher will do."""
     values = GlobalHydra.instance().config_loader().load_sweep_config(config, list(words))
     with read_write(values), open_dict(values):
         values.hydra.job.num = number

@@ -1,4 +1,4 @@
-"""What a training has produced so far: the rows of its curve, and its best network."""
+"""The results of a training so far: the rows of its curve, and its best network."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class History:
     """All events of a training in order, as rows of `curve.csv`, and its best network.
 
     Args:
-        network: receives the weights of the best network; it has the same layers.
+        network: a network with the same layers, which gets the weights of the best one.
 
     Attributes:
         rows: one dictionary for each event.
@@ -39,36 +39,38 @@ class History:
         self.best: Evaluated | None = None
         self.network = network
 
-    def add(self, event: Finished | Evaluated, judged: nn.Module) -> bool:
-        """Add an event; return whether it evaluates the best network so far, which is `judged`."""
+    def add(self, event: Finished | Evaluated, evaluated: nn.Module) -> bool:
+        """Add an event; return whether it is an evaluation, and `evaluated` is the best network so far."""
         self.rows.append(row(event))
         if isinstance(event, Finished):
             return False
         # On ties keep the later one: in case 1 even an untrained network may keep its course to the goal.
-        if self.best is not None and event.sailed.episode_return < self.best.sailed.episode_return:
-            return False
+        if self.best is not None:
+            previous = self.best.greedy_episode.episode_return
+            if event.greedy_episode.episode_return < previous:
+                return False
         self.best = event
-        self.network.load_state_dict(judged.state_dict())
+        self.network.load_state_dict(evaluated.state_dict())
         return True
 
     def restore(
         self, text: str, weights: Mapping[str, Tensor], run_episode: Callable[[DuelingNetwork], Episode]
     ) -> None:
-        """Load the rows of a curve and its best network, whose greedy episode is run again.
+        """Load the rows of a curve and its best network, and run that network's greedy episode again.
 
         Raises:
             ValueError, KeyError, RuntimeError: they do not belong to a training of this network.
         """
         self.rows = from_csv(text)
-        judged = [values for values in self.rows if "greedy_return" in values]
-        best = max(values["greedy_return"] for values in judged)
-        last = [values for values in judged if values["greedy_return"] == best][-1]
+        evaluations = [values for values in self.rows if "greedy_return" in values]
+        best = max(values["greedy_return"] for values in evaluations)
+        last = [values for values in evaluations if values["greedy_return"] == best][-1]
         self.network.load_state_dict(weights)
         self.best = Evaluated(last["episode"], last["steps"], run_episode(self.network))
 
     @property
     def finished(self) -> list[Finished]:
-        """The training episodes."""
+        """All finished training episodes, in order."""
         return [
             Finished(
                 episode=values["episode"],
@@ -86,7 +88,7 @@ class History:
 
     @property
     def evaluated(self) -> list[Evaluation]:
-        """The greedy evaluations."""
+        """All greedy evaluations, in order."""
         return [
             Evaluation(
                 episode_return=values["greedy_return"],

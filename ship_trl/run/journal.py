@@ -1,4 +1,4 @@
-"""Write checkpoints during a training, and resume from those of an earlier process."""
+"""Write checkpoints during a training, and resume from the checkpoints of an earlier process."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from ship_trl.run.run import Run
 
 
 class Journal:
-    """Writes checkpoints of a training between two of its steps, and resumes from them.
+    """Writes checkpoints of a training between two steps, and resumes from them.
 
     Args:
-        run: the checkpoints are in its folder.
-        parts: what the training consists of.
-        started: when it was started, as `time.perf_counter`.
+        run: the run; its folder holds the checkpoints.
+        parts: the parts of the training.
+        started: start of the training, as `time.perf_counter`.
     """
 
     def __init__(self, run: Run, parts: Parts, started: float) -> None:
         self._run, self._parts, self._started = run, parts, started
-        often, self._episodes = run.config.checkpoint, run.config.learn.episodes
-        self.checkpoints = Checkpoints(run.folder, often.every * self._episodes, often.seconds)
-        # Episode of the newest checkpoint.
-        self._kept: int | None = None
+        interval, self._episodes = run.config.checkpoint, run.config.learn.episodes
+        self.checkpoints = Checkpoints(run.folder, interval.every * self._episodes, interval.seconds)
+        # Episode of the newest checkpoint; None without one.
+        self._newest: int | None = None
 
     @property
     def seconds(self) -> float:
@@ -64,7 +64,7 @@ class Journal:
         }
         try:
             self.checkpoints.write(tensors, about)
-            self._kept = training.episode
+            self._newest = training.episode
         except OSError as error:
             console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
             self.checkpoints.begin(training.episode)
@@ -72,12 +72,12 @@ class Journal:
     def resume(self, in_a_grid: bool = False) -> None:
         """Restore the training from the newest intact checkpoint of this run, if there is one.
 
-        Damaged checkpoints are reported and deleted. A checkpoint computed by other arithmetic would not
-        lead to the same bits as an uninterrupted run. In a grid, which nobody watches, such a run starts
-        over.
+        Damaged checkpoints are reported and deleted. From a checkpoint of other arithmetic the training would
+        not get the same bits as an uninterrupted one. In a grid it then starts over, because nobody may be
+        there to choose.
 
         Raises:
-            ConfigError: it was computed by other arithmetic, or was not written by this program.
+            ConfigError: the checkpoint was computed by other arithmetic, or not written by this program.
         """
         found, damaged = self.checkpoints.read(self._run.config_hash)
         for path, reason in damaged.items():
@@ -107,22 +107,22 @@ class Journal:
                 f"allowed: remove {folder} to begin anew"
             ) from None
         self._started -= about.seconds
-        self._kept = about.episode
+        self._newest = about.episode
         self.checkpoints.begin(about.episode)
         console.say(f"goes on from its checkpoint, episode {about.episode} of {about.episodes}")
 
     def stop(self) -> str:
-        """Write a checkpoint; return a message that says where the training stopped and how to resume."""
+        """Write a checkpoint; return a message that says where the training stopped and how to resume it."""
         self.write()
         episode = self._parts.training.episode
         where = f"stopped at episode {episode} of {self._episodes}; the same command "
-        if self._kept == episode:
+        if self._newest == episode:
             return where + "goes on from there"
-        return where + ("begins anew" if self._kept is None else f"goes on from episode {self._kept}")
+        return where + ("begins anew" if self._newest is None else f"goes on from episode {self._newest}")
 
     def describe_divergence(self, error: DivergedError) -> str:
         """Return a message that says how the training diverged and which checkpoint is kept."""
-        kept = "" if self._kept is None else f"; the checkpoint of episode {self._kept} is kept"
+        kept = "" if self._newest is None else f"; the checkpoint of episode {self._newest} is kept"
         return (
             f"learn: {error}, at episode {self._parts.training.episode} of {self._run.folder}{kept}; "
             "a smaller learn.lr or learn.reward_scale, or learn.loss=huber, may help"

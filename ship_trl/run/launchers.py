@@ -1,4 +1,4 @@
-"""Close gaps of Hydra's launchers: processes that outlive them, and Ray's world-readable token."""
+"""Fix two problems of Hydra's launchers: processes that outlive them, and Ray's world-readable token."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ship_trl.run.stop import TIME_TO_STOP, die_of
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
 RAY = "hydra_plugins.hydra_ray_launcher"
-# Environment variable: id of the process that starts those of a grid.
+# Environment variable: id of the process that starts the processes of a grid.
 LAUNCHER = "SHIP_TRL_LAUNCHER"
 # Environment variable: how many runs a grid has.
 GRID = "SHIP_TRL_GRID"
@@ -36,16 +36,16 @@ PR_SET_PDEATHSIG = 1
 
 
 def mark_launcher() -> None:
-    """Write down that this process is the one that may start others."""
+    """Set the environment variable that marks this process as the launcher of a grid."""
     os.environ[LAUNCHER] = str(os.getpid())
 
 
-def let_runs_stop() -> None:
+def install_signal_handlers() -> None:
     """On Ctrl-C and SIGTERM, give the processes of a grid time to write their checkpoints.
 
-    Ctrl-C reaches them too, but joblib would kill them at once. A second Ctrl-C does not wait. SIGTERM is
-    forwarded to them: they would be signalled when this process ends, but in a container the end of the
-    first process kills all others with it.
+    Ctrl-C reaches them too, but joblib would kill them at once, so this process waits. A second Ctrl-C does
+    not wait. SIGTERM is forwarded to them. Otherwise they would get it only when this process ends, which is
+    too late in a container: the end of its first process kills all others.
     """
 
     def wait(*_: object) -> None:
@@ -53,7 +53,7 @@ def let_runs_stop() -> None:
         time.sleep(2 * TIME_TO_STOP)
         raise KeyboardInterrupt
 
-    def pass_on(number: int, _: object) -> None:
+    def forward(number: int, _: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         for child in children():
             with contextlib.suppress(ProcessLookupError):
@@ -64,7 +64,7 @@ def let_runs_stop() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, wait)
     if signal.getsignal(signal.SIGTERM) is not signal.SIG_IGN:
-        signal.signal(signal.SIGTERM, pass_on)
+        signal.signal(signal.SIGTERM, forward)
 
 
 def children() -> list[int]:
@@ -77,10 +77,10 @@ def children() -> list[int]:
 
 
 def die_with_launcher() -> None:
-    """In a process of a grid: end when the launcher ends, even if it is killed.
+    """In a process of a grid: end when the launcher ends, even if the launcher is killed.
 
-    Otherwise it would finish its run beside those of a restarted grid, on the same cores. Processes of
-    joblib are always children of the launcher: with another parent they are orphans already.
+    Otherwise the process would continue its run, and share the cores with a restarted grid. Processes of
+    joblib are children of the launcher: if one has another parent, the launcher has ended already.
     """
     launcher = os.environ.get(LAUNCHER)
     if launcher is not None and (launcher == str(os.getppid()) or current_process().name.startswith(JOBLIB)):
@@ -90,7 +90,7 @@ def die_with_launcher() -> None:
 
 
 def die_with_parent() -> None:
-    """In a child process: end when the parent ends, however it ends. It works on Linux only."""
+    """In a child process: end when the parent ends for any reason; on Linux only."""
     try:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     except (AttributeError, OSError, TypeError):
@@ -98,11 +98,11 @@ def die_with_parent() -> None:
 
 
 class CountRuns(Callback):
-    """Tells the processes of a grid how many runs it has, and lets them stop cleanly."""
+    """Tells the processes of a grid how many runs the grid has, and lets them stop cleanly."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Prepare before the launcher starts."""
-        let_runs_stop()
+        install_signal_handlers()
         refuse_linked_files(Path(config.hydra.sweep.dir))
         sweeper = config.hydra.sweeper
         runs = OmegaConf.select(sweeper, "n_trials")
@@ -113,7 +113,7 @@ class CountRuns(Callback):
                 given = OverridesParser.create().parse_overrides(words)
                 runs = math.prod(len(list(one.sweep_iterator())) for one in given if one.is_sweep_override())
             except HydraException:
-                # Hydra itself reports what is wrong, or its sweeper has another syntax.
+                # Hydra reports this error itself, or its sweeper has another syntax.
                 return
         os.environ[GRID] = str(runs)
 
@@ -145,9 +145,8 @@ def check_slurm(launcher: str, key: str) -> None:
 class PrivateToken(Callback):
     """Hides Ray's token from other users of the machine.
 
-    Ray would write the token of a cluster that it starts itself into `~/.ray/auth_token`, readable by
-    everyone. Such a cluster ends with the grid, so its token can stay in memory. An existing file is made
-    readable by its owner only.
+    If Ray starts a cluster, it writes the cluster's token into `~/.ray/auth_token`, which everyone can read.
+    The cluster ends with the grid, so the token can stay in memory. An existing file is made private.
     """
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
@@ -158,7 +157,7 @@ class PrivateToken(Callback):
 
 
 def close_token(own_cluster: bool) -> None:
-    """Make an existing token file private; without one, give our own cluster a token in memory."""
+    """Make an existing token file private. If there is none, set the token of our own cluster in memory."""
     path = Path.home() / ".ray" / "auth_token"
     if path.is_file() and path.stat().st_mode & 0o077:
         path.chmod(0o600)

@@ -10,10 +10,10 @@ from ship_trl.run.run import Run
 
 
 def objective(run: Run, result: Result) -> float:
-    """Return the greedy return that `objective` in the configuration chooses.
+    """Return the greedy return that the setting `objective` chooses.
 
     Raises:
-        ConfigError: it needs the curve, which is damaged.
+        ConfigError: the curve is needed and damaged.
     """
     if run.config.objective is Objective.best:
         return result.best.episode_return

@@ -1,4 +1,4 @@
-"""Make what a training consists of: environments, networks, replay, random generators."""
+"""Make the parts of a training: environments, networks, replay, random generators."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ JUMPSTART_BATCH = 25
 
 @dataclass(frozen=True)
 class Parts:
-    """A training that has not started, and what was measured before it.
+    """The parts of a training that has not started, and what was measured before it.
 
     Attributes:
         training: the training loop.
         agent: the learner.
         eval_env: the environment of greedy evaluations.
-        draw: states to pixels.
+        draw: draws states as pixels.
         history: collects the events of the training.
         scratch: greedy episode of the network before anything is copied.
         draws: greedy returns over random draws of the layers that are not copied.
-        origin: where the copied weights came from; None from scratch.
+        origin: origin of the copied weights; None from scratch.
     """
 
     training: Training
@@ -53,7 +53,7 @@ class Parts:
 
     @property
     def computed(self) -> str:
-        """Name its arithmetic: precision, backend, processor or device, torch, rounding."""
+        """Arithmetic: precision, backend, processor or device, torch version, digest of its rounding."""
         agent, device = self.agent, self.eval_env.device
         precision = str(agent.dtype).removeprefix("torch.")
         place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
@@ -67,7 +67,7 @@ class Parts:
 
 @cache
 def digest_rounding(dtype: torch.dtype, device: torch.device) -> str:
-    """Digest a few matrix products, because processors of one name may round differently."""
+    """Return a digest of a few matrix products, because processors of the same name may round differently."""
     generator, digest = Generator().manual_seed(0), hashlib.sha256()
     # Rows, inner and outer size: a batch in the fully connected layer, conv windows, and a single step.
     for rows, inner, outer in ((32, 3136, 512), (2000, 256, 32), (500, 576, 64), (1, 3136, 512)):
@@ -79,19 +79,19 @@ def digest_rounding(dtype: torch.dtype, device: torch.device) -> str:
 
 
 def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
-    """Make the parts from a run's configuration and its random streams.
+    """Make the parts of a training from a run's configuration and its random streams.
 
     Args:
         run: what is trained.
-        device: where networks and environments are.
+        device: device of the networks and environments.
         source: the weights to copy; None from scratch.
 
     Raises:
         ConfigError: a demonstration does not reach the return in its file.
     """
     config, learn = run.config, run.config.learn
-    # Weights are drawn on the CPU, so that they are the same on every device. Torch demands that the other
-    # numbers are drawn on the device that uses them.
+    # Weights are drawn on the CPU, so that they are the same on every device. The other streams must be on
+    # the device that uses them, as torch demands.
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     draw = Rasteriser(run.target, config.world, colour=config.colour, device=device)
@@ -123,9 +123,9 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
 
 
 def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
-    """Return greedy returns before training, over draws of the layers that are not copied.
+    """Return greedy returns before training, for random draws of the layers that are not copied.
 
-    A network that is copied whole has a single return.
+    If all layers are copied, there is nothing to draw and only one return.
     """
     config = run.config
     count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(agent.network.conv_names))

@@ -23,15 +23,15 @@ from ship_trl.run.run import Run
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import rank
 
-# Increase it when runs of the same settings learn something else (world, network, learner, streams). Then no
-# result of an older version is shown as one of this version.
+# Increase it with every change (of world, network, learner or streams) after which runs of the same settings
+# learn something else. Then results of an older version are not taken for results of this one.
 ALGORITHM_VERSION = 2
 # Prefix of the name of a folder that a study has set aside.
 DAMAGED = "damaged-"
 
 
 def make_run(config: Config) -> Run:
-    """Plan the run of a checked configuration, and its source's run first.
+    """Plan the run of a checked configuration, and first the run that trains its source.
 
     Raises:
         ConfigError: a case is missing or invalid, the folder is not writable, or it holds a run of other
@@ -46,16 +46,16 @@ def make_run(config: Config) -> Run:
         if config.arm.weights is SourceWeights.pretrained:
             pretrained = find(PRETRAINED, case, "source")
         elif config.source_file is None and config.arm.has_trained_source:
-            alone = dataclasses.replace(
+            source_config = dataclasses.replace(
                 config.with_arm(SCRATCH),
                 pair=None,
                 target=config.source,
                 demonstrations=None,
-                # `overwrite=true` is about the target's folder.
+                # `overwrite=true` is meant for the target's folder only.
                 overwrite=False,
             )
             try:
-                source = make_run(alone)
+                source = make_run(source_config)
             except TakenError as error:
                 raise ConfigError(
                     f"output: {error.folder}, where the source would be trained, holds {error.held}; "
@@ -74,7 +74,7 @@ def make_run(config: Config) -> Run:
 
 
 def resolve_pretrained(config: Config, target: Case) -> Config:
-    """Replace `source=pretrained` by a case: the source of the pair, else the most similar bundled case."""
+    """Replace `source=pretrained` by the pair's source or, without a pair, the most similar bundled case."""
     if config.source != PRETRAINED:
         return config
     if config.pair is not None:
@@ -90,7 +90,7 @@ def resolve_pretrained(config: Config, target: Case) -> Config:
         other_cases = [case for case in cases if case.fingerprint != target.fingerprint]
         source = rank(target, other_cases, config.world)[0].case.name
     if config.arm.is_scratch:
-        # Its folder lies beside the transfers of its grid.
+        # The source stays in the folder name, so that it is the same as in the transfers of the grid.
         return dataclasses.replace(config, source=source)
     return dataclasses.replace(config, source=source, source_weights=SourceWeights.pretrained)
 
@@ -107,19 +107,19 @@ def hash_of(
     pretrained: Pretrained | None = None,
     demonstrations: Sequence[Demonstration] = (),
 ) -> str:
-    """Return twelve hex digits of a digest over everything that decides what is learned."""
+    """Return a digest of everything that decides what is learned: twelve hex digits."""
     origin = source.config_hash if source else None
     if config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
     if config.arm.weights is SourceWeights.random:
         origin = "random"
     elif pretrained is not None:
-        # With the name of the case, because the random streams depend on it.
+        # Includes the name of the case, because the random streams depend on it.
         origin = f"pretrained {Path(str(config.source)).stem} {pretrained.sha256}"
     elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)
-    # Draws do not change what is learned; backends only round differently, as devices do.
+    # Jumpstart draws do not change what is learned. Backends only round differently, as devices do.
     del learn["jumpstart_draws"], learn["backend"]
     values: dict[str, Any] = {
         "algorithm_version": ALGORITHM_VERSION,

@@ -1,4 +1,4 @@
-"""How this process uses the machine: one core, no denormal numbers, retained memory; and its processor."""
+"""Configure the process (one thread, no denormal numbers, memory that is kept), and name its processor."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def configure_process() -> None:
     Adam's averages for units that no longer fire fall below 1e-38, where many processors take a hundred
     times as long per operation.
     """
-    # When safetensors, which is written in Rust, runs out of memory and should print a backtrace, that needs
-    # memory too: it deadlocks.
+    # safetensors is written in Rust. If it runs out of memory and prints a backtrace, which needs memory too,
+    # it deadlocks.
     os.environ["RUST_BACKTRACE"] = "0"
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
@@ -38,9 +38,9 @@ def configure_process() -> None:
 def release_memory() -> None:
     """Return the memory of a finished run to the system.
 
-    Its parts form reference cycles (a replay and its transforms do), which Python collects only now and
-    then, and glibc keeps freed memory, as `configure_process` asks. Without this, a process that trained
-    several runs with frozen layers held 4.5 GB, of which it used 0.6.
+    The run's parts form reference cycles (for example replay and transforms), which Python rarely collects.
+    And glibc keeps freed memory, because `configure_process` tells it to. Without this function, a process
+    that trained several runs with frozen layers held 4.5 GB and used 0.6 GB.
     """
     gc.collect()
     call_glibc("malloc_trim", 0)
@@ -55,7 +55,7 @@ def call_glibc(function: str, *arguments: int) -> None:
 def processor_name() -> str:
     """Return the name of the processor, with family and model if the system knows them.
 
-    A virtual machine often shows only the vendor; the numbers still tell generations apart.
+    A virtual machine often shows only the vendor, but family and model tell the generation.
     """
     try:
         lines = CPUINFO.read_text().splitlines()

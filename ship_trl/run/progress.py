@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 
 
-def in_words(seconds: float) -> str:
-    """Write a duration as hours and minutes, or as seconds."""
+def format_duration(seconds: float) -> str:
+    """Format a duration as hours and minutes, or as seconds."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
@@ -15,12 +15,12 @@ def in_words(seconds: float) -> str:
 
 
 class Lines:
-    """Decides when a line is due, by the share of the work that is done.
+    """Decides when a line is due from the share of the work that is done.
 
     Args:
         every: share of the work between two lines.
         first: share at which the first line is due.
-        begun: share that was done before.
+        begun: share that was done before this process started.
         apart: minimum seconds between two lines.
         clock: returns the time in seconds.
     """
@@ -34,21 +34,25 @@ class Lines:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._every, self._next, self._apart, self._clock = every, first, apart, clock
-        self._said, self._share = clock(), begun
+        self._last_time, self._last_share = clock(), begun
 
     def due(self, share: float) -> str | None:
-        """Return the time left in words if a line is due, else None; empty if it is not known yet.
+        """Return the time left as text if a line is due, else None; the text is empty if the time is unknown.
 
-        It is estimated from the pace since the last line, because the first steps of a run learn nothing and
-        are quicker.
+        The estimate uses the pace since the last line, because the first steps of a run make no updates and
+        are faster.
         """
         now = self._clock()
-        if share < self._next - 1e-9 or now - self._said < self._apart:
+        if share < self._next - 1e-9 or now - self._last_time < self._apart:
             return None
-        gained = share - self._share
+        gained = share - self._last_share
         known = share < 1.0 and gained >= 0.9 * self._every
-        left = f", about {in_words((1.0 - share) * (now - self._said) / gained)} left" if known else ""
-        self._said, self._share = now, share
+        left = (
+            f", about {format_duration((1.0 - share) * (now - self._last_time) / gained)} left"
+            if known
+            else ""
+        )
+        self._last_time, self._last_share = now, share
         # A multiple of `every`, so that rounding errors do not add up.
         self._next = self._every * (int(share / self._every + 1e-9) + 1)
         return left

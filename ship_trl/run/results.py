@@ -18,8 +18,8 @@ class Found:
     Attributes:
         result: its result.
         folder: its folder.
-        below: the folder that was searched.
-        part: the part of a study that it belongs to. The same pair and arm may be in several parts.
+        below: folder that was searched.
+        part: part of the study that it belongs to; several parts may have the same pair and arm.
     """
 
     result: Result
@@ -34,7 +34,7 @@ class Found:
 
 
 def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
-    """Return the results in `folder` and below, and for each broken one its path and what is wrong."""
+    """Return the results in `folder` and below, and the path and the error of each unreadable one."""
     found, broken = [], []
     for path in sorted(folder.rglob(RESULT)):
         if path.parent.name.startswith(DAMAGED):
@@ -48,7 +48,7 @@ def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
 
 
 def without_copies(found: Iterable[Found]) -> list[Found]:
-    """Leave out and name runs that are copies of another run, because they are no further seed."""
+    """Drop copies of another run, which are not further seeds, and print a warning for each."""
     kept: dict[str, list[Found]] = {}
     for one in found:
         alike = kept.setdefault(f"{one.place}/{one.result.arm}/{one.result.seed}", [])
@@ -61,7 +61,7 @@ def without_copies(found: Iterable[Found]) -> list[Found]:
 
 
 def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
-    """Group runs by folder, part, profile, pair and arm; return them in order of seed, by name of the row."""
+    """Group runs by folder, part, profile, pair and arm; return each group by its name, sorted by seed."""
     groups: dict[tuple[str, ...], list[Found]] = {}
     for one in found:
         names = (str(one.below), one.part, one.result.profile, one.result.pair, one.result.arm)

@@ -16,25 +16,25 @@ def row(event: Finished | Evaluated) -> dict[str, Any]:
         values = dataclasses.asdict(event)
         values["return"] = values.pop("episode_return")
         return drop_missing(values)
-    sailed = event.sailed
+    greedy = event.greedy_episode
     values = {
         "episode": event.episode,
         "steps": event.steps,
-        "greedy_return": sailed.episode_return,
-        "greedy_length": sailed.length,
-        "greedy_outcome": sailed.outcome,
-        "greedy_dcpa": sailed.dcpa,
+        "greedy_return": greedy.episode_return,
+        "greedy_length": greedy.length,
+        "greedy_outcome": greedy.outcome,
+        "greedy_dcpa": greedy.dcpa,
     }
     return drop_missing(values)
 
 
 def drop_missing(values: dict[str, Any]) -> dict[str, Any]:
-    """Drop missing values, such as the loss before the first update or a DCPA without target ships."""
+    """Drop missing values, for example the loss before the first update, or the DCPA without target ships."""
     return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 
 def numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    """Return a row's numbers by names with prefix train/ or greedy/; an outcome becomes a 0 or 1 per kind."""
+    """Return a row's numbers by names like `train/return`; `goal` and `collision` are 0 or 1."""
     kind = "train" if "return" in values else "greedy"
     found: dict[str, float] = {}
     for key, value in values.items():

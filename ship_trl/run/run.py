@@ -25,8 +25,8 @@ class Run:
     Attributes:
         config: all settings.
         target: the case that it learns.
-        source: the run that trains the source network, None where none has to be trained.
-        folder: where everything about it is written.
+        source: the run that trains the source network; None if no source has to be trained.
+        folder: folder of all its files.
         config_hash: digest of everything that decides what is learned. The same hash gives the same network
             on the same machine and backend.
         pretrained: the bundled source network, if it is the source.
@@ -43,36 +43,36 @@ class Run:
 
     @property
     def arm(self) -> Arm:
-        """Its arm."""
+        """Arm of the run."""
         return self.config.arm
 
     @property
     def title(self) -> str:
-        """One line for people."""
+        """Title of the run for people, in one line."""
         config = self.config
         start = "" if self.arm.is_scratch else f"case {config.source} -> "
         return f"{start}case {config.target}, {config.arm_label}, seed {config.seed}"
 
     @property
     def entry_arm(self) -> str:
-        """Name of its network in the case base: the arm, and the case that it was transferred from."""
+        """Name of its network in the case base: the arm and, after a transfer, the source case."""
         label = self.config.arm_label
         return label if self.arm.is_scratch else f"{label}-from-{Path(str(self.config.source)).stem}"
 
     def stream(self, purpose: str) -> int:
-        """Return the seed of the random numbers of one purpose.
+        """Return the seed of the random stream for one purpose.
 
-        It depends on source and target. Otherwise the fresh layers of a transfer would be drawn like those
-        that its source began with: layers that had already been trained together.
+        It depends on source and target. Otherwise the new layers of a transfer would be drawn with the
+        weights that its source began with, and which were trained together with the copied layers.
         """
-        # By its name: a shipped case by name or by path is the same case.
+        # The stem, so that a bundled case by name and by path gets the same streams.
         source = "" if self.arm.is_scratch else self.config.source
         source = Path(source).stem if source else source
         words = (self.config.seed, source, self.target.fingerprint, purpose)
         return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
 
     def lock(self) -> FileLock:
-        """Return the lock to hold while the run's folder is written; its file below `.locks` is kept.
+        """Return the lock to hold while the run's folder is written; its file in `.locks` is never deleted.
 
         Raises:
             ConfigError: the folder of the locks cannot be made.

@@ -21,10 +21,10 @@ from ship_trl.run.run import Run
 def scratch_returns(run: Run) -> NDArray[np.float64] | None:
     """Find runs from scratch that differ from `run` only in the transfer and the seed.
 
-    They are searched in the run's output folder and among the bundled curves (`pretrained`).
+    The function searches the run's output folder and the bundled curves (`pretrained`).
 
     Returns:
-        Raw training returns [S, E] of S seeds, or None if there is no such run.
+        Raw training returns [S, E] of S seeds, or None if no run is found.
     """
     curves = dict(find_own_curves(run))
     seeds = {one["seed"] for one in pretrained.read()["runs"]}

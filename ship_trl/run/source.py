@@ -12,12 +12,12 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.run import Run
 from ship_trl.transfer.casebase import Entry
-from ship_trl.transfer.layers import Weights, load_weights, permuted
+from ship_trl.transfer.layers import Weights, load_weights, permute_values
 
 
 @dataclass(frozen=True)
 class Source:
-    """The weights that a transfer copies from, and their origin in words."""
+    """The weights that a transfer copies from, and their origin for people."""
 
     weights: Weights
     origin: str
@@ -39,18 +39,18 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     channels = 3 if config.colour else 1
     network = DuelingNetwork(channels, len(config.world.actions), Generator(), config.network)
     if run.arm.weights is SourceWeights.random:
-        # A network like the target's before it learns, drawn from a stream of its own.
+        # An untrained network with the target's layers, drawn from a random stream of its own.
         network.reset(Generator().manual_seed(run.stream("random source")))
         return Source(network.state_dict(), SourceWeights.random.value)
     path, key, origin = find_file(run, entry)
     weights = load_weights(path, network, key)
     if run.arm.weights is SourceWeights.permuted:
-        weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
+        weights = permute_values(weights, Generator().manual_seed(run.stream("permuted source")))
     return Source(weights, origin)
 
 
 def find_file(run: Run, entry: Entry | None) -> tuple[Path, str, str]:
-    """Return the source network's file, the key to blame if it is refused, and the origin in words."""
+    """Return the source network's file, the setting that error messages name, and its origin for people."""
     if run.pretrained:
         return run.pretrained.file, "source", f"{PRETRAINED}:{run.pretrained.case}"
     if entry:

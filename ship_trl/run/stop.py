@@ -9,27 +9,27 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any, NoReturn
 
-# Seconds that the runs of a grid get to stop; a step and a checkpoint take a tenth of that.
+# Seconds that the runs of a grid get to stop; a step and a checkpoint take a tenth of it.
 TIME_TO_STOP = 2.0
 
 
 class StoppedError(KeyboardInterrupt):
-    """A training that was asked to stop and did; the message says where, and how to resume."""
+    """A training stopped because of a signal; the message says where, and how to resume it."""
 
     def __init__(self, text: str, number: signal.Signals) -> None:
         super().__init__(text)
         self.text, self.number = text, number
 
     def __reduce__(self) -> tuple[type[StoppedError], tuple[str, signal.Signals]]:
-        """Keep both arguments when a pool process sends the error."""
+        """Pickle both arguments, for a pool process that sends the error."""
         return StoppedError, (self.text, self.number)
 
 
 class Stop:
-    """A context in which the first Ctrl-C or SIGTERM only sets `asked`; a second Ctrl-C acts at once.
+    """A context in which the first Ctrl-C or SIGTERM only sets `asked`; a second Ctrl-C interrupts at once.
 
-    SIGTERM is sent by Slurm, by Kubernetes, and when a launcher ends. Outside the main thread the context has
-    no effect, because signals arrive only there.
+    Slurm, Kubernetes and an ending launcher send SIGTERM. Signals arrive only in the main thread, so the
+    context has no effect in other threads.
     """
 
     def __init__(self) -> None:
@@ -40,13 +40,15 @@ class Stop:
     def __enter__(self) -> Stop:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
-                # An ignored signal stays ignored, as in a background process. None: not set from Python.
+                # An ignored signal stays ignored, for example in a background process. None means that the
+                # handler was not set from Python.
                 if signal.getsignal(number) not in (signal.SIG_IGN, None):
                     self._before[number] = signal.signal(number, self._ask)
         return self
 
     def _ask(self, number: int, _: FrameType | None) -> None:
-        # Ctrl-C in a shell reaches this process and its launcher, which then also sends SIGTERM.
+        # Ctrl-C in a shell reaches this process and its launcher, which then sends SIGTERM too. So only
+        # Ctrl-C counts as a second request.
         self._interrupts += number == signal.SIGINT
         if self._interrupts > 1:
             raise KeyboardInterrupt
@@ -75,19 +77,19 @@ def unwind_at_sigterm() -> None:
 
 
 def heed_sigterm() -> None:
-    """End at SIGTERM if there is no other handler, even as the first process of a container.
+    """Install a handler that ends the process at SIGTERM, if there is no other handler.
 
-    The system does not end that process by a signal without a handler.
+    Without a handler, the first process of a container would ignore SIGTERM.
     """
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, lambda number, _: die_of(signal.Signals(number)))
 
 
 def die_of(number: signal.Signals) -> NoReturn:
-    """End this process by a signal as if it had no handler, at once."""
+    """End this process at once by a signal, as if the signal had no handler."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
-    # Only reached by the first process of a container, which its own signals do not kill.
+    # Reached only in the first process of a container, which the signal does not kill.
     os._exit(128 + number)

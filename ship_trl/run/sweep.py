@@ -1,4 +1,4 @@
-"""Print the best values at the end of a sweep, as overrides to continue with."""
+"""Print the best values at the end of a sweep, as overrides for the next command."""
 
 from __future__ import annotations
 

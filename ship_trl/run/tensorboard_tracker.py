@@ -20,16 +20,16 @@ from ship_trl.run.run import Run
 
 
 class TensorboardTracker:
-    """Writes event files in the run's folder, so that TensorBoard shows pair, arm and seed as its name."""
+    """Writes event files into the run's folder, so that TensorBoard names the run by pair, arm and seed."""
 
     def __init__(self, run: Run) -> None:
-        # Imported here because it is an extra; checks.py refuses the logger if it is not installed.
+        # Imported here because TensorBoard is optional; checks.py refuses the logger if it is not installed.
         from torch.utils.tensorboard import SummaryWriter
 
         self._folder, self._output = run.folder, run.config.output
         self._writer: Any = SummaryWriter(str(run.folder))
         values = plain(run.config) | {"arm": run.config.arm_label, "config_hash": run.config_hash}
-        self._writer.add_text("config", fenced(yaml.safe_dump(values, sort_keys=False)))
+        self._writer.add_text("config", to_code_block(yaml.safe_dump(values, sort_keys=False)))
 
     def log(self, values: Mapping[str, Any]) -> None:
         """Log the row of an event, with the episode as horizontal axis."""
@@ -42,10 +42,12 @@ class TensorboardTracker:
         with writing(self._folder):
             self._picture("learning curve", folder / "curve.png", result.episodes)
             self._picture("greedy episode", folder / "episode.gif", result.episodes)
-            self._writer.add_text("result", fenced(json.dumps(result.to_json(), indent=1)), result.episodes)
+            self._writer.add_text(
+                "result", to_code_block(json.dumps(result.to_json(), indent=1)), result.episodes
+            )
 
     def _picture(self, name: str, path: Path, step: int) -> None:
-        """Log an image file as it is: TensorBoard plays GIFs too, and `add_video` would need moviepy."""
+        """Log an image file unchanged: TensorBoard also plays GIFs, and `add_video` would need moviepy."""
         from tensorboard.compat.proto.summary_pb2 import Summary
 
         with Image.open(path) as picture:
@@ -64,6 +66,6 @@ class TensorboardTracker:
         )
 
 
-def fenced(text: str) -> str:
-    """Wrap a text as a code block of TensorBoard's Markdown."""
+def to_code_block(text: str) -> str:
+    """Wrap a text as a code block in TensorBoard's Markdown."""
     return f"```\n{text}\n```"

@@ -43,12 +43,11 @@ class CsvTracker:
 
 
 class Tracker:
-    """A context that logs to CSV and to what `logger` asks for, and closes them however the run ends.
+    """A context that logs to CSV and to the loggers in `logger`, and closes them even if the run fails.
 
     Args:
         run: the run that is logged.
-        rows: earlier events of a resumed run. All trackers get them again, so that none needs a memory of its
-            own.
+        rows: earlier events of a resumed run. All trackers get them again, so that none has to store them.
     """
 
     def __init__(self, run: Run, rows: Sequence[dict[str, Any]] = ()) -> None:
@@ -71,7 +70,7 @@ class Tracker:
         return self
 
     def log(self, event: Finished | Evaluated) -> None:
-        """Log an event everywhere."""
+        """Log an event with all trackers."""
         self._log(row(event))
 
     def _log(self, values: dict[str, Any]) -> None:
@@ -80,14 +79,14 @@ class Tracker:
             tracker.log(values)
 
     def finish(self, result: Result) -> None:
-        """Report the result."""
+        """Log the result with all trackers but CSV."""
         for tracker in self._others:
             tracker.finish(result, self._run.folder)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        # A stack closes the others if one fails.
+        # A stack, so that an error in one `close` does not keep the others open.
         with ExitStack() as stack:
             for tracker in self._others:
                 stack.callback(tracker.close, failed=kind is not None)

@@ -1,4 +1,4 @@
-"""Train one network: to its last episode, or until a signal stops it, and resume from there."""
+"""Train one network to its last episode, or until a signal stops it; resume a stopped training."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from ship_trl.transfer.layers import save_weights
 
 
 def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> Result:
-    """Train one network and write everything about it into the run's folder, `result.json` last.
+    """Train one network, and write all files into the run's folder, `result.json` last.
 
     If an earlier process left a checkpoint of this run, the training resumes from it.
 
     Args:
-        run: what to train; its lock is held.
-        device: where networks and environments are.
+        run: the run to train; the caller holds its lock.
+        device: device of the networks and environments.
         source: the weights to copy; None from scratch.
         place: the run's place in a grid, else empty.
 
@@ -44,7 +44,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         ConfigError: see `make_parts` and `Journal.resume`, or the training diverged.
     """
     started = time.perf_counter()
-    # Before anything slow: the planner and the draws before training take a while.
+    # Printed first, because the planner and the jumpstart draws take a while.
     console.say(f"{place}: {run.title}" if place else run.title)
     if own := shadowing_case(str(run.config.target)):
         console.say(f"case {run.config.target}: {own}, not the one of this name that comes with us")
@@ -54,7 +54,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     known = best_known(run.target, run.config.world, Path(run.config.case_base) / PLANS).episode_return
     history, training, episodes = parts.history, parts.training, run.config.learn.episodes
     with Tracker(run, history.rows) as tracker:
-        # After resuming, the file may be newer than the checkpoint.
+        # In a resumed run, the file of the best network may be newer than the checkpoint.
         save_best(run, history)
         with Stop() as stop:
             events = train_until_stopped(training, journal, stop)
@@ -66,8 +66,8 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         result = make_result(run, parts, known, journal.seconds)
         # Flush the curve before the checkpoints, which hold it too, are deleted.
         sync(run.folder / CURVE)
-        # Before the trackers, which may fail or wait for a network. The folder of the checkpoints goes last:
-        # while it exists, something is left to do.
+        # Before `tracker.finish`, which may fail or wait for a network. The checkpoint folder is deleted
+        # last: while it exists, the run counts as unfinished.
         write_result(run.folder, result)
         retain(run, result)
         journal.checkpoints.remove()
@@ -76,16 +76,16 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
 
 
 def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished | Evaluated]:
-    """Train to the end and yield the events; between two steps write a checkpoint or stop.
+    """Train to the end and yield the events; between two steps, write a checkpoint if it is due, or stop.
 
     Raises:
         StoppedError: a signal asked to stop.
         ConfigError: the training diverged.
     """
     try:
-        if not training.begun:
+        if not training.has_begun:
             yield training.begin()
-        while not training.finished:
+        while not training.is_finished:
             yield from training.advance()
             if stop.asked is not None:
                 raise StoppedError(journal.stop(), stop.asked)
@@ -99,7 +99,7 @@ def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Ite
 
 
 def save_best(run: Run, history: History) -> None:
-    """Write the network of the best evaluation, if there has been one."""
+    """Write the network of the best evaluation, if there is one."""
     if history.best is not None:
         about = {"config_hash": run.config_hash, "episode": history.best.episode}
         save_weights(run.folder / POLICY, history.network, about)

@@ -32,7 +32,7 @@ def begin_wandb(run: Run) -> WandbTracker | None:
     """
     try:
         return WandbTracker(run)
-    except Exception as error:  # of wandb or of its dependencies
+    except Exception as error:  # from wandb or its dependencies
         if not is_disk_full(error):
             raise ConfigError(f"wandb: {one_line_of(error)}; logger=csv does without") from None
         console.say(f"wandb: {one_line_of(error)}; the run goes on without it")
@@ -40,12 +40,12 @@ def begin_wandb(run: Run) -> WandbTracker | None:
 
 
 def is_disk_full(error: BaseException | None) -> bool:
-    """Whether a full disk caused the error; errors of wandb itself say so only in words."""
+    """Return whether a full disk caused the error; wandb's own errors say it only in their text."""
     if error is None:
         return False
-    by_number = isinstance(error, OSError) and error.errno in DISK
+    has_errno = isinstance(error, OSError) and error.errno in DISK
     return (
-        by_number
+        has_errno
         or "no space left" in str(error).lower()
         or is_disk_full(error.__cause__ or error.__context__)
     )
@@ -62,23 +62,23 @@ class WandbTracker:
         os.environ.setdefault("WANDB_SILENT", "true")
 
         self._note = run.folder / FOLDER / "wandb"
-        self._mark = run.config_hash
+        self._config_hash = run.config_hash
         self._id = self._read_id() or secrets.token_hex(4)
         self._folder = Path(run.config.wandb.folder)
         self._logged = 0
         self._failed = False
         online = run.config.wandb.mode is WandbMode.online
         if linked := links(self._folder / "wandb", self._folder):
-            # It is in the output folder, which may come from somebody else.
-            raise ConfigError(f"{linked[0]} is a link; allowed: wandb.folder= with where it leads")
+            # The output folder may be untrusted.
+            raise ConfigError(f"{linked[0]} is a link; allowed: wandb.folder= with the target of the link")
         self._folder.mkdir(parents=True, exist_ok=True)
         try:
             self._wandb = self._begin(run, "online" if online else "offline")
-        except Exception as error:  # of wandb or of its dependencies
+        except Exception as error:  # from wandb or its dependencies
             if not online:
                 raise
             console.say(f"wandb: {one_line_of(error)}; this run is logged offline")
-            # wandb still holds the id of the run that it could not start.
+            # A new id, because wandb still holds the id of the run that it could not start.
             self._id = secrets.token_hex(4)
             self._wandb = self._begin(run, "offline")
         self._wandb.define_metric("episode", hidden=True)
@@ -109,21 +109,21 @@ class WandbTracker:
         )
 
     def _read_id(self) -> str | None:
-        """Read the id under which this run was started, if it was."""
+        """Read the wandb id of this run, or return None if it was not started before."""
         try:
-            mark, known = read_file(self._note, most=MAX_NOTE_BYTES).decode().split()
+            config_hash, wandb_id = read_file(self._note, most=MAX_NOTE_BYTES).decode().split()
         except (OSError, ValueError):
             return None
-        return known if mark == self._mark and known.isalnum() else None
+        return wandb_id if config_hash == self._config_hash and wandb_id.isalnum() else None
 
     def remember(self) -> None:
-        """Write the id beside the checkpoints, and delete offline files that a stopped process left under it.
+        """Write the id next to the checkpoints, and delete the offline files that a stopped process left.
 
-        The new files will hold the whole run.
+        The new offline files will hold the complete run.
         """
         self._note.parent.mkdir(exist_ok=True)
         with replacing(self._note) as draft:
-            draft.write_text(f"{self._mark} {self._id}")
+            draft.write_text(f"{self._config_hash} {self._id}")
         here = Path(self._wandb.dir).parent
         for folder in self._folder.glob(f"wandb/offline-run-*-{self._id}"):
             if folder.resolve() != here.resolve():
@@ -140,9 +140,9 @@ class WandbTracker:
             console.say(f"wandb: {one_line_of(error)}; the run goes on without it")
 
     def log(self, values: Mapping[str, Any]) -> None:
-        """Log the row of an event, with the episode as horizontal axis, once even if the run is resumed."""
+        """Log the row of an event, with the episode as horizontal axis; skip rows that wandb has already."""
         self._logged += 1
-        # A resumed run logs its first events again, but the server has them already.
+        # A resumed run logs its earlier events again, but the server has them already.
         if self._logged > self._wandb.starting_step:
             self._try(lambda: self._wandb.log({"episode": values["episode"]} | numbers(values)))
 
@@ -166,7 +166,7 @@ class WandbTracker:
         self._wandb.summary.update({key: values[key] for key in ("best_known_return", "steps", "seconds")})
 
     def close(self, failed: bool) -> None:
-        """Finish the run, so that the next one of a sweep is a new run, and print where it is."""
+        """Finish the run in wandb, so that the next run of a sweep is a new one, and print where it is."""
         folder, url = relative_to_cwd(Path(self._wandb.dir).parent), self._wandb.url
         self._try(lambda: self._wandb.finish(exit_code=int(failed)))
         # If the upload failed, the folder still holds the whole run.

@@ -1,1 +1,1 @@
-"""Transfer: copy and freeze layers, rank sources by similarity, keep trained networks."""
+"""Transfer: copy layers, rank source cases by similarity, store trained networks."""

@@ -27,7 +27,7 @@ from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
 ENTRY, CONFIG = "entry.json", "config.yaml"
-# Folders beside those of the cases: locks, and routes found by the planner.
+# Further folders in the case base: locks, and plans of the planner.
 LOCKS, PLANS = ".locks", ".plans"
 # Halfway between the paper's high pair (0.83) and its low one (0.45), table 2.
 HIGH_SIMILARITY = 0.64
@@ -37,7 +37,7 @@ HIGH_SIMILARITY = 0.64
 class Entry:
     """A stored network: its folder, case, arm, settings and scores.
 
-    `network` describes its layers; None means those of the paper.
+    `network` describes its layers; None means the paper's layers.
     """
 
     path: Path
@@ -65,7 +65,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Match:
-    """A source case, its value by every measure, and the arm that the paper recommends for it."""
+    """A source case, its value by each of `MEASURES`, and the arm that the paper recommends for it."""
 
     case: Case
     measured: dict[str, float]
@@ -73,7 +73,7 @@ class Match:
 
 
 class CaseBase:
-    """The entries below a folder, which is created with the first entry."""
+    """The stored networks below a folder, which is created with the first one."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -93,7 +93,7 @@ class CaseBase:
         return found
 
     def representative(self, case: Case) -> Entry | None:
-        """Find the stored network of a case with the best greedy return (section 4.3).
+        """Find the stored network of a case that has the best greedy return (section 4.3).
 
         Networks with other layers than the paper's are skipped.
         """
@@ -102,11 +102,11 @@ class CaseBase:
         return max(usable, key=lambda entry: entry.best_return, default=None)
 
     def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
-        """Return the folder of an entry, which may not exist."""
+        """Return the folder of an entry; it need not exist."""
         return self.folder / case.name / arm / f"seed={seed}-{config_hash}"
 
     def lock(self, case: Case, arm: str, seed: int, config_hash: str) -> FileLock:
-        """Return the lock to hold while an entry is made, so that no other process makes it too.
+        """Return the lock to hold while an entry is made, so that no other process makes the same entry.
 
         Its file below `.locks` is never deleted: another process may be waiting for it.
         """
@@ -115,10 +115,10 @@ class CaseBase:
         return FileLock(locks / f"{case.name}-{arm}-{seed}-{config_hash}.lock")
 
     def refuse_links(self, case: Case, arm: str, seed: int, config_hash: str) -> None:
-        """Refuse a case base where an entry, a plan or a lock would be written through a link.
+        """Check that entry, plans and locks would not be written through a link.
 
         Raises:
-            ConfigError: there is such a link.
+            ConfigError: there is a link.
         """
         places = (self.place(case, arm, seed, config_hash), self.folder / LOCKS, self.folder / PLANS)
         for place in places:
@@ -128,7 +128,7 @@ class CaseBase:
                 )
 
     def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
-        """Find the entry of exactly this case and these settings, or None."""
+        """Find the entry of exactly this case and these settings; None if there is none."""
         place = self.place(case, arm, seed, config_hash)
         found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
         # A power cut can leave an empty file.
@@ -145,7 +145,7 @@ class CaseBase:
         run: Path,
         network: dict[str, Any] | None = None,
     ) -> Entry:
-        """Store the network of a finished run; keep an existing entry, which has the same network."""
+        """Store the network of a finished run; an existing entry is kept, because it has the same network."""
         place = self.place(case, arm, seed, config_hash)
         entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(case, arm, seed, config_hash):
@@ -154,7 +154,7 @@ class CaseBase:
         draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}")
         for name in (POLICY, CONFIG):
             if (run / name).is_symlink():
-                # A link could publish a private file of this machine.
+                # Through a link, a private file of this machine would be copied into the case base.
                 raise ConfigError(f"output: {run / name} is a link; allowed: the file itself")
         draft.mkdir(parents=True)
         try:
@@ -179,10 +179,7 @@ class CaseBase:
 
 
 def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") -> list[Match]:
-    """Rank source cases by one of `MEASURES`, the most similar first.
-
-    On ties keep the order of `bases`, so that the ranking is the same on every machine.
-    """
+    """Rank source cases by one of `MEASURES`, the most similar first; ties keep the order of `bases`."""
     matches = [
         Match(
             base,
@@ -198,9 +195,9 @@ def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") 
 def recommend(base: Case, target: Case) -> Arm:
     """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3).
 
-    High similarity: freeze three layers, which beat four. Low similarity: finetune the first layer only,
-    because the return falls with every further layer. These are the paper's findings; a study measures
-    whether they hold.
+    At high similarity freeze three layers, which are better than four. At low similarity finetune only the
+    first layer, because the return falls with each further layer. These are the paper's findings; a study
+    measures whether they hold.
     """
     if similarity(base, target) >= HIGH_SIMILARITY:
         return Arm(Method.feature_extraction, 3)

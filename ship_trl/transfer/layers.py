@@ -24,15 +24,15 @@ Weights = Mapping[str, Tensor]
 
 
 def copy_layers(network: DuelingNetwork, weights: Weights, arm: Arm) -> None:
-    """Copy the layers that the arm copies into `network`; freezing them is the agent's work."""
+    """Copy the layers that the arm copies into `network`; `Agent` freezes them."""
     copied = network.conv_names[: arm.copied_layers(len(network.conv_names))]
     for key, parameter in network.named_parameters():
         if arm.copies_all or key.split(".")[0] in copied:
             parameter.data.copy_(weights[key])
 
 
-def permuted(weights: Weights, generator: Generator) -> Weights:
-    """Shuffle the values within each weight and bias tensor: the scale stays, the features go."""
+def permute_values(weights: Weights, generator: Generator) -> Weights:
+    """Shuffle the values within each weight and bias tensor: it keeps the scale, but no features."""
     found = {}
     for name in sorted(weights):
         value = weights[name]
@@ -45,7 +45,7 @@ def save_weights(
     path: Path, network: DuelingNetwork, about: Mapping[str, object], dtype: torch.dtype = torch.float32
 ) -> None:
     """Write all weights as safetensors; the header holds `about` and the network's layers as JSON."""
-    # Contiguous copies: safetensors does not support channels-last.
+    # Contiguous copies, because safetensors does not support channels-last.
     tensors = {
         key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
     }
@@ -55,8 +55,8 @@ def save_weights(
 
 
 @contextmanager
-def opened(path: Path, key: str) -> Iterator[Any]:
-    """Open a safetensors file.
+def open_safetensors(path: Path, key: str) -> Iterator[Any]:
+    """Open a safetensors file; `key` is the setting that messages name.
 
     Raises:
         ConfigError: the file is missing, truncated, or in another format such as pickle.
@@ -72,12 +72,13 @@ def opened(path: Path, key: str) -> Iterator[Any]:
 
 
 def saved_network(path: Path, key: str) -> Network:
-    """Read the layers of a file's network; the paper's if the header names none.
+    """Read which layers the network in a file has; the paper's layers if the header describes none.
 
     Raises:
-        ConfigError: not a safetensors file, or its header names no valid network, or another one.
+        ConfigError: not a safetensors file, or the header describes no valid network, or not the one in the
+            file.
     """
-    with opened(path, key) as file:
+    with open_safetensors(path, key) as file:
         header = (file.metadata() or {}).get("ship_trl", "{}")
         shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
     try:
@@ -104,11 +105,11 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
     Float16 weights are converted to float32.
 
     Raises:
-        ConfigError: the file is missing, truncated, not safetensors, or of another architecture, or has
-            weights that are not finite.
+        ConfigError: the file is missing, truncated or not safetensors, its network has other layers, or a
+            weight is not finite.
     """
     wanted = network.state_dict()
-    with opened(path, key) as file:
+    with open_safetensors(path, key) as file:
         names = set(file.keys())
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
         if plain(saved := saved_network(path, key)) != plain(network.config):
@@ -116,7 +117,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
             raise ConfigError(f"{key}: {path} is of another network: {layers[0]}, allowed {layers[1]}")
         problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
         if problem:
-            raise ConfigError(f"{key}: {path} is of another architecture: {problem}")
+            raise ConfigError(f"{key}: {path} does not fit the network: {problem}")
         weights = {name: file.get_tensor(name) for name in sorted(names)}
     for name, value in weights.items():
         if value.dtype not in (torch.float16, torch.float32) or not bool(value.isfinite().all()):
@@ -127,7 +128,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
 
 
 def _mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:
-    """Describe the first tensor whose name or shape differs; empty if all fit."""
+    """Describe the first tensor whose name or shape differs; return an empty text if all fit."""
     for name in sorted(wanted.keys() | got.keys()):
         if name not in got:
             return f"{name} is missing"

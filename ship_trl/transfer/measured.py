@@ -1,4 +1,4 @@
-"""Gains of transfer between cases, as measured by a study. No torch.
+"""Gains of transfer between cases, as a study measured them. No torch.
 
 A study's report writes the table (`transfers.csv`). The table of the confirmatory study is bundled.
 """
@@ -18,19 +18,25 @@ from ship_trl.sim.cases import Case
 from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
-PACKAGED = Path(__file__).parent / TABLE
-# A table of a hundred transfers has 8,000 bytes.
+BUNDLED_TABLE = Path(__file__).parent / TABLE
+# A hundred transfers take 8,000 bytes.
 MAX_TABLE_BYTES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """The gain of an arm from a source on a target, over scratch with the same exploration.
+    """How much an arm gains on a target from a source, compared with scratch with the same exploration.
 
-    Fingerprints identify the cases independently of their names. `gain` is the interquartile mean over
-    `seeds` of the difference of areas under the learning curve, as scores. `low` and `high` are its
-    simultaneous 95 % interval over all transfers to the target. `epsilon_start` is None for the default; the
-    source always learned with the default.
+    Fingerprints identify the cases independently of their names.
+
+    Attributes:
+        epsilon_start: starting epsilon of the transfer; None for the default. Sources were trained with the
+            default.
+        seeds: number of seeds.
+        gain: interquartile mean over the seeds of the difference of areas under the learning curve, as
+            scores.
+        low: lower end of its 95 % interval, which is simultaneous over all transfers to the target.
+        high: upper end of this interval.
     """
 
     source: str
@@ -46,12 +52,12 @@ class Transfer:
     high: float
 
     def commands(self) -> list[str]:
-        """Return the commands that repeat the transfer; the last one transfers."""
+        """Return the commands that repeat the transfer; if there are two, the first one trains the source."""
         run = f"python -m ship_trl profile={self.profile}"
         transfer = f"{run} source={self.source} target={self.target} +arm={self.arm}"
         if self.epsilon_start is None:
             return [transfer]
-        # Train the source first: a source that the transfer trains would use its epsilon_start too.
+        # Train the source by its own command. The transfer would train it with the transfer's epsilon_start.
         folder = "outputs/source"
         network = f'source_file="{folder}/{self.source}/scratch/seed=0/{POLICY}"'
         start = f"learn.epsilon_start={self.epsilon_start:g}"
@@ -80,27 +86,37 @@ def transfer(row: dict[str, str]) -> Transfer:
     # Names become part of a command that people paste into a shell.
     names = [row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint")]
     if not all(re.fullmatch(r"\w[\w.-]{0,99}", name) for name in names):
-        raise ValueError("a case that is no name")
+        raise ValueError("a case name or fingerprint has characters other than letters, digits, _ . -")
     for group in ("profile", "arm"):
         allowed = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
         if row[group] not in allowed:
             raise ValueError(f"no {group} {row[group]!r:.50}; allowed: {', '.join(allowed)}")
     start = None if row["epsilon_start"] == "" else float(row["epsilon_start"])
     if start is not None and not 0.0 <= start <= 1.0:
-        raise ValueError(f"an epsilon_start of {start:g}; allowed: 0 to 1")
+        raise ValueError(f"epsilon_start is {start:g}; allowed: 0 to 1")
     gain, low, high = (float(row[name]) for name in ("gain", "low", "high"))
     if not -math.inf < low <= gain <= high < math.inf:
-        raise ValueError(f"a gain of {gain:g} that is not between {low:g} and {high:g}")
-    source, target, base, own = names
+        raise ValueError(f"gain is {gain:g}; allowed: from low ({low:g}) to high ({high:g})")
+    source, target, source_fingerprint, target_fingerprint = names
     return Transfer(
-        source, target, base, own, row["profile"], row["arm"], start, int(row["seeds"]), gain, low, high
+        source,
+        target,
+        source_fingerprint,
+        target_fingerprint,
+        row["profile"],
+        row["arm"],
+        start,
+        int(row["seeds"]),
+        gain,
+        low,
+        high,
     )
 
 
 def transfers_to(target: Case, known: Iterable[Transfer], cases: Iterable[Case]) -> list[Transfer]:
     """Select the transfers to a target from other `cases`, the largest lower bound first.
 
-    Cases are matched by fingerprint and renamed to their names here.
+    Cases are matched by fingerprint. The result has their names from `cases`.
     """
     names = {case.fingerprint: case.name for case in cases if case.fingerprint != target.fingerprint}
     found = [

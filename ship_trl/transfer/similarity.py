@@ -1,4 +1,4 @@
-"""Similarity of two cases: equation 8 with the rules of section 4.1, and equation 7. No torch."""
+"""Similarity of two cases: equation 8 (with the rules of section 4.1) and equation 7. No torch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NEW_DIRECTION = 0.4
 
 @dataclass(frozen=True)
 class Rule:
-    """One comparison of section 4.1: the attribute, and its weights in common and different."""
+    """One comparison of section 4.1: an attribute, and its weights in what is common and what differs."""
 
     what: str
     common: float
@@ -30,21 +30,23 @@ class Rule:
 def rules(base: Case, target: Case) -> list[Rule]:
     """Compare two cases attribute by attribute (section 4.1).
 
-    The paper's rules cover ships that only the target has. Ships that only the base has count by the
-    same weights, as equation 8 suggests ("different or missing"): our choice.
+    The paper's rules cover ships that only the target has. Our choice: ships that only the base has count
+    with the same weights, as equation 8 suggests ("different or missing").
     """
     same = base.ideal_path == target.ideal_path
     found = [Rule("ideal path", SAME_PATH, 0.0) if same else Rule("ideal path", 0.0, SAME_PATH)]
-    ships, others = Counter(map(_ship, target.target_ships)), Counter(map(_ship, base.target_ships))
-    found += [Rule("common target ship", SAME_SHIP, 0.0)] * (ships & others).total()
-    for what, extra, there in (
-        ("extra target ship", ships - others, base.target_ships),
-        ("missing target ship", others - ships, target.target_ships),
+    target_ships, base_ships = (
+        Counter(map(_ship, target.target_ships)),
+        Counter(map(_ship, base.target_ships)),
+    )
+    found += [Rule("common target ship", SAME_SHIP, 0.0)] * (target_ships & base_ships).total()
+    for what, extra, others in (
+        ("extra target ship", target_ships - base_ships, base.target_ships),
+        ("missing target ship", base_ships - target_ships, target.target_ships),
     ):
-        known = {ship.heading % 360.0 for ship in there}
-        for x, y, heading, speed in extra.elements():
-            del x, y, speed
-            weight = KNOWN_DIRECTION if heading in known else NEW_DIRECTION
+        known_directions = {ship.heading % 360.0 for ship in others}
+        for _, _, heading, _ in extra.elements():
+            weight = KNOWN_DIRECTION if heading in known_directions else NEW_DIRECTION
             found.append(Rule(what, 0.0, weight))
     return found
 
@@ -53,8 +55,8 @@ def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
     return ship.x, ship.y, ship.heading % 360.0, ship.speed
 
 
-def in_words(base: Case, target: Case) -> tuple[str, str]:
-    """Format what two cases share and how they differ, with weights, such as "1 ideal path" and "0"."""
+def describe_similarity(base: Case, target: Case) -> tuple[str, str]:
+    """Describe what two cases share and how they differ, with weights, for example "1 ideal path" and "0"."""
     found = rules(base, target)
     common = " + ".join(f"{rule.common:g} {rule.what}" for rule in found if rule.common)
     different = " + ".join(f"{rule.different:g} {rule.what}" for rule in found if rule.different)
@@ -70,10 +72,10 @@ def similarity(base: Case, target: Case) -> float:
 
 
 def characteristics(case: Case, world: World) -> dict[str, float]:
-    """Compute the characteristics of equation 7, scaled to about 0 to 1 (our choice; the paper names none).
+    """Compute the characteristics of equation 7, scaled to about 0 to 1; the paper leaves their choice open.
 
     They are the number of target ships, the distance of the goal, and DCPA, TCPA and relative course of
-    the target ship with the smallest DCPA, if own ship keeps its course.
+    the target ship with the smallest DCPA. Own ship is assumed to keep its course.
     """
     speed = max((v for v, turn in world.actions if turn == 0.0), default=world.actions[0][0])
     heading = math.radians(case.heading)
@@ -114,7 +116,7 @@ class Measure:
     nearer: bool = False
 
 
-# By their names on the command line. To add a measure, add a line.
+# By their names on the command line.
 MEASURES = {
     "similarity": Measure(lambda base, target, _: similarity(base, target)),
     "distance": Measure(distance, nearer=True),

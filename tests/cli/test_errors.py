@@ -14,7 +14,7 @@ from hydra.errors import HydraException
 from ship_trl.config.errors import missing_extra
 from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.types import Precision
-from ship_trl.learn.backend import computing
+from ship_trl.learn.backend import choose_dtype
 from tests.command import ROOT, files, ship_trl
 
 SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
@@ -56,7 +56,7 @@ def test_main_command_leaves_a_whole_result(trained: Path) -> None:
     assert (result["arm"], result["source"], result["target"], result["episodes"]) == ("FT3", "1", "2", 6)
     assert result["best_known_return"] == pytest.approx(83.9, abs=0.01)
     # The child saw the same switch.
-    assert f"torch.{result['precision']}" == str(computing(Precision.auto, torch.device("cpu")))
+    assert f"torch.{result['precision']}" == str(choose_dtype(Precision.auto, torch.device("cpu")))
     assert result["backend"] == "incremental"
     with (outputs / "high/FT3/seed=0/curve.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -136,7 +136,7 @@ def test_a_permuted_source_is_the_learned_one_shuffled(trained: Path) -> None:
     from torch import Generator
 
     from ship_trl.run.plan import make_run
-    from ship_trl.transfer.layers import permuted
+    from ship_trl.transfer.layers import permute_values
     from tests.config.test_config import composed
 
     line = ("+pair=high", "+arm=FE2-permuted", "profile=smoke")
@@ -145,7 +145,7 @@ def test_a_permuted_source_is_the_learned_one_shuffled(trained: Path) -> None:
     learned = trained / json.loads((folder / "result.json").read_text())["source_network"]
     assert learned.parent.parent.name == "scratch"  # of the case base
     generator = Generator().manual_seed(make_run(composed(*line)).stream("permuted source"))
-    shuffled = permuted(load_file(learned), generator)
+    shuffled = permute_values(load_file(learned), generator)
     for key, value in load_file(folder / "policy_last.safetensors").items():
         assert bool((value == shuffled[key]).all()) == key.startswith(("conv1", "conv2")), key
 

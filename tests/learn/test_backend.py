@@ -6,7 +6,7 @@ from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
 from ship_trl.config.types import BFLOAT16, BackendName, Precision
-from ship_trl.learn.backend import choose_backend, computing
+from ship_trl.learn.backend import choose_backend, choose_dtype
 from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.network import Dense, DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD
@@ -80,7 +80,7 @@ def test_auto_is_bfloat16_where_the_processor_multiplies_it(
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: able)
     monkeypatch.delenv(BFLOAT16, raising=False)
-    assert computing(Precision[precision], torch.device("cpu")) is wanted
+    assert choose_dtype(Precision[precision], torch.device("cpu")) is wanted
 
 
 @pytest.mark.parametrize("device", ["cpu", "cuda"])
@@ -93,7 +93,7 @@ def test_switched_off_bfloat16_is_only_where_it_is_asked_for(
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": True})
     monkeypatch.setattr(torch.cuda, "is_bf16_supported", lambda **_: True)
     monkeypatch.setenv(BFLOAT16, "off")
-    assert computing(Precision[precision], torch.device(device)) is wanted
+    assert choose_dtype(Precision[precision], torch.device(device)) is wanted
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, *ODD])

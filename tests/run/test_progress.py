@@ -12,7 +12,7 @@ from rich.console import Console
 
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
-from ship_trl.run.progress import Lines, in_words
+from ship_trl.run.progress import Lines, format_duration
 from ship_trl.study.launch import progress
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
@@ -22,7 +22,7 @@ from tests.study.commands import SMALL
 
 @pytest.mark.parametrize(("seconds", "words"), [(5.2, "5 s"), (600, "10 min"), (9000, "2 h 30 min")])
 def test_times_in_words(seconds: float, words: str) -> None:
-    assert in_words(seconds) == words
+    assert format_duration(seconds) == words
 
 
 def test_a_line_is_due_early_and_then_every_so_much() -> None:

@@ -15,7 +15,7 @@ from ship_trl.study.plan.manifest import read_manifest
 from ship_trl.study.records.layers import LAYERS, read_layers
 from ship_trl.study.records.tables import read_tables
 from ship_trl.study.rules import PLAN_TEXT
-from ship_trl.transfer.measured import PACKAGED, TABLE
+from ship_trl.transfer.measured import BUNDLED_TABLE, TABLE
 from tests.command import ROOT, ship_trl
 
 FOLDER = ROOT / "outputs/confirmatory"
@@ -96,4 +96,4 @@ def test_the_report_that_is_kept_follows_from_the_tables(made: Path) -> None:
 
 
 def test_what_transfers_gained_comes_with_the_package() -> None:
-    assert PACKAGED.read_bytes() == (REPORT / TABLE).read_bytes()
+    assert BUNDLED_TABLE.read_bytes() == (REPORT / TABLE).read_bytes()

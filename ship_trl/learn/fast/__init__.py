@@ -1,1 +1,1 @@
-"""What makes the learner fast on a CPU, behind the interfaces of `ship_trl.learn`."""
+"""Fast CPU implementations, behind the interfaces of `ship_trl.learn`."""

@@ -8,9 +8,9 @@ from typing import Any
 from torch import Tensor
 from torch.optim.optimizer import register_optimizer_step_post_hook
 
-# Steps of all optimisers in this process: fused ones change weights without changing `_version`.
+# Steps of all optimisers in this process. Fused optimisers change weights, but not their `_version`.
 _steps = 0
-# Loads and moves of losses: tensordict writes to `parameter.data`, which does not change `_version` either.
+# How often weights were loaded or moved: tensordict writes to `parameter.data`, so `_version` stays.
 _rewrites = 0
 
 
@@ -23,7 +23,7 @@ register_optimizer_step_post_hook(_count_step)
 
 
 def count_rewrite(*_: Any) -> None:
-    """Record that weights were written in a way that `_version` does not show."""
+    """Record a write to weights that leaves their `_version` unchanged."""
     global _rewrites
     _rewrites += 1
 
@@ -36,7 +36,7 @@ def rewrites() -> int:
 def version(weights: Iterable[Tensor], learning: bool = True) -> tuple[int, ...]:
     """Return a token that changes when the weights may have changed.
 
-    It does not see writes to `weight.data` that are not followed by `count_rewrite`.
+    After a write to `weight.data`, call `count_rewrite`: the token cannot see the write itself.
 
     Args:
         weights: any tensors; inference tensors have no version and count as unchanged.

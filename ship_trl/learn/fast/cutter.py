@@ -11,16 +11,17 @@ from torch import Tensor
 from ship_trl.config.network import WORD, Geometry, linear_from, supports_incremental
 from ship_trl.learn.fast import incremental_kernels as kernels
 
-# oneDNN prepares a matrix product for each new shape; rounding the rows up keeps shapes few.
+# Row counts are rounded up: oneDNN prepares a matrix product for each new shape, so few shapes are faster.
 ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
 
 
 class Rows(NamedTuple):
     """A batch of B frames as input of the remaining layers.
 
-    `values` [R, C] are activations, or windows of pixels. `indices` has an entry for each remaining conv
-    layer: int32 [T, K], the rows in each of its T windows, or None where the rows are the windows
-    themselves. Rows are numbered as if the background's came first, even where those are left out.
+    Attributes:
+        values: activations, or windows of pixels, [R, C].
+        indices: for each remaining conv layer, the rows in each of its T windows, int32 [T, K]; None if the
+            rows are the windows. Row numbers start with the background's rows, even if `values` has none.
     """
 
     values: Tensor
@@ -32,24 +33,24 @@ class Cutter:
 
     Args:
         background: frame that most frames resemble, uint8 [C, 84, 84].
-        dtype: of the windows, whose values are 0 to 1.
-        geometry: of the network's conv layers, as `supports_incremental` says.
+        dtype: of the windows; their values are 0 to 1.
+        geometry: of the network's conv layers; `supports_incremental` must be true for it.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
         if not supports_incremental(geometry):
             raise ValueError(f"geometry: the first of several layers must be cut by words, got {geometry}")
         self.dtype = dtype
-        # Layers that work on rows; after them each frame is one row.
+        # Layers whose windows are rows. After them each frame is one row, so the others are linear layers.
         self.layers = geometry[: linear_from(geometry)]
         self.linear = len(geometry) - len(self.layers)
         self.sides = [layer.side for layer in self.layers]
         _, kernel, stride, _ = geometry[0]
-        self._mark_pixels = kernels.marking(kernel // WORD, stride // WORD)
-        self._cut_pixels = kernels.cutting(kernel, stride)
+        self._mark_pixels = kernels.compile_mark_pixels(kernel // WORD, stride // WORD)
+        self._cut_pixels = kernels.compile_cut_pixels(kernel, stride)
         background = background.contiguous()
         self.background_words = background.view(torch.int32).numpy()
-        self.worth = as_numpy((torch.arange(256) / 255.0).to(dtype))
+        self.levels = as_numpy((torch.arange(256) / 255.0).to(dtype))
         windows = background.unfold(1, kernel, stride).unfold(2, kernel, stride)
         windows = windows.permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
         self.background_windows = (windows / 255.0).to(dtype)
@@ -57,23 +58,25 @@ class Cutter:
     def __call__(self, frames: Tensor, background: bool = True) -> Rows:
         """Cut out the windows that differ from the background.
 
-        Without `background`, the windows of the background itself are left out.
+        Args:
+            frames: uint8 [B, C, 84, 84].
+            background: whether the windows of the background come first.
         """
         batch, sides = frames.shape[0], self.sides
         frames = frames.contiguous()
         touched = [np.empty((batch, side, side), np.bool_) for side in sides]
         tables = [np.empty((batch, side * side), np.int32) for side in sides]
-        # Number of the first row that is included.
+        # Row number of the first row in `values`.
         base = [0 if background else side * side for side in sides]
         self._mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
-        rows = [kernels.number(touched[0], tables[0])]
+        rows = [kernels.number_windows(touched[0], tables[0])]
         for n, (_, kernel, stride, _) in enumerate(self.layers[1:], 1):
             kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
-            rows.append(kernels.number(touched[n], tables[n]))
+            rows.append(kernels.number_windows(touched[n], tables[n]))
         windows = torch.zeros(rounded(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
         if background:
             windows[: len(self.background_windows)] = self.background_windows
-        self._cut_pixels(frames.numpy(), tables[0], sides[0], self.worth, as_numpy(windows), base[0])
+        self._cut_pixels(frames.numpy(), tables[0], sides[0], self.levels, as_numpy(windows), base[0])
         indices: list[Tensor | None] = [None]
         for n, (_, kernel, stride, below) in enumerate(self.layers[1:], 1):
             index = np.zeros((rounded(rows[n] - base[n]), kernel * kernel), np.int32)
@@ -83,11 +86,11 @@ class Cutter:
 
 
 def rounded(rows: int) -> int:
-    """Round up to a multiple of `ROUND_ROWS`; no index refers to the added zero rows."""
+    """Round a row count up to a multiple of `ROUND_ROWS`; no index refers to the added zero rows."""
     step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
     return -(-rows // step) * step
 
 
 def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
-    """View a tensor as an array; bfloat16, which NumPy lacks, as uint16."""
+    """View a tensor as an array; view bfloat16 as uint16, because NumPy lacks it."""
     return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()

@@ -1,13 +1,13 @@
-"""Conv layers computed only where a frame differs from a background: the same function for half the work.
+"""Compute conv layers only where a frame differs from a background: the same result for half the work.
 
-Most pixels never change: water, disc, circles, own ship. A window that shows only those has the same
+Most pixels never change: water, disc, circles, own ship. A window that shows only these has the same
 activation in every frame, so it is computed once per batch. A layer's activations are stored as rows: first
-those of the background, then those of the windows that differ in some frame; an index maps windows to rows.
-A layer is then one matrix product over gathered rows. The result is exact whatever the background is; an
-unsuitable background only saves no work.
+one for each window of the background, then one for each window of a frame that differs. An index maps windows
+to rows, and a layer is one matrix product over gathered rows. The result is exact for any background; an
+unsuitable one only saves no work.
 
-`Incremental` serves learning. `inference.CachedInference` serves acting on a few frames, where the
-background's rows would be most of the work; it caches them.
+`Incremental` is for learning. `inference.CachedInference` is for acting on a few frames. It caches the
+background's rows, which would be most of the work there.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ def as_matrix(weight: Tensor) -> Tensor:
     """View filters [O, C, H, W] as a matrix [O, H W C].
 
     Raises:
-        RuntimeError: they are not channels last, so a view is impossible.
+        RuntimeError: the filters are not channels last, so a view is impossible.
     """
     return weight.permute(0, 2, 3, 1).view(len(weight), -1)
 
 
 def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
-    """Compute one conv layer: the windows `rows[index]` and `relu(windows @ weight.T + bias)`.
+    """Compute one conv layer: return the windows `rows[index]` and `relu(windows @ weight.T + bias)`.
 
     Shapes: rows [R, C], index int32 [T, K] (None: rows are windows already), weight [O, K C],
     bias [O]; returns [T, K C] and [T, O].
@@ -92,13 +92,13 @@ class GatheredLayer(torch.autograd.Function):
 
 
 class WeightCopies:
-    """Conv weights as matrices [O, H W C] and biases [O] in the computing precision.
+    """Conv weights as matrices [O, H W C] and biases [O], in the precision of the backend.
 
-    In float32 these are views of the weights; otherwise copies, which `refresh` updates.
+    In float32 these are views of the weights. Otherwise they are copies, and `refresh` updates them.
     """
 
     def __init__(self, weights: list[Tensor], dtype: torch.dtype) -> None:
-        self.places = [weight.data_ptr() for weight in weights]
+        self.pointers = [weight.data_ptr() for weight in weights]
         self._own = [as_matrix(w.detach()) if w.dim() == 4 else w.detach() for w in weights]
         self._copies = [own.to(dtype) for own in self._own]
         self._versions: list[tuple[int, ...]] = [(), ()]
@@ -108,7 +108,7 @@ class WeightCopies:
         """Copy the weights that may have changed since the last call.
 
         Args:
-            weights: those given to the constructor.
+            weights: the weights that the constructor got.
             frozen: number of layers that never learn.
         """
         if self._copies[0].dtype is torch.float32:
@@ -127,15 +127,15 @@ class WeightCopies:
 
 
 class Incremental:
-    """Backend that computes the conv layers where frames differ from the background (see above), on a CPU.
+    """Backend for the CPU that computes conv layers only where frames differ from the background.
 
-    It caches the last batch up to the first layer that learns: the online and the target network read the
-    same next observations, one after the other.
+    It caches the frozen layers' activations of the last batch, because the online and the target network read
+    the same next observations, one after the other.
 
     Args:
         background: frame that most frames resemble, uint8 [C, 84, 84].
         dtype: of the conv layers; weights and their gradients stay float32.
-        geometry: of the conv layers of every network that it will compute, as `supports_incremental` says.
+        geometry: of the conv layers of all networks that use it; `supports_incremental` must be true for it.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
@@ -145,11 +145,11 @@ class Incremental:
         self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Incremental:
-        """Return itself: a copied network shares its backend."""
+        """Return this backend itself: a copied network shares its backend."""
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave out the caches."""
+        """Return the state to pickle, without the caches."""
         return self.__dict__ | {"_cached": None, "_copies": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -166,12 +166,12 @@ class Incremental:
             raise ValueError("network: its conv layers differ from those of this backend")
         return self._remaining(network, self._frozen_rows(network, pixels))
 
-    def features_from(self, network: DuelingNetwork, kept: Tensor) -> Tensor:
+    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
         left = len(self.geometry) - network.frozen
         if left == 0:
-            return kept.float()
-        return self._remaining(network, Rows(kept.to(self.dtype), (None,) * left))
+            return frozen_features.float()
+        return self._remaining(network, Rows(frozen_features.to(self.dtype), (None,) * left))
 
     def _frozen_rows(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
         """Cut frames into windows and compute the frozen layers, or return the cached result."""
@@ -186,7 +186,7 @@ class Incremental:
 
     def _remaining(self, network: DuelingNetwork, rows: Rows) -> Tensor:
         """Compute all remaining layers."""
-        # The fully connected layers compute in float32: Q-values of actions differ only slightly.
+        # The fully connected layers compute in float32, because Q-values of actions differ only slightly.
         return self._advance(network, rows, len(rows.indices)).values.float()
 
     def _advance(self, network: DuelingNetwork, rows: Rows, layers: int) -> Rows:
@@ -206,9 +206,9 @@ class Incremental:
         return Rows(values, indices[layers:])
 
     def _weight_copies(self, network: DuelingNetwork, weights: list[Tensor]) -> WeightCopies:
-        """Return the network's current conv weights in the computing precision."""
+        """Return the network's current conv weights in the precision of this backend."""
         copies = self._copies.get(network)
-        if copies is None or copies.places != [weight.data_ptr() for weight in weights]:
+        if copies is None or copies.pointers != [weight.data_ptr() for weight in weights]:
             copies = self._copies[network] = WeightCopies(weights, self.dtype)
         copies.refresh(weights, network.frozen)
         return copies

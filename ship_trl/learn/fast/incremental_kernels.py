@@ -13,10 +13,12 @@ Array = np.ndarray[Any, Any]
 
 
 @compiled()
-def number(touched: Array, table: Array) -> int:
-    """Assign numbers to the touched windows of all frames, after the background's; return the count.
+def number_windows(touched: Array, table: Array) -> int:
+    """Assign a row number to each window, and return the number of rows.
 
-    Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row of each window, is written.
+    Untouched windows share the background's rows, which come first. Touched windows get new rows.
+
+    Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row number of each window, is written.
     """
     batch, side = touched.shape[0], touched.shape[1]
     count = side * side
@@ -32,11 +34,11 @@ def number(touched: Array, table: Array) -> int:
 
 
 @compiled()
-def differing(words: Array, background: Array, blocks: Array) -> None:
+def mark_blocks(words: Array, background: Array, blocks: Array) -> None:
     """Mark the 4 x 4 pixel blocks of a frame that differ from the background.
 
     Shapes: words int32 [C, H, H / 4], the pixels four at a time, and background the same;
-    blocks int32 [H / 4, H / 4] is written, 0 where nothing differs.
+    blocks int32 [H / 4, H / 4] is written: 0 where nothing differs.
     """
     channels, width = words.shape[0], words.shape[2]
     blocks[:] = 0
@@ -48,15 +50,15 @@ def differing(words: Array, background: Array, blocks: Array) -> None:
 
 
 @cache
-def marking(kernel: int, stride: int) -> Loop:
-    """Compile `mark_pixels` for windows of `kernel` words, `stride` words apart.
+def compile_mark_pixels(kernel: int, stride: int) -> Loop:
+    """Compile `mark_pixels` for windows of `kernel` words that are `stride` words apart.
 
-    Loops of constant length are twice as fast.
+    It is compiled for each size, because loops of constant length are twice as fast.
     """
 
     @compiled()
     def mark_pixels(words: Array, background: Array, touched: Array) -> None:
-        """Mark the windows of the first layer that hold a pixel that differs from the background.
+        """Mark the windows of the first layer with a pixel that differs from the background.
 
         Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; background the same without B;
         touched bool [B, S, S] is written.
@@ -64,7 +66,7 @@ def marking(kernel: int, stride: int) -> Loop:
         batch, side, width = touched.shape[0], touched.shape[1], words.shape[3]
         blocks = np.empty((width, width), np.int32)
         for b in range(batch):
-            differing(words[b], background, blocks)
+            mark_blocks(words[b], background, blocks)
             for y in range(side):
                 for x in range(side):
                     found = np.int32(0)
@@ -78,7 +80,7 @@ def marking(kernel: int, stride: int) -> Loop:
 
 @compiled()
 def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None:
-    """Mark the windows that hold a touched place of the layer below: bool [B, S, S] to [B, T, T]."""
+    """Mark the windows that include a touched position of the layer below: bool [B, S, S] to [B, T, T]."""
     batch, side = touched.shape[0], touched.shape[1]
     for b in range(batch):
         for y in range(side):
@@ -91,14 +93,14 @@ def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None
 
 
 @cache
-def cutting(kernel: int, stride: int) -> Loop:
-    """Compile `cut_pixels` for windows of `kernel` pixels, `stride` apart, as `marking` does."""
+def compile_cut_pixels(kernel: int, stride: int) -> Loop:
+    """Compile `cut_pixels` for windows of `kernel` pixels that are `stride` apart."""
 
     @compiled()
     def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
-        """Copy the touched windows of the first layer into `rows`, which begin at number `base`.
+        """Copy the touched windows of the first layer into `rows`; `rows[0]` has row number `base`.
 
-        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], by pixel level;
+        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], one for each pixel level;
         rows [R, kernel * kernel * C] is written, in the order row, column, channel.
         """
         batch, channels = pixels.shape[:2]
@@ -129,12 +131,12 @@ def index_windows(
     index: Array,
     base: int,
 ) -> None:
-    """Index the rows of the layer below in the window of each row, from number `base` on.
+    """Write, for each row of a layer, the row numbers of the layer below that its window covers.
 
-    Shapes: below [B, S * S] and table [B, T * T], rows of the layer below and of this one;
-    index int32 [R, K * K] is written.
+    Shapes: below [B, S * S] and table [B, T * T], row numbers in the layer below and in this one;
+    index int32 [R, K * K] is written; `index[0]` is for row number `base`.
     """
-    # Frame -1 is the background, whose rows are numbered by their place.
+    # Frame -1 is the background. Its row numbers are the positions of its windows.
     for b in range(-1 if base == 0 else 0, table.shape[0]):
         for y in range(side):
             for x in range(side):
@@ -150,7 +152,7 @@ def index_windows(
 def scatter_add(gradient: Array, index: Array, total: Array) -> None:
     """Add each piece of `gradient` [R, K, C] to row `index` [R, K] of `total` float32 [T, C].
 
-    The gradient is float32, or bfloat16 as its bits in uint16.
+    The gradient is float32, or bfloat16 viewed as uint16.
     """
     pieces, width = index.shape[1], total.shape[1]
     bits = np.empty(width, np.uint32)

@@ -1,4 +1,4 @@
-"""Float32 inference on a few frames at a time, for acting and encoding."""
+"""Inference in float32 on a few frames at a time, for acting and encoding."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ship_trl.learn.network import DuelingNetwork
 
 
 class CachedInference:
-    """Computes only what differs from the background, whose own activations are cached.
+    """Computes only what differs from the background, and caches the background's activations.
 
-    Float32: for few rows it is as fast as bfloat16, and it uses the network's own weights without copies.
+    It computes in float32: for few rows that is as fast as bfloat16, and needs no copies of the weights.
 
     Args:
         network: float32, on the CPU.
         background: frame that most frames resemble, uint8 [C, 84, 84].
-        frozen: number of layers, from the image on, that never change.
+        frozen: number of conv layers, counted from the image, that never learn.
     """
 
     def __init__(self, network: DuelingNetwork, background: Tensor, frozen: int) -> None:
@@ -40,7 +40,7 @@ class CachedInference:
         """Drop the cached activations of layers whose weights have changed."""
         now = version(self._learning)
         if now != self._version:
-            # A load or a move changes the frozen layers too.
+            # Loading or moving the network changes the frozen layers too.
             del self._background_cache[self._frozen if rewrites() == self._rewrites else 0 :]
             self._version, self._rewrites = now, rewrites()
 
@@ -51,14 +51,14 @@ class CachedInference:
         return self._network.best(self._advance(rows, len(rows.indices)).values)
 
     @torch.no_grad()
-    def actions_on(self, features: Tensor) -> Tensor:
+    def actions_from_features(self, features: Tensor) -> Tensor:
         """Choose the best actions from features of the frozen layers: [B, K] to int64 [B]."""
         rows = Rows(features.float(), (None,) * (len(self._weights) - self._frozen))
         return self._network.best(self._advance(rows, len(rows.indices)).values)
 
     @torch.no_grad()
     def encode(self, frames: Tensor) -> Tensor:
-        """Compute the frozen layers, at least `linear_from`: uint8 [B, C, 84, 84] to float32 [B, K]."""
+        """Compute the frozen layers (`linear_from` or more): uint8 [B, C, 84, 84] to float32 [B, K]."""
         values, indices = self._advance(self._cut(frames, background=False), self._frozen)
         if indices and indices[0] is not None:
             values = values[indices[0]].flatten(1)
@@ -76,11 +76,11 @@ class CachedInference:
         return Rows(values, indices[layers:])
 
     def _background_rows(self, layer: int) -> Tensor:
-        """Compute conv layer `layer`, counted from 0, of the background: [S * S, C]."""
-        memory = self._background_cache
-        while len(memory) <= layer:
-            n = len(memory)
-            below = memory[-1] if memory else self._background_frame.values
+        """Return the background's activations after conv layer `layer`, counted from 0: [S * S, C]."""
+        cached = self._background_cache
+        while len(cached) <= layer:
+            n = len(cached)
+            below = cached[-1] if cached else self._background_frame.values
             _, rows = gathered_layer(below, self._background_frame.indices[n], *self._weights[n])
-            memory.append(rows[: self._cut.sides[n] ** 2])
-        return memory[layer]
+            cached.append(rows[: self._cut.sides[n] ** 2])
+        return cached[layer]

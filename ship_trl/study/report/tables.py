@@ -25,7 +25,7 @@ from ship_trl.study.plan.config import REUSED_CASE, options, read_option
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, Place, scratch_place
 from ship_trl.study.records.record import Record
 from ship_trl.transfer.measured import COLUMNS
-from ship_trl.transfer.similarity import ALPHA, BETA, in_words, similarity
+from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
 Row = dict[str, Any]
 # A table of a hundred contrasts has 50,000 bytes.
@@ -154,7 +154,7 @@ def similarity_rows() -> list[Row]:
         base, target = (load_case(str(cases[key]), world) for key in ("source", "target"))
         row: Row = {"pair": pair, "source": base.name, "target": target.name}
         row |= {"similarity": similarity(base, target), "paper": PAPER_SIMILARITY.get(pair, "")}
-        row["common"], row["different"] = in_words(base, target)
+        row["common"], row["different"] = describe_similarity(base, target)
         rows.append(row)
     return sorted(rows, key=lambda row: -row["similarity"])
 

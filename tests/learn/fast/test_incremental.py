@@ -176,7 +176,7 @@ def test_at_a_glance_the_network_decides_alike(
         features, layer = inference.encode(frames), net.geometry[frozen - 1]
         assert features.shape == (batch, layer.filters * layer.side**2)
         torch.testing.assert_close(net(features), net(frames), rtol=1e-4, atol=1e-5)
-        assert torch.equal(inference.actions_on(features), net(frames).argmax(-1))
+        assert torch.equal(inference.actions_from_features(features), net(frames).argmax(-1))
 
 
 def test_a_glance_computes_only_what_differs() -> None:

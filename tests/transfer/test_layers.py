@@ -14,7 +14,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network, plain
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import copy_layers, load_weights, permuted, save_weights, saved_network
+from ship_trl.transfer.layers import copy_layers, load_weights, permute_values, save_weights, saved_network
 
 FIVE = load_network("five")
 
@@ -58,8 +58,8 @@ def test_a_network_of_five_layers_gives_up_to_five(arm: str, count: int, tmp_pat
 
 def test_permuting_keeps_the_numbers_of_each_tensor_and_no_order() -> None:
     learned = network(1).state_dict() | {"conv1.bias": torch.arange(32.0)}
-    one, again = (permuted(learned, Generator().manual_seed(5)) for _ in range(2))
-    other = permuted(learned, Generator().manual_seed(6))
+    one, again = (permute_values(learned, Generator().manual_seed(5)) for _ in range(2))
+    other = permute_values(learned, Generator().manual_seed(6))
     assert one.keys() == learned.keys()
     for key, value in learned.items():
         assert one[key].shape == value.shape and torch.equal(one[key], again[key])

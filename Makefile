@@ -19,7 +19,7 @@ BIN = $(VENV)/bin
 TOOLS = $(VENV)-tools
 INSTALL = $(BIN)/python -m pip install $(if $(LOCK),--constraint $(LOCK)) --editable
 # Where the tests are whose numbers hang on the precision: to collect all takes longer than to run them.
-PRECISION = tests/bench tests/cli
+PRECISION = tests/benchmarks tests/cli
 # A second thread makes these small networks slower: one thread a process, one process a core.
 export OMP_NUM_THREADS = 1
 

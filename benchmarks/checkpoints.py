@@ -47,7 +47,7 @@ def measure_arm(arm: str, ours: Ours, rounds: int, seconds: float) -> list[Measu
     sizes = [float(path.stat().st_size) for path in journal.checkpoints.folder.iterdir()]
     again = Ours(ours.run)
     start = time.perf_counter()
-    Journal(ours.run, again.parts, start).go_on()
+    Journal(ours.run, again.parts, start).resume()
     read = time.perf_counter() - start
     return [
         Measurement(arm, "write", "s", writes),

@@ -9,8 +9,10 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from benchmarks.work import OVERRIDES, STEPS_PER_CALL, plan_run
+from ship_trl.config.arm import Arm
 from ship_trl.run.parts import make_parts
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import read_source
 from ship_trl.sim.env import ShipEnv
 
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT3")
@@ -18,7 +20,7 @@ ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT3")
 
 def frozen_layers(arm: str) -> int:
     """Return how many conv layers an arm freezes."""
-    return int(arm[2:]) if arm.startswith("FE") else 0
+    return Arm.parse(arm).frozen_layers
 
 
 class Ours:
@@ -30,7 +32,7 @@ class Ours:
 
     def __init__(self, run: Run) -> None:
         self.run, self.learn = run, run.config.learn
-        self.parts = make_parts(run, torch.device("cpu"), None)
+        self.parts = make_parts(run, torch.device("cpu"), read_source(run))
         self.agent, self.training = self.parts.agent, self.parts.training
         self.replay = self.training.replay
         encoders = {self.agent.observation: self.agent.encode} if self.agent.observation != "state" else {}

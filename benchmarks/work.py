@@ -11,7 +11,8 @@ from omegaconf import DictConfig
 from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Learn
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.plan import make_run
+from ship_trl.run.run import Run
 
 CASE = "4"
 FRAME = (1, 84, 84)

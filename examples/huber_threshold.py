@@ -1,6 +1,6 @@
 """Draw why a small Huber threshold lets a policy fall back into colliding.
 
-    python examples/huber_threshold.py huber_threshold.png
+    python examples/huber_threshold.py outputs/huber_threshold.png
 
 States that look alike share a value. If a share p of them ends in a collision (-20 in scaled rewards) and
 the others in nothing, their value should be -20 p. Huber's loss with a threshold pulls each error with at

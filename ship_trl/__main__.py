@@ -29,7 +29,7 @@ def train(words: list[str]) -> None:
     from ship_trl.cli.errors import check_words, hydra_errors, job_errors, refusals
     from ship_trl.config.checks import to_config
     from ship_trl.config.paths import conf_dir
-    from ship_trl.run.launchers import die_with_launcher, launches, place_in_grid
+    from ship_trl.run.launchers import die_with_launcher, mark_launcher, place_in_grid
     from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
     from ship_trl.run.stop import heed_sigterm
@@ -49,7 +49,7 @@ def train(words: list[str]) -> None:
 
     with refusals():
         check_words(words)
-    launches()
+    mark_launcher()
     heed_sigterm()
     with hydra_errors():
         entry()

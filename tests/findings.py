@@ -1,155 +1,188 @@
-"""`python -m tests.findings`: the numbers of docs/findings.md and of the README, from the kept tables.
+"""`python -m tests.findings`: write the numbers of docs/findings.md and README.md from the kept tables.
 
-A page names what it measures in the words of `ship_trl.cli.ask`, with the interval behind it, and the same
-of greedy evaluations where that is to be seen beside it:
+A page names a contrast in the words of `python -m ship_trl ask`, followed by its numbers, also across lines:
 
     `high: FTW above scratch (area)` +0.06 (+0.02 to +0.11; greedy +0.17)
 
-or, in a table, where without what and what without where:
-
-    | | high | low |
-    | `FTW above scratch (area)` | +0.06 (+0.02 to +0.11) | +0.03 (+0.00 to +0.06) |
-
-and how alike layers are, of the report's cka.csv:
-
-    | | conv1 | conv2 |
-    | `high: scratch beside source` | 0.98 | 0.95 |
-
-The command writes the numbers anew, with as many places as stand there, and names what it changed; a test
-holds that there is nothing to change.
+In a table the heading may say where and the first cell what: `FTW above scratch (area)`. The command rewrites
+these numbers with as many decimals as the page has, and prints the sentences of `facts` that are not there.
 """
 
 from __future__ import annotations
 
-import csv
 import re
 import sys
-from functools import cache
-from pathlib import Path
+
+import pandas as pd
+import yaml
 
 from ship_trl.cli.ask import answers
-from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.analysis.study import Study, read_study
 from tests.command import ROOT
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 
-PAGES = ("docs/findings.md", "docs/open-claims.md", "docs/controls.md", "README.md")
+PAGES = ("docs/findings.md", "README.md")
+LONG = ROOT / "outputs/paper_high"
+PAIRS = {"high": "2", "low": "4", "lowest": "6"}
+ARMS = [f"{kind}{n}" for kind in ("FE", "FT") for n in (1, 2, 3, 4)] + ["FTW"]
+VERDICTS = ("supported", "contradicted", "equivalent")
+WORDS = ("none", "one", "two", "three", "four", "five", "six")
 NUMBER = r"[+-]\d+\.\d+"
-# A line may end between any two words.
 NUMBERS = rf"{NUMBER}\s+\({NUMBER}\s+to\s+{NUMBER}(?:;\s+greedy\s+{NUMBER})?\)"
-CKA = r"(?<=^ )\d\.\d\d(?= $)"
 # A claim is told by the seeds of the look that decided it.
-FIRST = r"\s+on\s+the\s+first\s+(?P<seeds>\d+)\s+seeds"
-TOLD = re.compile(rf"`(?P<what>[^`:]+:\s[^`]+)`(?:{FIRST})?\s+(?P<numbers>{NUMBERS})")
+INLINE = re.compile(rf"`([^`:]+:\s[^`]+)`(?:\s+on\s+the\s+first\s+(\d+)\s+seeds)?\s+({NUMBERS})")
 
 
-def section(text: str, page: str) -> str:
-    """Return what a page says was found: of the README one section."""
-    if page != "README.md":
-        return text
-    return "## What was found\n" + text.partition("## What was found\n")[2].partition("\n## ")[0]
-
-
-def anew(text: str, study: Study) -> str:
-    """Write all numbers of a text anew, everything else as it was."""
-    inline = TOLD.sub(
-        lambda match: match[0].replace(
-            match["numbers"], told(match["what"], match["numbers"], study, int(match["seeds"] or SEEN))
-        ),
-        text,
-    )
+def rewrite(text: str, study: Study) -> str:
+    """Return a text with all numbers of contrasts computed again."""
+    text = INLINE.sub(lambda m: m[0].replace(m[3], measure(m[1], m[3], study, int(m[2] or SEEN))), text)
     head: list[str] = []
     lines = []
-    for line in inline.splitlines(keepends=True):
+    for line in text.split("\n"):
         cells = line.split("|")
-        head = [] if len(cells) < 3 else head or cells
-        what = re.fullmatch(r" `([^`]+)` ", cells[1]) if head and len(cells) == len(head) else None
-        lines.append("|".join(row(head, what[1], cells, study)) if what else line)
-    return "".join(lines)
-
-
-def row(head: list[str], what: str, cells: list[str], study: Study) -> list[str]:
-    """Write a table's row anew: what is told of, where its heading says."""
-    alike = re.fullmatch(r"(\w+): (\w+) beside ([\w ]+)", what)
-    made = []
-    for where, cell in zip(map(str.strip, head), cells, strict=True):
-        numbers = re.search(CKA if alike else NUMBERS, cell)
-        if numbers is None:
-            made.append(cell)
-        elif alike:
-            made.append(cell.replace(numbers[0], ckas()[*alike.groups(), where]))
-        else:
-            made.append(cell.replace(numbers[0], told(f"{where}: {what}", numbers[0], study)))
-    return made
-
-
-@cache
-def ckas() -> dict[tuple[str, ...], str]:
-    """Read how alike layers are, by pair, arm, what it is beside, and layer."""
-    with (REPORT / "cka.csv").open(newline="") as file:
-        return {
-            (row["pair"], row["arm"], row["beside"], row["layer"]): f"{float(row['cka']):.2f}"
-            for row in csv.DictReader(file)
-        }
-
-
-def told(question: str, numbers: str, study: Study, seeds: int = SEEN) -> str:
-    """Write the numbers of one contrast anew."""
-    (finding,) = answers(study, [" ".join(question.split())], seeds)
-    greedy = [one for name, one in finding.beside.items() if name.startswith("greedy")]
-    found = iter([*ends(finding.estimate), *(one.value for one in greedy)])
-    return re.sub(NUMBER, lambda number: written(next(found), number[0]), numbers)
-
-
-def ends(one: Estimate) -> tuple[float, float, float]:
-    """Return an estimate and the ends of its interval."""
-    return one.value, one.low, one.high
-
-
-def written(value: float, as_before: str) -> str:
-    """Write a number with as many places as another one has."""
-    return f"{value:+.{len(as_before.partition('.')[2])}f}"
-
-
-# Of the study at the paper's length, which has too few seeds for intervals.
-LONG = ROOT / "outputs/paper_high"
-LONG_ARMS = ("FE1", "FE2", "FE3", "FE4", "FT3", "FTW")
-LONG_METRICS = ("early area", "area", "asymptote", "time")
-
-
-def long_table() -> str:
-    """Write what each arm is above scratch at the paper's length: means, and how many seeds are above 0."""
-    study = read_study(LONG)
-    lines = [f"| | {' | '.join(LONG_METRICS)} |", "| --- |" + " --- |" * len(LONG_METRICS)]
-    for arm in LONG_ARMS:
-        cells = []
-        for metric in LONG_METRICS:
-            word = "sooner than" if metric == "time" else "above"
-            (one,) = answers(study, [f"high: {arm} {word} scratch ({metric})"])
-            above = sum(value > 0 for value in one.differences)
-            cells.append(f"{one.estimate.value:+.3f} ({above} of {one.seeds})")
-        lines.append(f"| {arm} | {' | '.join(cells)} |")
+        head = [] if len(cells) < 3 else head or [cell.strip() for cell in cells]
+        what = re.fullmatch(r" `([^`:]+)` ", cells[1]) if len(cells) == len(head) else None
+        for place in range(2, len(cells) - 1) if what else ():
+            if found := re.search(NUMBERS, cells[place]):
+                numbers = measure(f"{head[place]}: {what[1]}", found[0], study) if what else ""
+                cells[place] = cells[place].replace(found[0], numbers)
+        lines.append("|".join(cells))
     return "\n".join(lines)
 
 
+def measure(question: str, numbers: str, study: Study, seeds: int = SEEN) -> str:
+    """Return the numbers of one contrast, in the form and with the decimals of `numbers`."""
+    (finding,) = answers(study, [" ".join(question.split())], seeds)
+    one = finding.estimate
+    greedy = [beside.value for name, beside in finding.beside.items() if name.startswith("greedy")]
+    values = iter([one.value, one.low, one.high, *greedy])
+    return re.sub(NUMBER, lambda m: f"{next(values):+.{len(m[0].partition('.')[2])}f}", numbers)
+
+
+def claims() -> pd.DataFrame:
+    """Return the contrasts of the paper's claims, a row each."""
+    rows = pd.read_csv(REPORT / "claims.csv")
+    return rows[rows["claim"].str.match("[CH]")]
+
+
+def verdicts() -> str:
+    """Return the sentences that say which claims have which verdict."""
+    found = claims().groupby("claim")["claim's verdict"].first()
+    names = {one: ", ".join(found.index[found == one]) or "none" for one in VERDICTS}
+    told = " ".join(f"{one.capitalize()}: {names[one]}." for one in VERDICTS)
+    return f"{told} Open: the other {(found == 'inconclusive').sum()}."
+
+
+def facts(study: Study) -> list[str]:
+    """Return the sentences of docs/findings.md that count something, from the tables."""
+    return [verdicts(), *of_claims(), *of_runs(), *of_arms(study), *of_layers(), *at_length()]
+
+
+def of_claims() -> list[str]:
+    """Return what is counted of claims: power, contrasts that hold, p, and how many seeds would decide."""
+    rows = claims()
+    power = rows["seen adjusted"].le(rows["margin"]).groupby(rows["claim"]).all()
+    held = rows["verdict"].eq("supported").groupby(rows["claim"]).agg(["sum", "size"])
+    first = rows.groupby("claim").first()
+    p, wanted = first["claim's p"].map("{:.3f}".format), first["seeds wanted"]
+    return [
+        f"{'some' if power.any() else 'no'} claim had a power of 80 % at the margin in all of its contrasts",
+        f"In pair high {held['sum']['H5f']} of {held['size']['H5f']} contrasts of H5f hold.",
+        f"In pair low {held['sum']['H6e']} of {held['size']['H6e']} contrasts of H6e hold",
+        f"The p of C1 and of H9b are {' or '.join(sorted({p['C1'], p['H9b']}))};",
+        ", ".join(f"{claim} {wanted[claim]:.0f}" for claim in ("H5k", "H5c", "H7a", "H5f", "C2", "C5")),
+    ]
+
+
+def of_runs() -> list[str]:
+    """Return what is counted of runs: those that fell back, and sources that cannot solve the target."""
+    runs = pd.read_csv(REPORT / "runs.csv")
+    pairs, controls = runs[runs["part"] == "pairs"], runs[runs["part"] == "controls"]
+    is_scratch = pairs["arm"] == "scratch"
+    groups = (pairs[is_scratch], pairs[~is_scratch], controls)
+    fell = [f"{group['fell'].sum():.0f} of {len(group)}" for group in groups]
+    lost = pairs[(pairs["arm"] == "FTW") & (pairs["start"] <= 0.05)]["pair"].value_counts()
+    return [
+        "{} runs from scratch, {} transfers of the pairs and {} controls".format(*fell),
+        f"{lost['high']} of {SEEN} in pair high begin at 0.05 or below,",
+        f"{lost['low']} in low, {lost['lowest']} in lowest.",
+    ]
+
+
+def of_arms(study: Study) -> list[str]:
+    """Return what is counted of arms: shares of what could be gained, and intervals above and below zero."""
+    gains = yaml.safe_load((ROOT / "conf/analysis.yaml").read_text())["gains"]
+
+    def every(where: str, words: str) -> pd.DataFrame:
+        found = answers(study, [f"{where}: {arm} {words}" for arm in ARMS], SEEN)
+        ends = [[one.estimate.value, one.estimate.low, one.estimate.high] for one in found]
+        return pd.DataFrame(ends, [f"{where} {arm}" for arm in ARMS], ["value", "low", "high"])
+
+    area = pd.concat(every(pair, "above scratch (area)") for pair in PAIRS)
+    time = pd.concat(every(pair, "sooner than scratch (time)") for pair in PAIRS)
+    own = pd.concat(every(f"{case} to {case}", "above scratch (area)") for case in "642")
+    share = area["value"] / [gains[PAIRS[name.split()[0]]]["area"] for name in area.index]
+    own_share = own["value"] / [gains[name[0]]["area"] for name in own.index]
+    more = (
+        own_share[own_share > 0.5]
+        .sort_values(ascending=False)
+        .sort_index(key=lambda names: -names.str[0].astype(int), kind="stable")
+    )
+    above, below = (area["low"] > 0).sum(), (area["high"] < 0).sum()
+    return [
+        *(
+            f"| could be gained: {metric} | {' | '.join(f'{gains[case][metric]:.3f}' for case in '246')} |"
+            for metric in ("area", "time", "asymptote")
+        ),
+        f"Of the pairs' {len(area)} arms {WORDS[(share >= 0.5).sum()]} gains half of it in area;",
+        f"the most is {100 * share.max():.0f} % ({share.idxmax()}).",
+        f"{WORDS[len(more)]} arms gain more: {', '.join(f'{n} {100 * x:.0f} %' for n, x in more.items())}.",
+        "FE3 gains {:.0f} % of what could be gained in high, {:.0f} % in low, {:.0f} % in lowest".format(
+            *(100 * share[f"{pair} FE3"] for pair in PAIRS)
+        ),
+        f"Of {len(time)} arms of the pairs {WORDS[(time['low'] > 0).sum()]} are sooner than scratch:",
+        f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
+    ]
+
+
+def of_layers() -> list[str]:
+    """Return how alike the layers of scratch are to others: rows of CKA, the range over the pairs."""
+    table = pd.read_csv(REPORT / "cka.csv")
+    table = table[(table["arm"] == "scratch") & table["layer"].isin(["conv3", "conv4", "shared"])]
+    table = table[table["pair"].isin(PAIRS)]
+    ends = table.groupby(["beside", "layer"])["cka"].agg(["min", "max"])
+    cells = ends.apply(lambda row: f"{row['min']:.2f} to {row['max']:.2f}", axis=1).unstack()
+    return [f"| {beside} | {' | '.join(cells.loc[beside])} |" for beside in cells.index]
+
+
+def at_length() -> list[str]:
+    """Return what is told of the study at the paper's length: its seeds, and a row for each arm."""
+    study = read_study(LONG)
+    rows = []
+    for arm in ("FE1", "FE2", "FE3", "FE4", "FT3", "FTW"):
+        cells = [arm]
+        for metric in ("early area", "area", "asymptote"):
+            (one,) = answers(study, [f"high: {arm} above scratch ({metric})"])
+            above = sum(value > 0 for value in one.differences)
+            cells.append(f"{one.estimate.value:+.3f} ({above} of {one.seeds})")
+        rows.append(f"| {' | '.join(cells)} |")
+    done = len({key[3] for key in study.records})
+    return [f"{done} of {len(study.seeds)} seeds are done", *rows]
+
+
 def main() -> None:
-    """Rewrite the pages."""
+    """Rewrite the pages, and print the facts that they lack."""
     study = read_study(FOLDER)
     for page in PAGES:
-        path: Path = ROOT / page
-        text = path.read_text()
-        before = section(text, page)
-        after = anew(before, study)
-        path.write_text(text.replace(before, after))
-        pairs = list(zip(re.findall(NUMBERS, before), re.findall(NUMBERS, after), strict=True))
-        changed = [(one, two) for one, two in pairs if one != two]
-        sys.stdout.write(f"{page}: {len(changed)} of {len(pairs)} are other numbers now\n")
-        for one, two in changed:
-            sys.stdout.write(f"  {one} -> {two}\n")
-    path = ROOT / "docs/paper-length.md"
-    path.write_text(
-        re.sub(r"\| \| early area .*?(?=\n\n)", lambda _: long_table(), path.read_text(), flags=re.S)
-    )
+        before = (ROOT / page).read_text()
+        after = rewrite(before, study)
+        (ROOT / page).write_text(after)
+        pairs = zip(re.findall(NUMBERS, before), re.findall(NUMBERS, after), strict=True)
+        changed = [f"{one} -> {two}" for one, two in pairs if one != two]
+        sys.stdout.write(f"{page}: {len(changed)} numbers changed\n" + "".join(f"  {x}\n" for x in changed))
+    text = " ".join((ROOT / PAGES[0]).read_text().split())
+    lacking = [fact for fact in facts(study) if fact not in text]
+    sys.stdout.write("".join(f"{PAGES[0]} lacks: {fact}\n" for fact in lacking))
 
 
 if __name__ == "__main__":

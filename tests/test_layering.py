@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "ship_trl"
 # The rooms from the bottom up: each may import what stands before it.
 ROOMS = (
-    "config", "files", "jit", "sim", "learn", "transfer", "policies", "view", "viewer", "gym", "run", "study",
+    "config", "files", "jit", "sim", "learn", "transfer", "policies", "view", "gym", "run", "study",
     "explain", "cli", "__main__",
 )  # fmt: skip
 # Where a room may import what stands above it.

@@ -167,7 +167,7 @@ def test_a_reward_term(before: Path, tmp_path: Path) -> None:
 def test_an_edited_formula_is_used_though_compiled_loops_are_kept(tmp_path: Path) -> None:
     place = copy(tmp_path)
     paid = pay(place, [])
-    assert list((place / "ship_trl/sim/__pycache__").glob("reward.pay-*.nbi"))
+    assert list((place / "ship_trl/sim/__pycache__").glob("reward.write_rewards-*.nbi"))
     path = place / REWARD
     path.write_text(path.read_text().replace("+ goal", "- turn * turn - speed * (nearest < 1e5) + goal"))
     actions = OmegaConf.load(place / "conf/world/paper.yaml").actions

@@ -1,4 +1,4 @@
-"""`python -m ship_trl cases`: the cases, how alike they are, and a picture of them all, or of a target."""
+"""`python -m ship_trl cases`: list and draw the cases, or rank sources for a target."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
@@ -20,8 +20,8 @@ from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.measured import PACKAGED, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.similarity import MEASURES, distance, in_words, similarity
 
-# Transfers to a target that are listed, at most.
-SHOWN = 12
+# Transfers listed for a target.
+MAX_TRANSFERS_SHOWN = 12
 console = Console(highlight=False, markup=False)
 
 
@@ -41,11 +41,8 @@ def main(arguments: list[str] | None = None) -> None:
         metavar="FILE",
         help=f"a report's {TABLE}, to recommend by; default: that of the confirmatory study",
     )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        help="where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png",
-    )
+    picture = "where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png"
+    add_output(parser, "--picture", (".png",), picture)
     parser.add_argument("--no-picture", action="store_true", help="print only")
     options = parser.parse_args(arguments)
     try:
@@ -54,7 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
         if options.target is not None:
             target = load_case(options.target, world, "--target")
             bases = [case for case in cases.values() if case.fingerprint != target.fingerprint]
-            # There is no table until a study is done.
+            # The table exists once a study is finished.
             table = options.measured or (PACKAGED if PACKAGED.is_file() else None)
             known = [] if table is None else read_transfers(table)
             show_ranking(target, bases, world, options.by, CaseBase(options.case_base))
@@ -72,7 +69,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def show_cases(cases: dict[str, Case]) -> None:
-    """Print what each case is."""
+    """Print ideal path, target ships and fingerprint of each case."""
     table = Table(title="Cases", title_justify="left")
     for name in ("case", "ideal path", "target ships: x, y (m), heading (deg), speed (m/s)", "fingerprint"):
         table.add_column(name)
@@ -82,8 +79,8 @@ def show_cases(cases: dict[str, Case]) -> None:
     console.print(table)
 
 
-def shipped_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
-    """Source and target of the pairs in conf/pair, in the order of the paper's table 2."""
+def bundled_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
+    """Return the names of the pairs in conf/pair by (source, target), in the order of the paper's table 2."""
     found = {}
     for path in (conf_dir() / "pair").glob("*.yaml"):
         values = OmegaConf.load(path)
@@ -92,8 +89,8 @@ def shipped_pairs(cases: dict[str, Case]) -> dict[tuple[str, str], str]:
 
 
 def show_pairs(cases: dict[str, Case], world: World) -> None:
-    """Table 2 with the rules behind each number, then every other pair."""
-    named = shipped_pairs(cases)
+    """Print table 2 with the properties behind each number, then the similarity of all pairs."""
+    named = bundled_pairs(cases)
     table = Table(title="Table 2: similarity by equation 8, distance by equation 7", title_justify="left")
     for name in ("pair", "source", "target", "similarity", "distance", "common", "different"):
         table.add_column(name, justify="right" if name in ("similarity", "distance") else "left")
@@ -113,14 +110,14 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 
 
 def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored: CaseBase) -> None:
-    """Print sources for a target, best first, what is stored of each, and the arm recommended."""
+    """Print the sources for a target, best first, with their stored networks and the recommended arm."""
     table = Table(title=f"Sources for case {target.name}, by {by}", title_justify="left")
     for name in ("source", *MEASURES, "arm, by the paper", "stored networks"):
         table.add_column(name, justify="right" if name in MEASURES else "left")
     kept = stored.entries()
     ranking = rank(target, bases, world, by)
     for match in ranking:
-        arm = f"method={match.method.value} layers={match.layers}"
+        arm = " ".join(f"{key}={value}" for key, value in match.arm.keys.items())
         count = sum(entry.fingerprint == match.case.fingerprint for entry in kept)
         measured = (f"{value:.2f}" for value in match.measured.values())
         table.add_row(match.case.name, *measured, arm, str(count))
@@ -128,10 +125,8 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
     if ranking:
         console.print("By the paper's rule:")
         first = ranking[0]
-        line = (
-            f"python -m ship_trl source={first.case.name} target={target.name} "
-            f"method={first.method.value} layers={first.layers}"
-        )
+        arm = " ".join(f"{key}={value}" for key, value in first.arm.keys.items())
+        line = f"python -m ship_trl source={first.case.name} target={target.name} {arm}"
         console.print(line, markup=False, soft_wrap=True)
         best = stored.representative(first.case)
         if best is not None:
@@ -141,7 +136,7 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
 
 
 def show_measured(target: Case, found: list[Transfer]) -> None:
-    """Print what transfers to a target gained, and recommend the first if it is shown to gain."""
+    """Print the measured gains of transfers to a target; recommend the first if it is shown to gain."""
     if not found:
         console.print(f"By measurement: no transfer to case {target.name} from these cases was measured.")
         return
@@ -152,12 +147,12 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
     table = Table(title=title, title_justify="left")
     for name in ("source", "arm", "epsilon from", "gain", "interval", "seeds"):
         table.add_column(name, justify="right" if name in ("gain", "interval", "seeds") else "left")
-    for one in found[:SHOWN]:
+    for one in found[:MAX_TRANSFERS_SHOWN]:
         start = "1" if one.epsilon_start is None else f"{one.epsilon_start:g}"
         between = f"{one.low:+.3f} to {one.high:+.3f}"
         table.add_row(one.source, one.arm, start, f"{one.gain:+.3f}", between, str(one.seeds))
     console.print(table)
-    # Not the largest gain: of many arms that is the luckiest one.
+    # `found` is sorted by lower bound: of many arms the one with the largest gain may just be lucky.
     best = found[0]
     if best.low > 0:
         console.print(f"By measurement, of {len(found)} transfers the one whose interval begins highest:")
@@ -169,7 +164,7 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
 
 
 def write_picture(path: Path, cases: list[Case], world: World) -> None:
-    """Draw the contact sheet: cases as people and as the network see them."""
+    """Write the contact sheet: each case as people and as the network see it."""
     from ship_trl.view.contact_sheet import write_contact_sheet
 
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Errors of the command line in one line, and exit codes."""
+"""Errors of the command line: one line each, and exit codes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from traceback import walk_tb
 from typing import NoReturn
 
 from ship_trl.cli.help import VERBS
-from ship_trl.config.errors import print_error
+from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.config.hydra import explain_hydra
 from ship_trl.files.disk import DISK
 
 
 @contextmanager
 def refusals() -> Iterator[None]:
-    """Around a command: what is wrong with its input, or a file that cannot be written, in one line."""
-    from ship_trl.config.errors import ConfigError
-
+    """Print a `ConfigError` or an `OSError` of a command as one line, and exit with code 1."""
     try:
         yield
     except ConfigError as error:
@@ -34,15 +32,14 @@ def refusals() -> Iterator[None]:
 
 @contextmanager
 def job_errors() -> Iterator[None]:
-    """Around one job: its own `ConfigError`, or a file that cannot be written, in one line.
+    """Print a `ConfigError` or an `OSError` of one job as one line.
 
-    A single run ends with it. In a sweep it goes on as an exception, because SystemExit would
-    abort the other jobs too.
+    A single run exits then. In a sweep the exception is raised again, because SystemExit would abort the
+    other jobs too.
     """
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
-    from ship_trl.config.errors import ConfigError
     from ship_trl.run.stop import TIME_TO_STOP, StoppedError, die_of
 
     try:
@@ -51,12 +48,12 @@ def job_errors() -> Iterator[None]:
         print_error(str(error))
         if HydraConfig.get().mode is RunMode.RUN:
             sys.exit(128 + error.number)
-        # A process of a grid would be given the next run. When the first ends, joblib kills the others,
-        # which may still write.
+        # A worker process must not take the next run. But when the first one ends, joblib kills the others,
+        # which may still be writing.
         time.sleep(TIME_TO_STOP)
         die_of(error.number)
     except (ConfigError, OSError) as error:
-        if not explained(error):
+        if isinstance(error, OSError) and not names_file(error):
             raise
         print_error(explain_file(error) if isinstance(error, OSError) else str(error))
         if HydraConfig.get().mode is RunMode.RUN:
@@ -66,10 +63,10 @@ def job_errors() -> Iterator[None]:
 
 @contextmanager
 def hydra_errors() -> Iterator[None]:
-    """Turn what is the user's to mend into one line on stderr and exit code 1.
+    """Print an error that the user can correct as one line, and exit with code 1.
 
-    Hydra prints its own errors over several lines unless HYDRA_FULL_ERROR is set; then it raises
-    them. Someone who set it wants the traceback and gets it.
+    Hydra prints its own errors over several lines unless HYDRA_FULL_ERROR is set; then it raises them. A
+    user who set it gets the traceback.
     """
     if os.environ.get("HYDRA_FULL_ERROR", "") not in ("", "0"):
         yield
@@ -78,7 +75,7 @@ def hydra_errors() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print_error("interrupted; the same command goes on from the last checkpoint, if there is one")
+        print_error("interrupted; the same command continues from the last checkpoint, if there is one")
         sys.exit(130)
     except Exception as error:
         line = explain_command(error)
@@ -89,14 +86,12 @@ def hydra_errors() -> Iterator[None]:
 
 
 def check_words(words: list[str]) -> None:
-    """Refuse an unknown verb or flag in one line; Hydra would print its usage and exit with code 2.
+    """Check verb and flags: for a wrong one Hydra would print its usage and exit with code 2.
 
     Raises:
-        ConfigError: there is one, or a flag lacks its value.
+        ConfigError: one is unknown, or a flag lacks its value.
     """
     from hydra._internal.utils import get_args_parser
-
-    from ship_trl.config.errors import ConfigError
 
     def refuse(message: str) -> NoReturn:
         raise ConfigError(f"{message}; keys are given without dashes, as target=4; see --help")
@@ -109,12 +104,10 @@ def check_words(words: list[str]) -> None:
 
 
 def explain_command(error: Exception) -> str | None:
-    """One line for what ended a command, or None where it is not the user's to mend."""
+    """Explain what ended a command in one line, or return None where it is a fault of the program."""
     import yaml
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
-
-    from ship_trl.config.errors import ConfigError, explain
 
     match error:
         case ConfigError():
@@ -126,28 +119,28 @@ def explain_command(error: Exception) -> str | None:
         case yaml.YAMLError():
             return f"config: not YAML: {' '.join(str(error).split())}"
         case OSError():
-            return explain_file(error) if explained(error) else None
-    # Of some overrides Hydra makes other errors than its own, as a TypeError of hydra/job_logging=[[1]] or of
+            return explain_file(error) if names_file(error) else None
+    # For some overrides Hydra raises other errors than its own, as a TypeError for hydra/job_logging=[[1]] or
     # ~network.conv.0.
-    if not origin(error).startswith(("hydra", "antlr4")):
+    if not raising_module(error).startswith(("hydra", "antlr4")):
         return None
     known = isinstance(error, ValueError)
     return explain_hydra(error) if known else f"overrides: Hydra cannot read them ({error})"
 
 
-def explained(error: Exception) -> bool:
-    """Whether one line says enough of an error; of an `OSError` about no file a traceback says more."""
-    return not isinstance(error, OSError) or error.filename is not None or error.errno in DISK
+def names_file(error: OSError) -> bool:
+    """Return whether an error is about a file or the disk; for any other a traceback says more."""
+    return error.filename is not None or error.errno in DISK
 
 
 def explain_file(error: OSError) -> str:
-    """One line for an error of the file system: the file, then the reason."""
-    # Of two files, as in copying and renaming, the second is written.
+    """Explain an error of the file system in one line: the file, then the reason."""
+    # Where there are two files, as in renaming, the second one is written.
     file = error.filename2 or error.filename or "a file"
     return f"{file}: {error.strerror or error}"
 
 
-def origin(error: BaseException) -> str:
-    """Name the module in which an error was raised; of what OmegaConf raises, the one that called it."""
+def raising_module(error: BaseException) -> str:
+    """Name the module that raised an error, or that called OmegaConf where that raised it."""
     names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
     return next((name for name in reversed(names) if not name.startswith("omegaconf")), "")

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
+from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import SHOWN, Entry, sail
 from ship_trl.policies.pretrained import PRETRAINED
@@ -29,27 +30,16 @@ HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m",
 def main(arguments: list[str] | None = None) -> None:
     """Sail, print the table, write the GIF."""
     parser = make_parser("evaluate", __doc__)
-    parser.add_argument("words", nargs="*", default=[PRETRAINED], metavar="POLICY | target=CASE")
-    parser.add_argument(
-        "--episodes", type=int, default=1, metavar="N", help="so many at once, mean in the table"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of policies that draw")
-    parser.add_argument("--colour", action="store_true", help="networks see colours")
-    parser.add_argument("--gif", type=Path, metavar="FILE", help="film the first episode of the last policy")
+    add_policies(parser, [PRETRAINED])
+    add_number(parser, "--episodes", Positive, 1, "in parallel; the table has their means")
+    add_seed(parser)
+    add_output(parser, "--gif", (".gif",), "film the first episode of the last policy")
     parser.add_argument(
         "--demonstrations", type=Path, metavar="FOLDER", help="keep what is sailed as demonstrations"
     )
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
-        if options.episodes < 1:
-            raise ConfigError(f"--episodes: must be at least 1, got {options.episodes}")
-        if not 0 <= options.seed < 2**63:
-            raise ConfigError(f"--seed: must be from 0 to 2^63 - 1, got {options.seed}")
-        if options.gif is not None and options.gif.suffix != ".gif":
-            raise ConfigError(f"--gif: must be a name that ends with .gif, got {options.gif}")
-        if options.gif is not None and not options.gif.absolute().parent.is_dir():
-            raise ConfigError(f"--gif: no folder {options.gif.absolute().parent}")
         entries = find_entries(options.words, options.colour)
         wrong = table(
             entries, options.episodes, options.seed, options.gif, options.markdown, options.demonstrations
@@ -100,9 +90,7 @@ def table(
         from ship_trl.view.film import write_gif
 
         entry, env, episode = film
-        write_gif(
-            gif, entry.case, entry.world, episode, env.rasteriser, f"case {entry.case.name}, {entry.label}"
-        )
+        write_gif(gif, entry.case, entry.world, episode, env.rasteriser, entry.label)
         sys.stdout.write(f"{gif}\n")
     return wrong
 

@@ -9,41 +9,33 @@ from __future__ import annotations
 import shlex
 import sys
 from pathlib import Path
+from typing import Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
 from ship_trl.run.entries import best_of_folders, find_entries
 
 OUTPUT = Path("outputs/explain")
-LEAST_EPISODES = 60
-MOST_EPISODES = 600
+Episodes = Annotated[int, limit(60, 600)]
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the command line, and write page, figures and tables."""
     parser = make_parser("explain", __doc__)
-    parser.add_argument("words", nargs="+", metavar="POLICY | target=CASE")
+    add_policies(parser, is_required=True)
     parser.add_argument(
         "--output",
         type=Path,
         metavar="FOLDER",
         help=f"default: {OUTPUT}",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of states, untrained networks and resamples")
-    parser.add_argument(
-        "--episodes", type=int, default=120, metavar="N", help="ten states are taken of each (default 120)"
-    )
-    parser.add_argument("--colour", action="store_true", help="networks from files see colours")
+    add_seed(parser, "of states, untrained networks and resamples")
+    add_number(parser, "--episodes", Episodes, 120, "ten states are taken of each (default 120)")
     options = parser.parse_args(arguments)
     with refusals():
-        if not LEAST_EPISODES <= options.episodes <= MOST_EPISODES:
-            raise ConfigError(
-                f"--episodes: must be from {LEAST_EPISODES} to {MOST_EPISODES}, got {options.episodes}"
-            )
-        if not 0 <= options.seed < 2**63:
-            raise ConfigError(f"--seed: must be from 0 to 2^63 - 1, got {options.seed}")
         if options.output is None and OUTPUT.is_symlink():
             # A stranger's folder of results may be called outputs.
             raise ConfigError(f"--output: {OUTPUT} is a link; allowed: the folder that it leads to, named")

@@ -1,9 +1,9 @@
-"""`python -m ship_trl export POLICY FILE.onnx [target=CASE]`: a network for ONNX, checked on a whole episode.
+"""`python -m ship_trl export POLICY FILE.onnx [target=CASE]`: convert a network to ONNX.
 
 POLICY is a result folder (its best network, on its own target) or a safetensors file. The model has one
-input, `pixels` uint8 [batch, C, 84, 84], and one output, `action_value` float32 [batch, A], the Q-values of
-the actions, whose speeds and turns are in its metadata. It computes the network's function in float32. The
-check needs onnxruntime; a model that does not pass is not written.
+input, `pixels` uint8 [batch, C, 84, 84], and one output, `action_value` float32 [batch, A]: the Q-values of
+the actions. The actions' speeds and rates of turn are in its metadata. The model computes in float32. With
+onnxruntime installed, model and network are compared on a whole episode; a model that fails is not written.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl import __version__
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
-from ship_trl.config.errors import ConfigError
+from ship_trl.cli.parser import add_output, make_parser
+from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import replacing
 from ship_trl.policies.entry import Entry
@@ -30,41 +30,36 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
     from ship_trl.sim.env import ShipEnv
 
-NEEDED, CHECKING = ("onnx", "onnxscript"), "onnxruntime"
+REQUIRED, RUNTIME = ("onnx", "onnxscript"), "onnxruntime"
 INPUT, OUTPUT = "pixels", "action_value"
-# How far Q-values may be off, as a share of the largest: sums of float32 in another order differ by less.
+# Maximum error of Q-values relative to the largest; summing float32 in another order gives less.
 TOLERANCE = 1e-4
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Export, check, say what was written."""
+    """Export and check the model, and print what was written."""
     parser = make_parser("export", __doc__)
     parser.add_argument("policy", metavar="POLICY", help="a result folder or a safetensors file")
-    parser.add_argument("file", type=Path, metavar="FILE.onnx", help="what is written")
+    add_output(parser, "file", (".onnx",), "what is written")
     parser.add_argument(
         "target", nargs="?", metavar="target=CASE", help="what it sails; a folder brings its own"
     )
     parser.add_argument("--colour", action="store_true", help="the network of a file sees colours")
     options = parser.parse_args(arguments)
     with refusals():
-        path: Path = options.file
-        if path.suffix != ".onnx":
-            raise ConfigError(f"file: must be a name that ends with .onnx, got {path}")
-        if not path.absolute().parent.is_dir():
-            raise ConfigError(f"file: no folder {path.absolute().parent}")
-        for name in NEEDED:
+        for name in REQUIRED:
             if importlib.util.find_spec(name) is None:
-                raise ConfigError(f"{name} is not installed; ship_trl[onnx] brings it")
+                raise ConfigError(missing_extra(name, "onnx"))
         words = [options.policy, *([options.target] if options.target else [])]
-        lines = export(find_entry(words, options.colour), path)
+        lines = export(find_entry(words, options.colour), options.file)
     sys.stdout.write("\n".join(lines) + "\n")
 
 
 def find_entry(words: list[str], colour: bool) -> Entry:
-    """Find the policy, on one case; of a result folder its best network.
+    """Return the policy on one case; for a result folder, its best network.
 
     Raises:
-        ConfigError: there is none, or several cases or results.
+        ConfigError: there is no such policy, or there are several cases or results.
     """
     entries = best_of_folders(find_entries(words, colour))
     if len(entries) > 1:
@@ -73,10 +68,10 @@ def find_entry(words: list[str], colour: bool) -> Entry:
 
 
 def export(entry: Entry, path: Path) -> list[str]:
-    """Write a network as ONNX, and check it where onnxruntime is installed; returns what to say of it.
+    """Write a network as ONNX, and check it if onnxruntime is installed; return the lines to print.
 
     Raises:
-        ConfigError: the policy has no network, or the model does not do what the network does.
+        ConfigError: the policy has no network, or the model's actions or Q-values differ from the network's.
     """
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import load_with_network
@@ -88,23 +83,23 @@ def export(entry: Entry, path: Path) -> list[str]:
     policy, network = load_with_network(entry.policy, env)
     channels, actions = env.rasteriser.channels, len(entry.world.actions)
     program = trace(network, channels)
-    program.model.metadata_props.update(about(entry))
+    program.model.metadata_props.update(metadata_of(entry))
     shapes = f"{INPUT} uint8 [batch, {channels}, {PICTURE}, {PICTURE}] -> {OUTPUT} float32 [batch, {actions}]"
     with replacing(path) as draft:
         program.save(draft)
-        checked = f"not checked: {CHECKING} is not installed"
-        if importlib.util.find_spec(CHECKING) is not None:
+        checked = f"not checked: {RUNTIME} is not installed"
+        if importlib.util.find_spec(RUNTIME) is not None:
             checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env))[0])
     return [f"{path}: case {entry.case.name}, {entry.label}; {shapes}", checked]
 
 
 def trace(network: DuelingNetwork, channels: int) -> Any:
-    """Make an ONNX program of a network's function, for any number of pictures at once."""
+    """Return the network as an ONNX program that accepts any batch size."""
     import torch
     from torch import Tensor, nn
 
     class QValues(nn.Module):
-        """The network without a backend, whose work depends on the picture."""
+        """The network without its backend, which branches on the pictures."""
 
         def __init__(self) -> None:
             super().__init__()
@@ -113,13 +108,13 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
         def forward(self, pixels: Tensor) -> Tensor:
             return self.network.dueling(self.network.convolve(pixels))
 
-    # It tells of torchvision, which is not used, and warns of its own calls.
+    # The exporter logs that torchvision is missing, which we do not use, and warns about its own calls.
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return torch.onnx.export(
             QValues().eval(),
-            # Two: a batch of one would be taken for a constant.
+            # A batch of two, because the exporter takes a size of one for a constant.
             (torch.zeros(2, channels, PICTURE, PICTURE, dtype=torch.uint8),),
             dynamo=True,
             verbose=False,
@@ -129,8 +124,8 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
         )
 
 
-def about(entry: Entry) -> dict[str, str]:
-    """Give a model's metadata: the case, what its actions are, and whose weights it has."""
+def metadata_of(entry: Entry) -> dict[str, str]:
+    """Return the model's metadata: case, policy, actions, and the run that its weights are from."""
     from ship_trl.transfer.layers import opened
 
     found = {
@@ -148,7 +143,7 @@ def about(entry: Entry) -> dict[str, str]:
 
 
 def onnx_policy(path: Path, env: ShipEnv) -> Any:
-    """Make the policy that takes the action of the highest Q-value, computed by onnxruntime."""
+    """Return the greedy policy whose Q-values onnxruntime computes from the model in `path`."""
     import onnxruntime
     import torch
     from tensordict import TensorDictBase
@@ -166,19 +161,19 @@ def onnx_policy(path: Path, env: ShipEnv) -> Any:
 
 
 def compare(network: Episode, onnx: Episode) -> str:
-    """Compare the episodes that a network and its ONNX model sail.
+    """Compare the greedy episodes of a network and its ONNX model; return the line to print.
 
     Raises:
-        ConfigError: they act differently, or their Q-values differ by more than rounding.
+        ConfigError: actions differ, or Q-values differ by more than `TOLERANCE`.
     """
     assert network.q_values is not None and onnx.q_values is not None
     if network.actions.tolist() != onnx.actions.tolist():
         raise ConfigError(
-            f"{CHECKING}: acts differently on an episode of {network.length} steps; nothing written"
+            f"{RUNTIME}: acts differently on an episode of {network.length} steps; nothing written"
         )
     difference = float((network.q_values - onnx.q_values).abs().max())
     largest = float(network.q_values.abs().max())
     off = f"Q-values of up to {largest:.3g} differ by {difference:.1e} at most"
     if not difference <= TOLERANCE * largest:
-        raise ConfigError(f"{CHECKING}: {off}, allowed {TOLERANCE * largest:.1e}; nothing written")
-    return f"checked in {CHECKING} on an episode of {network.length} steps: the same actions, {off}"
+        raise ConfigError(f"{RUNTIME}: {off}, allowed {TOLERANCE * largest:.1e}; nothing written")
+    return f"checked in {RUNTIME} on an episode of {network.length} steps: the same actions, {off}"

@@ -1,26 +1,26 @@
-"""The help of the whole command line; imports nothing but the standard library."""
+"""The help of the whole command line. Imports nothing but the standard library, so that it is quick."""
 
 from __future__ import annotations
 
 from ship_trl.config.paths import group_names
 
 HELP_FLAGS = {"--help", "-h"}
-# Each is a module of `ship_trl.cli` with a function `main`.
+# Each verb is a module of `ship_trl.cli` with a function `main`.
 VERBS = {
     "watch": "roll out policies in a window",
-    "record": "the same as GIF, MP4, PNG frames or a chart of paths; no screen needed",
+    "record": "record the same as GIF, MP4, PNG frames or a chart of paths; no screen needed",
     "play": "steer a ship yourself",
-    "evaluate": "what policies reach: networks, random, the planner's, your own",
-    "cases": "the cases, their similarity, which source and arm for a target, a picture",
-    "results": "a table of finished runs, their learning curves",
-    "explain": "what a network has learned to see, on one page",
-    "export": "a network as an ONNX file",
-    "study": "every figure and control of the paper over seeds",
-    "report": "the report of a study, from its runs or its tables",
-    "ask": "any contrast of a study's arms",
-    "keep": "a study as tables small enough to commit, and back",
-    "layers": "how alike the layers of a study's networks are",
-    "pretrain": "train the bundled networks anew",
+    "evaluate": "evaluate policies: networks, random, the planner, your own",
+    "cases": "list the cases and their similarity, and recommend a source for a target",
+    "results": "list finished runs in a table, and draw their learning curves",
+    "explain": "explain what a network has learned to see, on one page",
+    "export": "export a network as an ONNX file",
+    "study": "run every figure and control of the paper over seeds",
+    "report": "write the report of a study, from its runs or its tables",
+    "ask": "estimate any contrast of a study's arms",
+    "keep": "keep a study as tables small enough to commit, or restore it",
+    "layers": "measure how alike the layers of a study's networks are",
+    "pretrain": "train the bundled networks again",
 }
 
 
@@ -40,9 +40,9 @@ What to run
   layers=N              1 to 4 conv layers (as many as the network has), or all (finetune only)
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file
-  source=pretrained     the trained network that comes with us, of the pair's source or the most similar case
-  source_weights=NAME   learned; controls: random (has learned nothing), permuted (learned, then shuffled)
-  demonstrations=FOLDER put episodes that somebody sailed into the replay first (docs/demonstrations.md)
+  source=pretrained     the bundled network of the pair's source, or of the most similar case
+  source_weights=NAME   learned; controls: random (untrained), permuted (learned, then shuffled)
+  demonstrations=FOLDER preload the replay with recorded episodes (docs/tools.md)
   seed=N                0 by default
 
 How
@@ -55,8 +55,8 @@ How
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
   overwrite=true        replace a finished run of other settings there, or a damaged one
 
-  -m, --multirun        a grid: several values behind a comma
-  +sweep=NAME           look for good settings, by Optuna: {sweeps}
+  -m, --multirun        a grid: values separated by commas
+  +sweep=NAME           search for good settings with Optuna: {sweeps}
   objective=NAME        what a sweep maximises: late (greedy return after exploration), final, best
   --cfg job             print the configuration and stop
   --hydra-help          what Hydra adds
@@ -67,7 +67,7 @@ Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
 
 
 def print_help() -> None:
-    """Print the help; imports nothing but the standard library."""
+    """Print the help."""
     values = {
         key: group_names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles", "networks", "sweeps")
     }

@@ -1,23 +1,101 @@
-"""One way of reading a verb's arguments."""
+"""The arguments that verbs share; a wrong one is refused in one line with exit code 1."""
 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from typing import NoReturn
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
 
-from ship_trl.config.errors import print_error
+from ship_trl.config.bounds import Seed
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.schema import Reader
+
+# Pixels of a window or a film; in a smaller one nothing could be read.
+MIN_WIDTH, MIN_HEIGHT, MAX_SIDE = 640, 360, 9999
 
 
-def make_parser(verb: str, description: str | None) -> argparse.ArgumentParser:
-    """Of a command's options; what is wrong with them is one line and exit code 1, as everywhere."""
+class Parser(argparse.ArgumentParser):
+    """Prints an error as every command does."""
 
-    class Parser(argparse.ArgumentParser):
-        def error(self, message: str) -> NoReturn:
-            print_error(f"{message}; see {self.prog} --help")
+    def error(self, message: str) -> NoReturn:
+        """Print what is wrong with the arguments, and exit."""
+        print_error(f"{message}; see {self.prog} --help")
+        sys.exit(1)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments, and refuse a value that is not allowed."""
+        try:
+            return super().parse_known_args(args, namespace)
+        except ConfigError as error:
+            print_error(str(error))
             sys.exit(1)
 
-    # Examples stand on lines of their own, which argparse would join.
-    raw = "\n    " in (description or "")
-    formatter = argparse.RawDescriptionHelpFormatter if raw else argparse.HelpFormatter
+
+def make_parser(verb: str, description: str | None) -> Parser:
+    """Make the parser of a verb."""
+    # argparse would join the lines of examples.
+    has_examples = "\n    " in (description or "")
+    formatter = argparse.RawDescriptionHelpFormatter if has_examples else argparse.HelpFormatter
     return Parser(prog=f"python -m ship_trl {verb}", description=description, formatter_class=formatter)
+
+
+def add_policies(parser: Parser, default: Sequence[str] = (), *, is_required: bool = False) -> None:
+    """Add the words that name policies and cases, as `find_entries` reads them, and `--colour`."""
+    parser.add_argument(
+        "words", nargs="+" if is_required else "*", default=list(default), metavar="POLICY | target=CASE"
+    )
+    parser.add_argument("--colour", action="store_true", help="networks from files see colours")
+
+
+def add_seed(parser: Parser, use: str = "of policies that draw") -> None:
+    """Add `--seed`."""
+    add_number(parser, "--seed", Seed, 0, use)
+
+
+def add_number(parser: Parser, option: str, hint: Any, default: float | None, use: str) -> None:
+    """Add an option whose value is a number of a type with bounds."""
+    read = partial(Reader().read, hint, key=option)
+    parser.add_argument(option, type=read, default=default, metavar="N", help=use)
+
+
+def add_size(parser: Parser, default: str, use: str) -> None:
+    """Add `--size`, in pixels."""
+    parser.add_argument("--size", type=read_size, default=default, metavar="WxH", help=f"{use}, in pixels")
+
+
+def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> None:
+    """Add the option or argument of a file to write, with one of the suffixes; "" stands for a folder."""
+    metavar = "FILE|FOLDER" if "" in suffixes else f"FILE{suffixes[0]}"
+    parser.add_argument(name, type=output_of(name, suffixes), metavar=metavar, help=use)
+
+
+def output_of(option: str, suffixes: Sequence[str]) -> Callable[[str], Path]:
+    """Return the function that reads the path of an output."""
+    allowed = f"a name that ends with {' or '.join(filter(None, suffixes))}"
+    allowed += ", or a new or empty folder" if "" in suffixes else ""
+
+    def read(text: str) -> Path:
+        path = Path(text)
+        if path.suffix not in suffixes:
+            raise ConfigError(f"{option}: must be {allowed}, got {text}")
+        if not path.absolute().parent.is_dir():
+            raise ConfigError(f"{option}: no folder {path.absolute().parent}")
+        if not path.suffix and path.exists() and not (path.is_dir() and not any(path.iterdir())):
+            raise ConfigError(f"{option}: {path} exists; must be {allowed}")
+        return path
+
+    return read
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """Read a size such as 1600x900."""
+    found = re.fullmatch(r"(\d{3,4})x(\d{3,4})", text, re.ASCII)
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if size[0] < MIN_WIDTH or size[1] < MIN_HEIGHT:
+        least, most = f"{MIN_WIDTH}x{MIN_HEIGHT}", f"{MAX_SIDE}x{MAX_SIDE}"
+        raise ConfigError(f"--size: must be WIDTHxHEIGHT, at least {least}, at most {most}, got {text}")
+    return size

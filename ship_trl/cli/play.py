@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
-from ship_trl.cli.watch import read_size
+from ship_trl.cli.parser import add_number, add_size, make_parser
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import limit
 from ship_trl.sim.cases import Case, load_case, load_world
 
-FASTEST = 20.0
+Speed = Annotated[float, limit(0.5, 20)]
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -28,19 +29,16 @@ def main(arguments: list[str] | None = None) -> None:
         "--demonstrations", type=Path, default=folder, metavar="FOLDER", help="default: %(default)s"
     )
     parser.add_argument("--keep-nothing", action="store_true", help="keep no demonstrations")
-    parser.add_argument("--speed", type=float, default=2.0, metavar="X", help="times as fast as ships sail")
-    parser.add_argument("--size", default="1600x900", metavar="WxH", help="of the window, in pixels")
+    add_number(parser, "--speed", Speed, 2.0, "times as fast as real time")
+    add_size(parser, "1600x900", "of the window")
     options = parser.parse_args(arguments)
     with refusals():
-        size = read_size(options.size)
-        if not 0.5 <= options.speed <= FASTEST:
-            raise ConfigError(f"--speed: must be from 0.5 to {FASTEST:g}, got {options.speed:g}")
         key, equals, names = options.target.partition("=")
         if key != "target" or not equals:
             raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE")
         world = load_world()
         cases = [load_case(name, world, "target") for name in names.split(",")]
-        play(cases, None if options.keep_nothing else options.demonstrations, options.speed, size)
+        play(cases, None if options.keep_nothing else options.demonstrations, options.speed, options.size)
 
 
 def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, int]) -> None:
@@ -50,14 +48,14 @@ def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, 
         ConfigError: there is no screen.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.game import Game
-    from ship_trl.viewer.window import NoScreenError, open_window
+    from ship_trl.view.window.display import NoScreenError, open_window
+    from ship_trl.view.window.game import Game
 
     configure_process()
     game = Game(cases, load_world(), folder, speed)
     try:
-        with open_window(size, "ship_trl") as window:
-            game.run(window)
+        with open_window(size, "ship_trl"):
+            game.run()
     except NoScreenError as error:
         raise ConfigError(
             f"no screen ({error}); python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER "

@@ -1,8 +1,8 @@
-"""`python -m ship_trl pretrain FOLDER`: train networks of all shipped cases, and keep the best of each.
+"""`python -m ship_trl pretrain FOLDER`: train the bundled networks, one for each bundled case.
 
-The rule: of each case, seeds 100 to 104 learn from scratch with profile=quick; the network of the
-highest greedy return is kept, of equals that of the lower seed. It is written in half precision if its
-greedy episode stays the same. Runs that are finished are not repeated.
+For each case, seeds 100 to 104 learn from scratch with profile=quick. The network with the highest greedy
+return is kept; on ties the one with the lower seed. It is written in half precision if its greedy episode
+stays the same. Finished runs are not repeated.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SEEDS = range(100, 105)
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Train what is missing, choose, write."""
+    """Run the missing trainings, then choose and write the networks."""
     parser = make_parser("pretrain", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where networks and manifest are written")
     runs = Path("outputs/pretrained")
@@ -53,14 +53,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write_networks(folder: Path, cases: list[Path]) -> None:
-    """Keep the best network of each case in `folder`, with a manifest and the curves of all runs.
+    """Write the best network of each case, a manifest and the curves of all runs into `folder`.
 
     Args:
-        folder: made where there is none; what it holds is replaced, the manifest last.
+        folder: created if needed; existing files are replaced, the manifest last.
         cases: folders of the runs, one for each case.
 
     Raises:
-        ConfigError: a run is missing or not whole.
+        ConfigError: a run is missing or incomplete.
         OSError: a file cannot be written.
     """
     import pandas as pd
@@ -69,7 +69,7 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
 
     configure_process()
     folder.mkdir(parents=True, exist_ok=True)
-    kept, runs, curves = [], [], []
+    networks, runs, curves = [], [], []
     for place in cases:
         paths = [place / f"seed={seed}" for seed in SEEDS]
         found = [read_run(path) for path in paths]
@@ -78,18 +78,18 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
             runs.append(about | {"best_return": result.best.episode_return})
             rows = training[["episode", "return"]].round({"return": 2})
             curves.append(rows.assign(config_hash=result.config_hash))
-        # Of equals the first, which is that of the lower seed.
+        # On ties `index` finds the first, which has the lower seed.
         returns = [result.best.episode_return for result, _ in found]
         best = returns.index(max(returns))
-        one = keep(folder, found[best][0], paths[best] / POLICY)
+        one = write_network(folder, found[best][0], paths[best] / POLICY)
         sys.stdout.write(
             f"case {one.case}: seed {one.seed}, return {one.episode_return:.1f}, "
             f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
         )
-        kept.append(one)
+        networks.append(one)
     with replacing(folder / CURVES) as draft:
         pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
-    manifest = {"networks": [asdict(one) for one in kept], "runs": runs}
+    manifest = {"networks": [asdict(one) for one in networks], "runs": runs}
     with replacing(folder / MANIFEST) as draft:
         draft.write_text(json.dumps(manifest, indent=1) + "\n")
 
@@ -98,7 +98,7 @@ def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
     """Read a run's result and its training episodes.
 
     Raises:
-        ConfigError: they are not whole.
+        ConfigError: a file is missing, damaged or incomplete.
     """
     try:
         return read_result(run), split(read_curve(run))[0]
@@ -107,8 +107,17 @@ def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
         raise ConfigError(f"runs: {run}: {what}") from None
 
 
-def keep(folder: Path, result: Result, weights: Path) -> Pretrained:
-    """Write the network of a run, in half precision if its greedy episode stays the same."""
+def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
+    """Write the network of a run, in half precision if its greedy episode stays the same.
+
+    Args:
+        folder: where to write `CASE.safetensors`.
+        result: result of the run.
+        weights: file of the run's best network.
+
+    Returns:
+        The network's entry in the manifest.
+    """
     import torch
 
     from ship_trl.sim.reference import best_known
@@ -118,10 +127,10 @@ def keep(folder: Path, result: Result, weights: Path) -> Pretrained:
     case = load_case(result.target, world)
     file = folder / f"{case.name}.safetensors"
     about = {"case": case.name, "arm": result.arm, "seed": result.seed, "config_hash": result.config_hash}
-    whole, network = sail(case, weights)
+    whole, network = rollout_greedy(case, weights)
     dtype = torch.float16
     save_weights(file, network, about, dtype)
-    if not torch.equal(sail(case, file)[0].actions, whole.actions):
+    if not torch.equal(rollout_greedy(case, file)[0].actions, whole.actions):
         dtype = torch.float32
         save_weights(file, network, about)
     return Pretrained(
@@ -140,8 +149,8 @@ def keep(folder: Path, result: Result, weights: Path) -> Pretrained:
     )
 
 
-def sail(case: Case, weights: Path) -> tuple[Episode, DuelingNetwork]:
-    """Sail the greedy episode of a file's network; returns both."""
+def rollout_greedy(case: Case, weights: Path) -> tuple[Episode, DuelingNetwork]:
+    """Roll out the greedy episode of the network in a file; return episode and network."""
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import load_with_network
     from ship_trl.sim.env import ShipEnv

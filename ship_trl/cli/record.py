@@ -9,98 +9,88 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
-from ship_trl.cli.watch import FIRST, check_seed, read_size
-from ship_trl.config.errors import ConfigError
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
+from ship_trl.cli.watch import FIRST
+from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
 from ship_trl.run.entries import best_of_folders, find_entries
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
 
-SUFFIXES = (".gif", ".mp4")
-FASTEST = 60.0
+FrameRate = Annotated[float, limit(1, 60)]
+Speed = Annotated[float, limit(0.1, 100)]
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the words, sail, draw."""
     parser = make_parser("record", __doc__)
-    parser.add_argument("words", nargs="*", metavar="POLICY | target=CASE")
-    parser.add_argument("--output", type=Path, metavar="FILE", help="film: .gif, .mp4, or a folder of PNG")
-    parser.add_argument("--trajectories", type=Path, metavar="FILE.png", help="chart of all paths")
+    add_policies(parser)
+    add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
+    add_output(parser, "--trajectories", (".png",), "chart of all paths")
     parser.add_argument("--compare", action="store_true", help="two policies beside each other")
     parser.add_argument("--absolute", action="store_true", help="north up, all ships move (figure 2a)")
     parser.add_argument("--to-scale", action="store_true", help="hulls as long as ships are")
     parser.add_argument("--saliency", action="store_true", help="on which pixels the highest Q depends")
-    parser.add_argument("--seed", type=int, default=0, help="of policies that draw")
-    parser.add_argument("--colour", action="store_true", help="networks see colours")
-    parser.add_argument("--size", default="1280x720", metavar="WxH", help="of the film, in pixels")
-    parser.add_argument("--fps", type=float, metavar="N", help="frames a second: 10, of an MP4 30")
-    parser.add_argument("--speed", type=float, default=5.0, metavar="X", help="times as fast as ships sail")
+    add_seed(parser)
+    add_size(parser, "1280x720", "of the film")
+    add_number(parser, "--fps", FrameRate, None, "frames a second: 10, of an MP4 30")
+    add_number(parser, "--speed", Speed, 5.0, "times as fast as real time")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         usual = 30.0 if options.output and options.output.suffix == ".mp4" else 10.0
         rate = usual if options.fps is None else options.fps
-        size = read_size(options.size)
-        check_seed(options.seed)
         if options.output is None and options.trajectories is None:
             raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
-        if options.output is not None:
-            check_film(options.output, size, rate, options.speed)
-        if options.trajectories is not None:
-            check_chart(options.trajectories)
+        if options.output is not None and options.output.suffix == ".mp4":
+            check_mp4(options.size)
         entries = best_of_folders(find_entries(options.words or FIRST, options.colour))
         if options.trajectories is not None:
             need_one_case(entries)
         if options.output is not None:
             look = {"absolute": options.absolute, "to_scale": options.to_scale, "saliency": options.saliency}
-            film(options.output, entries, options.compare, look, size, rate, options.speed, options.seed)
+            film(
+                options.output,
+                entries,
+                options.compare,
+                look,
+                options.size,
+                rate,
+                options.speed,
+                options.seed,
+            )
         if options.trajectories is not None:
             chart(options.trajectories, entries, options.seed)
 
 
-def check_film(path: Path, size: tuple[int, int], rate: float, speed: float) -> None:
-    """Refuse a film that cannot be made before anything is sailed.
+def check_mp4(size: tuple[int, int]) -> None:
+    """Refuse an MP4 that cannot be encoded.
 
     Raises:
-        ConfigError: there is nowhere to write it, something is missing, or a number is out of range.
+        ConfigError: ffmpeg is missing, or a side is odd.
     """
-    need_parent("--output", path)
-    if path.suffix not in SUFFIXES:
-        if path.suffix:
-            raise ConfigError(f"--output: must end with {' or '.join(SUFFIXES)}, or be a folder, got {path}")
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise ConfigError(f"--output: {path} is there already, and is no empty folder")
-    if path.suffix == ".mp4":
-        from ship_trl.viewer.film import need_ffmpeg
-
-        need_ffmpeg()
-        if size[0] % 2 or size[1] % 2:
-            raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
-    if not 1 <= rate <= FASTEST:
-        raise ConfigError(f"--fps: must be from 1 to {FASTEST:g}, got {rate:g}")
-    if not 0.1 <= speed <= 100:
-        raise ConfigError(f"--speed: must be from 0.1 to 100, got {speed:g}")
+    need_ffmpeg()
+    if size[0] % 2 or size[1] % 2:
+        raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
 
 
-def check_chart(path: Path) -> None:
-    """Refuse a chart that cannot be written.
+def need_ffmpeg() -> None:
+    """Refuse an MP4 where it cannot be encoded; neither torch nor pygame is imported for it.
 
     Raises:
-        ConfigError: there is nowhere to write it.
+        ConfigError: imageio-ffmpeg is not installed, or finds no ffmpeg.
     """
-    need_parent("--trajectories", path)
-    if path.suffix != ".png":
-        raise ConfigError(f"--trajectories: must be a name that ends with .png, got {path}")
+    try:
+        import imageio_ffmpeg
 
-
-def need_parent(key: str, path: Path) -> None:
-    """Refuse a file in a folder that is not there."""
-    if not path.absolute().parent.is_dir():
-        raise ConfigError(f"{key}: no folder {path.absolute().parent}")
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        missing = missing_extra("imageio-ffmpeg", "film")
+        raise ConfigError(f"--output: an MP4 needs imageio-ffmpeg, a .gif does not; {missing}") from None
 
 
 def need_one_case(entries: list[Entry]) -> None:
@@ -126,12 +116,14 @@ def film(
         ConfigError: a policy is not right, or there are not two to compare.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.viewer.dashboard import Look
-    from ship_trl.viewer.film import draw_film, write_film
-    from ship_trl.viewer.playlist import Playlist, sail_show
+    from ship_trl.view.dashboard import Look
+    from ship_trl.view.film import draw_film, write_film
+    from ship_trl.view.window.playlist import Playlist, view_episode
 
     configure_process()
-    acts = [Playlist(entries, compare, seed).shows()] if compare else [[sail_show(e, seed)] for e in entries]
+    acts = [[view_episode(entry, seed)] for entry in entries]
+    if compare:
+        acts = [Playlist(entries, compare, seed).views()]
     write_film(path, draw_film(acts, Look(**look), size, rate, speed), rate)
     sys.stdout.write(f"{path}\n")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from argparse import ArgumentTypeError
 from collections.abc import Iterable
 from math import floor
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ship_trl.cli.errors import explain_file
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.cli.table import show
 from ship_trl.config.errors import print_error
 from ship_trl.files.curve import CurveError, read_curve, split
@@ -41,12 +40,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
-    parser.add_argument("--picture", type=png, help="draw the learning curves beside each other, as PNG")
+    add_output(parser, "--picture", (".png",), "draw the learning curves beside each other")
     parser.add_argument("--test", action="store_true", help="test whether runs of two folders learn alike")
     parser.add_argument(
         "--stability", action="store_true", help="how often runs fall back, and how they spread"
     )
-    parser.add_argument("--csv", type=Path, help="write every number of every run, a row each")
+    add_output(parser, "--csv", (".csv",), "write every number of every run, a row each")
     options = parser.parse_args(arguments)
     folders = options.folders or [Path("outputs")]
     found: list[Found] = []
@@ -89,21 +88,11 @@ def nothing_below(folders: list[Path]) -> str:
     return f"folder: no finished run below {', '.join(map(str, folders))}; python -m ship_trl makes one"
 
 
-def png(name: str) -> Path:
-    """Give the path of a picture; argparse says what is wrong with another."""
-    if not name.endswith(".png"):
-        raise ArgumentTypeError(f"must be a name that ends with .png, got {name}")
-    return Path(name)
-
-
 def write_numbers(path: Path, groups: dict[str, list[Path]]) -> None:
     """Write a row of numbers for each run, beside and renamed."""
     from ship_trl.study.analysis import stability
     from ship_trl.study.report import tables
 
-    if not path.absolute().parent.is_dir():
-        print_error(f"--csv: no folder {path.absolute().parent}")
-        sys.exit(1)
     tables.write_csv(path, list(stability.numbers(groups)))
 
 
@@ -155,7 +144,7 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
 
 def picture(path: Path, found: list[Found]) -> None:
     """Draw learning curves: a column for each pair, a line for each arm and folder."""
-    from ship_trl.view.comparison import Curve, draw_comparison
+    from ship_trl.view.curves import Curve, draw_comparison
 
     several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}

@@ -1,181 +1,148 @@
-"""Checks of a composed configuration, before torch is imported.
+"""What several keys of a configuration must fulfil together; bounds of one key are in types.py. No torch.
 
-Every complaint is a `ConfigError` whose one line names the key and what is allowed.
+Every error is a `ConfigError` whose one line names the key and what is allowed.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import math
-import os
-import re
-from dataclasses import asdict
-from pathlib import Path
-from typing import Any
 
-from omegaconf import DictConfig, ListConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf import DictConfig
 
-from ship_trl.config.errors import ConfigError, explain
-from ship_trl.config.limits import check_learn, check_memory, check_sizes
-from ship_trl.config.network import cut_by_words, geometry
-from ship_trl.config.shapes import check_shapes
-from ship_trl.config.types import BackendName, Config, Logger, Method, SourceWeights, World, bfloat16_allowed
+from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
+from ship_trl.config.bounds import MAX_DISTANCE
+from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import (
+    PICTURE,
+    BackendName,
+    Config,
+    Logger,
+    Network,
+    World,
+    bfloat16_allowed,
+)
 
-# Bytes of a file's name and of a path, beside what a run adds to them.
-LONGEST_NAME, LONGEST_PATH = 200, 3000
+# The planner tries each action at each step: ten actions and a thousand steps take it about ten minutes.
+MAX_ACTIONS, MAX_PLANNED = 100, 10_000
+# Metres of the fastest action: in a step more than what rounding changes, in an episode so few that 32-bit
+# numbers tell decimetres. Radians that an episode turns by, told to a thousandth.
+MIN_STEP_METRES, MAX_EPISODE_METRES, MAX_EPISODE_TURN = 1e-3, 1e6, 1e4
+# A step's reward as the learner gets it: a return of a thousand such can be squared.
+MAX_SCALED_REWARD = 1e9
+# Numbers of the conv layers' maps that are held at once, 4 GB; weights, which with Adam's two means, the
+# gradient and the target network take 2 GB.
+MAX_MAP_NUMBERS, MAX_WEIGHTS = 1_000_000_000, 100_000_000
+# Bytes of the replay, which a machine must hold at once: a transition of two states takes 60.
+MAX_REPLAY_BYTES, TRANSITION_BYTES = 2**33, 60
 
 
 def to_config(values: DictConfig) -> Config:
-    """Check composed values against the types and return them as a `Config`.
-
-    Merging into the typed schema once more is what catches a typo behind `+`, which Hydra alone
-    lets pass.
+    """Check composed values and return them as a `Config`.
 
     Raises:
-        ConfigError: an unknown or missing key, a wrong type, or a value out of range.
+        ConfigError: an unknown or missing key, a wrong type, or a value that is not allowed.
     """
-    try:
-        check_shapes(Config, OmegaConf.to_container(values))
-        merged = OmegaConf.merge(OmegaConf.structured(Config), whole_numbers_too(values))
-        config: Any = OmegaConf.to_object(merged)
-    except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from None
-    except RecursionError:
-        raise ConfigError("config: interpolations lead to themselves") from None
-    except OverflowError:
-        raise ConfigError("config: an interpolation leads to a number that is too large") from None
-    # Once more, for an interpolation may lead to anything.
-    check_shapes(Config, asdict(config))
-    check(config)
+    config = read_as(Config, values)
+    bfloat16_allowed()
+    check_world(config.world)
+    check_learner(config)
+    check_backend(config)
+    check_logger(config.logger)
+    check_arm(config)
+    # The arm says how many layers are frozen, so it is checked first.
+    check_memory(config, geometry(config.network))
     return config
 
 
-def whole_numbers_too(values: DictConfig) -> Any:
-    """Return the values with whole numbers in world.actions as floats, which OmegaConf does elsewhere."""
-    actions = OmegaConf.select(values, "world.actions")
-    if not isinstance(actions, ListConfig):
-        return values
-    rows: Any = OmegaConf.to_container(actions)
-    rows = [
-        [float(v) if type(v) is int else v for v in row] if isinstance(row, list) else row for row in rows
-    ]
-    return OmegaConf.merge(values, {"world": {"actions": rows}})
-
-
 def require(condition: bool, key: str, allowed: str, got: object) -> None:
-    """Raise a `ConfigError` naming `key`, what is `allowed` and what was given."""
+    """Raise a `ConfigError` that names `key`, what is `allowed` and what was given."""
     if not condition:
         raise ConfigError(f"{key}: must be {allowed}, got {got}")
 
 
-def at_least(least: float, keys: dict[str, float]) -> None:
-    """Check that every named number is finite and not below `least`."""
-    for key, value in keys.items():
-        require(least <= value < math.inf, key, f"at least {least}", value)
-
-
-def positive(keys: dict[str, float]) -> None:
-    """Check that every named number is finite and above 0."""
-    for key, value in keys.items():
-        require(0 < value < math.inf, key, "above 0", value)
-
-
-def within(keys: dict[str, float]) -> None:
-    """Check that every named number lies in [0, 1]."""
-    for key, value in keys.items():
-        require(0.0 <= value <= 1.0, key, "from 0 to 1", value)
-
-
-def named(prefix: str, values: object, fields: str) -> dict[str, float]:
-    """Return the fields of a dataclass under their full keys."""
-    return {f"{prefix}.{name}": getattr(values, name) for name in fields.split()}
-
-
-def check(config: Config) -> None:
-    """Check ranges and what the keys say together (cases are checked where they are loaded)."""
-    bfloat16_allowed()
-    learn, world = config.learn, config.world
-    counts = "episodes num_envs batch_size replay_size update_every evaluate_every"
-    at_least(1, named("learn", learn, counts))
-    at_least(0, named("learn", learn, "warmup_steps jumpstart_draws") | {"seed": config.seed})
-    positive(named("learn", learn, "lr lr_end reward_scale huber_delta"))
-    within(named("learn", learn, "gamma tau epsilon_start epsilon_end epsilon_fraction"))
-    positive(named("learn", learn, "tau epsilon_fraction"))
-    within(named("checkpoint", config.checkpoint, "every"))
-    at_least(0, named("checkpoint", config.checkpoint, "seconds"))
-    require(
-        learn.batch_size <= learn.replay_size,
-        "learn.batch_size",
-        f"at most learn.replay_size={learn.replay_size}",
-        learn.batch_size,
-    )
-    check_world(world)
-    check_learn(learn, world)
-    known = re.fullmatch(r"cpu|cuda(:\d{1,3})?", config.device, re.ASCII)
-    require(known is not None, "device", "cpu or cuda", config.device)
-    require(
-        learn.backend is not BackendName.incremental or config.device == "cpu",
-        "learn.backend",
-        f"auto or dense with device={config.device}",
-        learn.backend.value,
-    )
-    layers = geometry(config.network)
-    require(
-        learn.backend is not BackendName.incremental or cut_by_words(layers),
-        "learn.backend",
-        f"auto or dense with network.conv={config.network.conv}",
-        learn.backend.value,
-    )
-    check_memory(config, layers)
-    check_logger(config.logger)
-    check_names(config)
-    check_arm(config)
+def require_at_most(most: float, key: str, value: float, why: str) -> None:
+    """Raise a `ConfigError` where a value is larger than `most`."""
+    allowed, got = (str(one) if type(one) is int else f"{one:g}" for one in (most, value))
+    require(value <= most, key, f"at most {allowed} ({why})", got)
 
 
 def check_world(world: World) -> None:
-    """Check the physics and the reward."""
-    positive(named("world", world, "dt max_steps safe_distance goal_distance"))
-    require(
-        all(len(a) == 2 and all(map(math.isfinite, a)) for a in world.actions)
-        and any(v > 0 for v, _ in world.actions),
-        "world.actions",
-        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
-        world.actions,
-    )
-    check_sizes(world)
+    """Check how far, how long and how sharply an episode leads."""
+    speeds = [speed * world.dt for speed, _ in world.actions]
+    fastest, turn = max(map(abs, speeds)), max(abs(turn) for _, turn in world.actions) * world.dt
+    most_actions = min(MAX_ACTIONS, MAX_PLANNED // world.max_steps)
+    require_at_most(most_actions, "world.actions", len(world.actions), "their number; the planner tries all")
+    allowed = f"at least {MIN_STEP_METRES:g} m in a step of world.dt={world.dt:g} s"
+    require(max(speeds) >= MIN_STEP_METRES, "world.actions", allowed, f"{max(speeds):g}")
+    way, turned = fastest * world.max_steps, turn * world.max_steps
+    allowed = f"at most {MAX_EPISODE_METRES:g} m in an episode"
+    require(way <= MAX_EPISODE_METRES, "world.actions", allowed, f"{way:g}")
+    allowed = f"a turn of at most {MAX_EPISODE_TURN:g} rad in an episode"
+    require(turned <= MAX_EPISODE_TURN, "world.actions", allowed, f"{turned:g}")
+    reach = min(MAX_DISTANCE, way)
+    key, why = "world.goal_distance", "metres that the fastest action makes in an episode"
+    require_at_most(reach, key, world.goal_distance, why)
 
 
-def check_names(config: Config) -> None:
-    """Check what becomes a file's name or a path."""
-    if config.pair is not None:
-        right = is_path(config.pair) and "/" not in config.pair and config.pair not in ("", ".", "..")
-        require(right, "pair", "the name of a folder", config.pair)
-    paths = {
-        key: getattr(config, key)
-        for key in ("output", "case_base", "source", "target", "source_file", "demonstrations")
-    }
-    for key, path in (paths | {"wandb.folder": config.wandb.folder}).items():
-        allowed = f"a path of at most {LONGEST_PATH} bytes, {LONGEST_NAME} a name"
-        # An empty output, as of an unset variable of a shell, would be the folder that one works in.
-        named = path != "" or key not in ("output", "case_base", "wandb.folder")
-        require(path is None or (named and is_path(path)), key, allowed, path)
+def max_step_reward(world: World) -> float:
+    """Return a bound of what one step of the paper's reward costs or pays."""
+    reward, fastest = world.reward, max(abs(speed) for speed, _ in world.actions)
+    farthest = world.goal_distance + 2 * fastest * world.dt * world.max_steps
+    shaping = abs(reward.w3 * reward.k1) * farthest + abs(reward.w4 * reward.k2) * 180
+    return abs(reward.w1 * reward.goal) + abs(reward.w2 * reward.collision) + shaping
 
 
-def is_path(text: str) -> bool:
-    """Whether a file system may take a text for a path, with a little added to it."""
-    try:
-        names = [os.fsencode(name) for name in Path(text).parts]
-    except UnicodeEncodeError:
-        return False
-    short = sum(map(len, names)) + len(names) <= LONGEST_PATH
-    return short and all(len(name) <= LONGEST_NAME and b"\0" not in name for name in names)
+def check_learner(config: Config) -> None:
+    """Check the batch against the replay, and the size of scaled rewards."""
+    learn = config.learn
+    allowed = f"at most learn.replay_size={learn.replay_size}"
+    require(learn.batch_size <= learn.replay_size, "learn.batch_size", allowed, learn.batch_size)
+    scale = MAX_SCALED_REWARD / max(max_step_reward(config.world), 1e-30)
+    require_at_most(scale, "learn.reward_scale", learn.reward_scale, "with the constants of world.reward")
+
+
+def check_backend(config: Config) -> None:
+    """Check that the incremental backend, where it is asked for, can compute the network."""
+    key, name = "learn.backend", config.learn.backend
+    if name is BackendName.incremental:
+        require(config.device == "cpu", key, f"auto or dense with device={config.device}", name.value)
+        allowed = f"auto or dense with network.conv={config.network.conv}"
+        require(supports_incremental(geometry(config.network)), key, allowed, name.value)
+
+
+def count_weights(network: Network, channels: int, layers: Geometry) -> int:
+    """Count the weights of the conv layers and the shared layer."""
+    maps = [channels, *(layer.filters for layer in layers)]
+    conv = sum(below * layer.filters * layer.kernel**2 for below, layer in zip(maps, layers, strict=False))
+    return conv + maps[-1] * network.hidden
+
+
+def check_memory(config: Config, layers: Geometry) -> None:
+    """Check what a run holds at once: weights, maps and replay."""
+    learn, channels = config.learn, 3 if config.colour else 1
+    weights = count_weights(config.network, channels, layers)
+    require_at_most(MAX_WEIGHTS, "network.conv", weights, "weights; they take 2 GB in training")
+    maps = channels * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
+    for key in ("num_envs", "batch_size"):
+        most = MAX_MAP_NUMBERS // maps
+        require_at_most(most, f"learn.{key}", getattr(learn, key), "4 GB of the maps of network.conv")
+    size = TRANSITION_BYTES
+    is_incremental = learn.backend is not BackendName.dense and supports_incremental(layers)
+    frozen = config.arm.frozen_layers
+    # `Agent` then stores two states as features of the frozen layers, two bytes a number.
+    if config.device == "cpu" and is_incremental and frozen >= linear_from(layers):
+        last = layers[frozen - 1]
+        size += 4 * last.filters * last.side**2
+    most = MAX_REPLAY_BYTES // size
+    require_at_most(most, "learn.replay_size", learn.replay_size, f"{MAX_REPLAY_BYTES >> 30} GB")
 
 
 def check_logger(logger: Logger) -> None:
     """Check that TensorBoard, an extra, is installed where it is asked for."""
     if logger.includes(Logger.tensorboard) and importlib.util.find_spec("tensorboard") is None:
-        raise ConfigError(f"logger: {logger.name} needs TensorBoard; ship_trl[tensorboard] brings it")
+        raise ConfigError(f"logger: {missing_extra('tensorboard', 'tensorboard')}")
 
 
 def check_arm(config: Config) -> None:
@@ -209,5 +176,5 @@ def check_arm(config: Config) -> None:
             "or +arm=NAME, which sets both (see --help for the names)"
         )
     known = type(layers) is int and layers in counts
-    whole = layers == "all" and config.method is Method.finetune
+    whole = layers == ALL_LAYERS and config.method is Method.finetune
     require(known or whole, "layers", f"{numbers} with method={config.method.value}", layers)

@@ -1,4 +1,4 @@
-"""Wrong input: one line for people that names the key and what is allowed. No torch."""
+"""Errors of input: one line for people that names the key and what is allowed. No torch."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import sys
 
 from omegaconf.errors import ConfigKeyError, OmegaConfBaseException, ValidationError
 
-# Characters of a complaint.
-LONGEST_LINE = 1000
+from ship_trl.config.paths import PACKAGE
+
+# Characters of an error; a longer one is cut in the middle.
+MAX_LINE_LENGTH = 1000
 
 
 class ConfigError(Exception):
@@ -19,14 +21,14 @@ class ConfigError(Exception):
 
 
 def one_line(text: str) -> str:
-    """Make one line of a text in which line breaks or a terminal's commands may stand, and cut a long one."""
-    if len(text) > LONGEST_LINE:
-        text = f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 3 :]}"
+    """Escape line breaks and control characters of a text, and cut a long one."""
+    if len(text) > MAX_LINE_LENGTH:
+        text = f"{text[: MAX_LINE_LENGTH // 2]} ... {text[-MAX_LINE_LENGTH // 3 :]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def explain(error: OmegaConfBaseException) -> str:
-    """One line for an OmegaConf error: the full key, then what is allowed there."""
+    """Explain an OmegaConf error in one line: the full key, then what is allowed there."""
     key = error.full_key or str(error.key or "config")
     lines = str(error.msg or error).strip().splitlines() or [type(error).__name__]
     fields = dataclasses.fields(error.object_type) if dataclasses.is_dataclass(error.object_type) else ()
@@ -39,6 +41,13 @@ def explain(error: OmegaConfBaseException) -> str:
     return f"{key}: {lines[0]}"
 
 
+def missing_extra(package: str, extra: str) -> str:
+    """Say that a package is not installed, with the command that installs the extra it belongs to."""
+    is_checkout = (PACKAGE.parent / "pyproject.toml").is_file()
+    source = f"-e '.[{extra}]'" if is_checkout else f"'ship_trl[{extra}]'"
+    return f"{package} is not installed; run: pip install {source}"
+
+
 def print_error(line: str) -> None:
-    """Say in one line what is wrong."""
+    """Print an error on stderr as one line."""
     print(f"ship_trl: {one_line(line)}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Errors of Hydra in one line: the key, and what is allowed there."""
+"""Explain Hydra's errors in one line: the key, then what is allowed."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import dataclasses
 import re
 import typing
 
+from ship_trl.config.errors import missing_extra
 from ship_trl.config.paths import conf_dir, group_names
 
-# What Hydra finds only if an extra is installed.
+# The extra that installs each plugin of Hydra.
 EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
-
-
-# Begins what the parser of Hydra's overrides says.
+# How a message of Hydra's parser of overrides begins.
 GRAMMAR = (
     "mismatched input|token recognition error|no viable alternative|extraneous input|missing "
     "|LexerNoViableAltException"
@@ -20,7 +19,7 @@ GRAMMAR = (
 
 
 def explain_hydra(error: Exception) -> str:
-    """One line for an error of Hydra's: the key, and what is allowed there."""
+    """Explain an error of Hydra in one line: the key, then what is allowed."""
     text = str(error)
     if found := re.match(r"(?:In '.*?': )?Could not find '([\w-]+)/(.*?)'", text):
         group, name = found.groups()
@@ -28,7 +27,7 @@ def explain_hydra(error: Exception) -> str:
             kind, _, name = name.partition("/")
             group = f"hydra/{kind}"
         if name in EXTRAS:
-            return f"{group}: {name} is not installed; ship_trl[{EXTRAS[name]}] brings it"
+            return f"{group}: {missing_extra(name, EXTRAS[name])}"
         allowed = group_names(group)
         return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
     if found := re.match(
@@ -40,13 +39,13 @@ def explain_hydra(error: Exception) -> str:
         return f"{key}: {allowed_keys(key)}"
     text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
     if re.match(GRAMMAR, text):
-        # A value that holds what Hydra's grammar takes for its own, as seed=0 in a path.
+        # A value with characters of Hydra's grammar, as seed=0 in a path.
         return f"overrides: {text}; quote such a value twice: \"KEY='VALUE'\""
     return f"overrides: {text}"
 
 
 def allowed_keys(key: str) -> str:
-    """Say what may stand where an unknown `key` was given."""
+    """List the keys that are allowed where an unknown `key` was given."""
     from ship_trl.config.types import Config
 
     place: type = Config

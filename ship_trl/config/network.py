@@ -1,4 +1,4 @@
-"""The network's layers: read from conf/network, checked, and what follows from them. No torch."""
+"""The network's layers: read from conf/network, and the sizes of their maps. No torch."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from omegaconf import OmegaConf
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import PICTURE, Network, plain
 
-# Filters of a layer and hidden units, at most: more would not fit into memory.
-MOST_UNITS = 4096
-# Pixels that are compared at once where only what differs from a background is computed.
+# Pixels that the incremental backend compares at once.
 WORD = 4
 
 
@@ -26,12 +25,12 @@ class ConvLayer(NamedTuple):
 
     @property
     def side(self) -> int:
-        """Side of the map that it gives."""
+        """Return the side of its output map."""
         return (self.below - self.kernel) // self.stride + 1
 
     @property
     def whole(self) -> bool:
-        """Whether its one window is the whole map, so that it is a linear layer."""
+        """Return whether its window is the whole map: then it is a linear layer."""
         return self.kernel == self.below
 
 
@@ -40,57 +39,42 @@ Geometry = tuple[ConvLayer, ...]
 
 def load_network(name: str = "paper") -> Network:
     """Read a network of conf/network, for use without Hydra."""
-    values = OmegaConf.merge(
-        OmegaConf.structured(Network), OmegaConf.load(conf_dir() / "network" / f"{name}.yaml")
-    )
-    network: Any = OmegaConf.to_object(values)
-    return network
+    return read_as(Network, OmegaConf.load(conf_dir() / "network" / f"{name}.yaml"))
 
 
 def geometry(network: Network) -> Geometry:
-    """Find the maps that the conv layers read and give, from the picture on.
+    """Compute the maps that the conv layers read and give, from the picture on.
 
     Raises:
-        ConfigError: there are no layers, one is not three positive numbers or larger than its map, the last
-            one does not cover its map, or there are no hidden units.
+        ConfigError: a kernel is larger than its map, or the last one does not cover its map.
     """
-    if not network.conv:
-        raise ConfigError("network.conv: must be at least one [filters, kernel, stride], got []")
-    if not 1 <= network.hidden <= MOST_UNITS:
-        raise ConfigError(f"network.hidden: must be 1 to {MOST_UNITS}, got {network.hidden}")
     layers: list[ConvLayer] = []
     side = PICTURE
-    for n, numbers in enumerate(network.conv):
-        key = f"network.conv[{n}]"
-        if len(numbers) != 3 or min(numbers) < 1:
-            raise ConfigError(f"{key}: must be [filters, kernel, stride], each at least 1, got {numbers}")
-        filters, kernel, stride = numbers
-        if filters > MOST_UNITS:
-            raise ConfigError(f"{key}: at most {MOST_UNITS} filters are allowed, got {filters}")
+    for n, (filters, kernel, stride) in enumerate(network.conv):
         layer = ConvLayer(filters, kernel, stride, side)
-        last = n == len(network.conv) - 1
-        if kernel > side or (last and not layer.whole):
-            allowed = f"{side}, to cover the last map" if last else f"at most {side}, the side of its map"
-            raise ConfigError(f"{key}: the kernel must be {allowed}, got {kernel}")
+        is_last = n == len(network.conv) - 1
+        if kernel > side or (is_last and not layer.whole):
+            allowed = f"{side}, to cover the last map" if is_last else f"at most {side}, the side of its map"
+            raise ConfigError(f"network.conv[{n}]: the kernel must be {allowed}, got {kernel}")
         layers.append(layer)
         side = layer.side
     return tuple(layers)
 
 
 def linear_from(layers: Geometry) -> int:
-    """Count the layers before the first one, besides that of the picture, that is a linear layer: paper 3."""
+    """Count the layers before the first linear one, the first layer apart: 3 in the paper's network."""
     return next((n for n, layer in enumerate(layers) if n > 0 and layer.whole), len(layers))
 
 
-def others(network: Network) -> dict[str, Any] | None:
-    """Give a network that is not the paper's as plain values, and None for the paper's.
+def non_default_network(network: Network) -> dict[str, Any] | None:
+    """Return a network as plain values, and None for the paper's.
 
-    The paper's was the only one before there were others: what was written down then says nothing of it.
+    Files older than the choice of a network do not name theirs: it is the paper's.
     """
     return None if plain(network) == plain(load_network()) else plain(network)
 
 
-def cut_by_words(layers: Geometry) -> bool:
-    """Whether `learn.backend=incremental` serves these layers: it compares pixels a word at a time."""
+def supports_incremental(layers: Geometry) -> bool:
+    """Return whether `learn.backend=incremental` can compute these layers: it compares pixels by words."""
     first = layers[0]
     return len(layers) > 1 and first.kernel % WORD == 0 and first.stride % WORD == 0

@@ -1,28 +1,48 @@
-"""Where the YAML files lie, and which words may name a file or folder."""
+"""The folder of the YAML files, and valid names of files and folders."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-# What results are named by may name a folder too.
-LONGEST_NAME = 100
+# Characters of a name that comes from a file, as a case's or a result's.
+MAX_NAME_LENGTH = 100
+# Bytes of a path from the command line, and of each name in it: a run adds a little to them.
+MAX_PATH_BYTES, MAX_PATH_NAME_BYTES = 3000, 200
+PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def is_name(word: str) -> bool:
-    """Whether a word may name a file or folder below another, and be printed."""
-    return word not in ("", ".", "..") and len(word) < LONGEST_NAME and word.isprintable() and "/" not in word
+    """Return whether a word may name a file or folder inside another, and be printed."""
+    is_short = len(word) < MAX_NAME_LENGTH
+    return word not in ("", ".", "..") and is_short and word.isprintable() and "/" not in word
+
+
+def is_path(text: str) -> bool:
+    """Return whether a file system takes a text as a path, with a little added to it."""
+    try:
+        names = [os.fsencode(name) for name in Path(text).parts]
+    except UnicodeEncodeError:
+        return False
+    # An empty path, as of an unset variable of a shell, would be the folder that one works in.
+    is_short = bool(text) and sum(map(len, names)) + len(names) <= MAX_PATH_BYTES
+    return is_short and all(len(name) <= MAX_PATH_NAME_BYTES and b"\0" not in name for name in names)
+
+
+def is_folder_name(text: str) -> bool:
+    """Return whether a folder inside another may have a text as its name."""
+    return is_path(text) and "/" not in text and text not in (".", "..")
 
 
 def conf_dir() -> Path:
-    """Find the folder of the YAML files: the checkout's, else the one inside the installed package.
+    """Return the folder of the YAML files: the checkout's, else the one inside the installed package.
 
-    The checkout's wins, because an editable install can leave a stale copy in the package.
+    The checkout's comes first, because an editable install can leave a stale copy in the package.
     """
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package.parent / "conf", package / "conf"):
+    for folder in (PACKAGE.parent / "conf", PACKAGE / "conf"):
         if (folder / "config.yaml").is_file():
             return folder
-    raise FileNotFoundError(f"no conf/config.yaml beside or inside {package}")
+    raise FileNotFoundError(f"no conf/config.yaml beside or inside {PACKAGE}")
 
 
 def group_names(group: str) -> str:

@@ -1,16 +1,45 @@
-"""The types of the configuration; the values are the YAML files in conf/, the checks in checks.py."""
+"""The types of the configuration; the values are the YAML files in conf/.
+
+What several keys must fulfil together is in checks.py.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from omegaconf import OmegaConf
 
+from ship_trl.config.arm import Arm, Method, SourceWeights
+from ship_trl.config.bounds import (
+    MAX_COUNT,
+    MAX_DRAWS,
+    MAX_HUBER_DELTA,
+    MAX_REWARD_SCALE,
+    MAX_STEP_SECONDS,
+    MAX_STEPS,
+    MAX_UNITS,
+    MIN_STEP_SECONDS,
+    Actions,
+    Coefficient,
+    ConvNumbers,
+    Count,
+    Device,
+    FolderName,
+    LearningRate,
+    Metres,
+    PathName,
+    Positive,
+    PositiveShare,
+    Seed,
+    Share,
+)
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import Rule, limit
 
 # Pixels a side of what the network sees.
 PICTURE = 84
@@ -18,16 +47,8 @@ PICTURE = 84
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
-class Method(StrEnum):
-    """How the source's layers are used (section 3.5)."""
-
-    scratch = "scratch"
-    feature_extraction = "feature_extraction"
-    finetune = "finetune"
-
-
 class Logger(Enum):
-    """Where a run's numbers go beside `curve.csv`, which is always written."""
+    """Where a run's numbers go besides `curve.csv`, which is always written."""
 
     csv = "csv"
     wandb = "wandb"
@@ -35,12 +56,12 @@ class Logger(Enum):
     all = "all"
 
     def includes(self, other: Logger) -> bool:
-        """Whether the numbers go to `other`, which `all` includes."""
+        """Return whether the numbers go to `other`, which `all` includes."""
         return self in (other, Logger.all)
 
 
 class Objective(Enum):
-    """What of a run a sweeper maximises: a greedy return.
+    """The greedy return of a run that a sweeper maximises.
 
     `late` is the mean of the evaluations after exploration, `final` the last one, `best` the highest.
     """
@@ -50,39 +71,26 @@ class Objective(Enum):
     best = "best"
 
 
-class SourceWeights(StrEnum):
-    """What is copied of the source: what it learned or, in a control, weights that hold no features.
-
-    `pretrained` is what the network learned that comes with the package.
-    """
-
-    learned = "learned"
-    pretrained = "pretrained"
-    random = "random"
-    permuted = "permuted"
-
-
 Loss = Enum("Loss", ["l2", "huber"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
-ARM_PREFIX = {Method.feature_extraction: "FE", Method.finetune: "FT"}
 
 
 @dataclass
 class Reward:
     """Constants of equations 4 to 6."""
 
-    goal: float
-    collision: float
-    w1: float
-    w2: float
-    w3: float
-    w4: float
-    k1: float
-    k2: float
+    goal: Coefficient
+    collision: Coefficient
+    w1: Coefficient
+    w2: Coefficient
+    w3: Coefficient
+    w4: Coefficient
+    k1: Coefficient
+    k2: Coefficient
 
 
 class Precision(Enum):
-    """In what the conv layers compute; `auto` is bf16 where the processor multiplies it natively."""
+    """The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively."""
 
     auto = "auto"
     fp32 = "fp32"
@@ -90,7 +98,7 @@ class Precision(Enum):
 
 
 class BackendName(Enum):
-    """What computes the conv layers: whole pictures, or on a CPU what differs from the background."""
+    """How conv layers are computed: whole pictures, or on a CPU only what differs from a background."""
 
     auto = "auto"
     incremental = "incremental"
@@ -98,7 +106,7 @@ class BackendName(Enum):
 
 
 def bfloat16_allowed() -> bool:
-    """Read `SHIP_TRL_BFLOAT16`: `off` makes any machine one that does not multiply bfloat16.
+    """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine.
 
     Raises:
         ConfigError: it is neither `on` nor `off`.
@@ -113,11 +121,11 @@ def bfloat16_allowed() -> bool:
 class World:
     """The physics shared by all cases (sections 3.1 and 3.3)."""
 
-    dt: float
-    max_steps: int
-    safe_distance: float
-    goal_distance: float
-    actions: list[list[float]]
+    dt: Annotated[float, limit(MIN_STEP_SECONDS, MAX_STEP_SECONDS, note="seconds")]
+    max_steps: Annotated[int, limit(1, MAX_STEPS, note="the planner's memory grows with its square")]
+    safe_distance: Metres
+    goal_distance: Metres
+    actions: Actions
     reward: Reward
 
 
@@ -129,58 +137,58 @@ class Network:
     padding; `hidden` is the width of the fully connected layer that value and advantage share.
     """
 
-    conv: list[list[int]]
-    hidden: int
+    conv: Annotated[list[ConvNumbers], Rule("at least one [filters, kernel, stride]", bool)]
+    hidden: Annotated[int, limit(1, MAX_UNITS)]
 
 
 @dataclass
 class Learn:
     """The double dueling DQN and its schedule (section 3.2)."""
 
-    episodes: int
-    num_envs: int
-    gamma: float
-    lr: float
-    lr_end: float
-    batch_size: int
-    replay_size: int
-    warmup_steps: int
-    update_every: int
-    tau: float
+    episodes: Count
+    num_envs: Positive
+    gamma: Share
+    lr: LearningRate
+    lr_end: LearningRate
+    batch_size: Positive
+    replay_size: Positive
+    warmup_steps: Annotated[int, limit(0, MAX_COUNT)]
+    update_every: Count
+    tau: PositiveShare
     loss: Loss
-    huber_delta: float
+    huber_delta: Annotated[float, limit(above=0, high=MAX_HUBER_DELTA)]
     precision: Precision
     backend: BackendName
-    reward_scale: float
-    epsilon_start: float
-    epsilon_end: float
-    epsilon_fraction: float
-    evaluate_every: int
-    jumpstart_draws: int
+    reward_scale: Annotated[float, limit(above=0, high=MAX_REWARD_SCALE)]
+    epsilon_start: Share
+    epsilon_end: Share
+    epsilon_fraction: PositiveShare
+    evaluate_every: Count
+    jumpstart_draws: Annotated[int, limit(0, MAX_DRAWS)]
 
 
 @dataclass
 class Checkpoint:
-    """How often a training is written down, so that it can go on after it was stopped.
+    """How often a checkpoint is written, from which a stopped run goes on.
 
     `every` is a share of the episodes, `seconds` the least time between two; 0 and 0: after each episode.
     """
 
-    every: float
-    seconds: float
+    every: Share
+    seconds: Annotated[float, limit(0)]
 
 
 @dataclass
 class Wandb:
     """Where a wandb run goes; offline needs no account.
 
-    `folder` holds `wandb/offline-run-*`; `group` is the pair where it is None.
+    `folder` holds `wandb/offline-run-*`; a `group` of None stands for the pair.
     """
 
     project: str
     mode: WandbMode
     entity: str | None
-    folder: str
+    folder: PathName
     group: str | None
 
 
@@ -188,21 +196,21 @@ class Wandb:
 class Config:
     """One run: an arm on a pair of cases with a seed."""
 
-    pair: str | None
-    source: str | None
-    target: str | None
-    source_file: str | None
+    pair: FolderName | None
+    source: PathName | None
+    target: PathName | None
+    source_file: PathName | None
     source_weights: SourceWeights
-    demonstrations: str | None
+    demonstrations: PathName | None
     method: Method
     layers: Any
-    seed: int
-    device: str
+    seed: Seed
+    device: Device
     colour: bool
     logger: Logger
     objective: Objective
-    output: str
-    case_base: str
+    output: PathName
+    case_base: PathName
     overwrite: bool
     profile: str
     world: World
@@ -212,17 +220,21 @@ class Config:
     wandb: Wandb
 
     @property
-    def arm(self) -> str:
-        """The curve's name in the figures: scratch, FE1, FT1 ... or FTW; a control's with its weights.
+    def arm(self) -> Arm:
+        """The arm of a checked configuration."""
+        return Arm(self.method, self.layers, self.source_weights)
 
-        Of a run that begins with demonstrations it says so too.
-        """
-        shown = "" if self.demonstrations is None else "-demonstrations"
-        if self.method is Method.scratch:
-            return "scratch" + shown
-        arm = ARM_PREFIX[self.method] + ("W" if self.layers == "all" else str(self.layers))
-        learned = self.source_weights is SourceWeights.learned
-        return (arm if learned else f"{arm}-{self.source_weights.value}") + shown
+    @property
+    def arm_label(self) -> str:
+        """Name of the arm in folders and results, which says so if the run begins with demonstrations."""
+        return self.arm.label(demonstrations=self.demonstrations is not None)
+
+    def with_arm(self, arm: Arm) -> Config:
+        """Return the configuration with another arm; one from scratch has no source either."""
+        changes: dict[str, Any] = {"method": arm.method, "layers": arm.layers, "source_weights": arm.weights}
+        if arm.is_scratch:
+            changes |= {"source": None, "source_file": None}
+        return dataclasses.replace(self, **changes)
 
     @property
     def label(self) -> str:
@@ -234,5 +246,5 @@ class Config:
 
 
 def plain(values: Any) -> Any:
-    """Return a config object as plain dicts, lists and words, for JSON, YAML and wandb."""
+    """Return a config object as dicts, lists and single values, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)

@@ -12,9 +12,10 @@ from omegaconf.errors import OmegaConfBaseException
 from torch import Generator
 from yaml import YAMLError
 
-from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.network import load_network
-from ship_trl.config.types import Config, Method, plain
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Config, plain
 from ship_trl.explain.rows import Compared, Role
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
@@ -24,12 +25,12 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
-from ship_trl.run.parts import find_transfer
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import read_source
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.casebase import CONFIG
-from ship_trl.transfer.layers import apply
+from ship_trl.transfer.layers import copy_layers
 
 UNTRAINED_NETWORKS = 3
 
@@ -111,12 +112,11 @@ def find_origin(entry: Entry, name: str) -> Origin:
         # As make_parts does.
         weights = Generator().manual_seed(run.stream("weights"))
         before = DuelingNetwork(channels, actions, weights, config.network)
-        transfer = find_transfer(run, before, None)
-        source = None
-        if transfer:
+        found, source = read_source(run), None
+        if found is not None:
             source = copy.deepcopy(before)
-            source.load_state_dict(dict(transfer.weights))
-            apply(before, transfer)
+            source.load_state_dict(dict(found.weights))
+            copy_layers(before, found.weights, run.arm)
         env = ShipEnv(case, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:
@@ -129,11 +129,10 @@ def find_origin(entry: Entry, name: str) -> Origin:
         )
         return Origin(result, source)
     layers = before.conv_names
-    if config.method is Method.scratch:
-        copied: tuple[str, ...] = ()
-    else:
-        copied = (*layers, "shared") if config.layers == "all" else layers[: int(config.layers)]
-    return Origin(result, source, before, copied, config.method is Method.feature_extraction)
+    copied = layers[: run.arm.copied_layers(len(layers))]
+    if run.arm.copies_all:
+        copied = (*copied, "shared")
+    return Origin(result, source, before, copied, run.arm.frozen_layers > 0)
 
 
 def read_config(path: Path) -> Config:
@@ -151,13 +150,10 @@ def read_config(path: Path) -> Config:
         "objective": "late",
     }
     try:
-        values = OmegaConf.merge(OmegaConf.structured(Config), older, read_yaml(path))
-        config: Config = OmegaConf.to_object(values)  # type: ignore[assignment]
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{path}: {explain(error)}") from None
-    except (OSError, ValueError, OverflowError, YAMLError) as error:
+        values = OmegaConf.merge(older, read_yaml(path))
+    except (OSError, ValueError, TypeError, OmegaConfBaseException, YAMLError) as error:
         raise ConfigError(f"{path} is not a configuration: {' '.join(str(error).split())}") from None
-    return config
+    return read_as(Config, values, f"{path}: ")
 
 
 def make_untrained(like: DuelingNetwork, generator: Generator) -> list[DuelingNetwork]:

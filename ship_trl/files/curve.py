@@ -1,4 +1,4 @@
-"""A run's learning curve: `curve.csv` written and read, and its moving mean. No torch."""
+"""Read and write a run's learning curve, `curve.csv`. No torch."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CURVE = "curve.csv"
-# A line is a training episode, or a greedy evaluation in columns of its own.
+# A line is a training episode, or a greedy evaluation with its own columns.
 COLUMNS = (
     "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
     "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa",
 )  # fmt: skip
-# No curve has a first line of more bytes; of one with many columns pandas would take minutes.
-LONGEST = 1000
-# What a line is, once it is read.
+# pandas takes minutes for a file of very many columns.
+MAX_HEADER_BYTES = 1000
+# The kinds of a line.
 TRAINING, GREEDY = "training", "greedy"
 # Both kinds have these; only training has an exploration rate.
 SHARED = ("return", "outcome", "dcpa")
@@ -30,15 +30,15 @@ TYPES = {"episode": "int64", "epsilon": "float64", "return": "float64", "outcome
 
 
 class CurveError(Exception):
-    """A curve that is not whole; its text says what is wrong, in a few words."""
+    """A curve that is missing or damaged; its text says what is wrong, in a few words."""
 
 
 def read_curve(folder: Path) -> pd.DataFrame:
-    """Read the curve of a run's folder, in the order of the file.
+    """Read the curve in a run's folder, in the order of the file.
 
     Returns:
         A row for each training episode and greedy evaluation: `kind` (`TRAINING` or `GREEDY`), `episode`
-        (of an evaluation: after how many), `epsilon`, `return` (raw, undiscounted), `outcome` (goal,
+        (of an evaluation: the number before it), `epsilon`, `return` (raw, undiscounted), `outcome` (goal,
         collision or timeout) and `dcpa` (metres; NaN without target ships).
 
     Raises:
@@ -49,10 +49,10 @@ def read_curve(folder: Path) -> pd.DataFrame:
     types = TYPES | {f"{GREEDY}_{name}": TYPES[name] for name in SHARED}
     try:
         data = read_file(folder / CURVE)
-        if len(data.partition(b"\n")[0]) > LONGEST:
+        if len(data.partition(b"\n")[0]) > MAX_HEADER_BYTES:
             raise ValueError
-        # Without `index_col` a line too long would move its columns by one.
-        with np.errstate(invalid="raise"):  # of an infinite episode pandas would make some whole number
+        # Without `index_col` a line with too many cells would shift its columns by one.
+        with np.errstate(invalid="raise"):  # pandas would convert an infinite episode to some integer
             lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
     except FileNotFoundError:
         raise CurveError(f"{CURVE} is missing") from None
@@ -70,12 +70,12 @@ def read_curve(folder: Path) -> pd.DataFrame:
 
 
 def split(rows: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Give the training episodes and the greedy evaluations."""
+    """Split rows into training episodes and greedy evaluations."""
     return rows[rows["kind"] == TRAINING], rows[rows["kind"] == GREEDY]
 
 
 def write_curve(folder: Path, rows: pd.DataFrame) -> None:
-    """Write rows as `read_curve` gives them; of `COLUMNS` what they have."""
+    """Write rows of the form that `read_curve` returns; other columns of `COLUMNS` are left out."""
     trained = rows["kind"] == TRAINING
     lines = rows[["episode", "epsilon"]].assign(
         **{name: rows[name].where(trained) for name in SHARED},
@@ -85,7 +85,7 @@ def write_curve(folder: Path, rows: pd.DataFrame) -> None:
 
 
 def moving_mean(values: ArrayLike, window: int) -> NDArray[np.float64]:
-    """Mean of each value and those before it, at most `window` in all: [..., N] to [..., N]."""
+    """Return the mean of each value and up to `window - 1` values before it: [..., N] to [..., N]."""
     numbers = np.asarray(values, dtype=np.float64)
     sums = np.cumsum(np.pad(numbers, [(0, 0)] * (numbers.ndim - 1) + [(1, 0)]), axis=-1)
     ends = np.arange(1, numbers.shape[-1] + 1)

@@ -1,4 +1,4 @@
-"""Where the shipped YAML lies, and how files that matter are read and written."""
+"""Reading files of limited size, and atomic writes."""
 
 from __future__ import annotations
 
@@ -15,23 +15,22 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torch import Tensor
 
-# Bytes of any file that is read whole, at most: a curve of ten million episodes.
-LARGEST = 1 << 30
-# The disk is full, a quota or a limit is reached, or it is broken; an error of writing may name no file.
+# Bytes of a file that is read at once: a curve of ten million episodes.
+MAX_FILE_BYTES = 1 << 30
+# Errors of a disk that is full or broken, or of a quota; such an error may name no file.
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 
 
 def links(folder: Path, below: Path) -> list[Path]:
-    """List what is a link of a folder and those that it lies in, up to `below`, which may be one itself."""
+    """List the links among a folder and its parents inside `below`."""
     return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
 
 
-def read_file(path: Path, most: int = LARGEST) -> bytes:
-    """Read a file of at most so many bytes.
+def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
+    """Read a file of at most `most` bytes.
 
     Raises:
-        OSError: it is not there, or larger, or is a folder, a pipe or a device: to read one of those might
-            never end.
+        OSError: it is missing or larger, or is a folder, a pipe or a device, whose reading might never end.
     """
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "is no file", str(path))
@@ -41,7 +40,7 @@ def read_file(path: Path, most: int = LARGEST) -> bytes:
 
 
 def remove(path: Path) -> None:
-    """Take away what is there: a file, a link, or a folder with all in it."""
+    """Remove a file, a link, or a folder with its content."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -53,7 +52,7 @@ def read_json(path: Path) -> Any:
 
     Raises:
         OSError: as `read_file`.
-        ValueError: it is not JSON, or lists in lists lie too deep.
+        ValueError: it is not JSON, or nested too deeply.
     """
     try:
         return json.loads(read_file(path))
@@ -63,18 +62,18 @@ def read_json(path: Path) -> Any:
 
 @contextmanager
 def writing(path: Path, draft: Path | None = None) -> Iterator[None]:
-    """Name `path` in an `OSError` that names no file, as that of a full disk does, or names its draft."""
+    """Name `path` in an `OSError` that names no file, as on a full disk, or only its draft."""
     try:
         yield
     except OSError as error:
-        # One without a number has a text of its own, which a file name would hide.
+        # The text of an error without a number would be hidden by a file name.
         if error.errno is not None and error.filename in (None, draft, str(draft)):
             error.filename = str(path)
         raise
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or a folder's names, are on the disk: a power cut may else leave an empty file."""
+    """Flush a file or a folder's names to the disk: after a power cut the file might else be empty."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -84,16 +83,16 @@ def sync(path: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a neighbouring name to write to, then rename it over `path`.
+    """Write atomically: yield the path of a draft beside `path`, and rename it over `path` at the end.
 
     A reader sees the old file or the whole new one; after an error only the old one is left.
     """
-    # A name that nobody can guess: a link that waits under it would be written through.
+    # A name that cannot be guessed: a link put there in advance would be written through.
     draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         with writing(path, draft):
             yield draft
-            # Some writers make files that only their owner may read; results are for the group too.
+            # Some writers make files that only their owner may read.
             draft.chmod(0o644)
             sync(draft)
             draft.replace(path)
@@ -103,7 +102,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, str]) -> None:
-    """Write a safetensors file, to a name that `replacing` gives; the tensors must be contiguous.
+    """Write a safetensors file to a draft of `replacing`; the tensors must be contiguous.
 
     Raises:
         MemoryError: there is no room for two copies of the tensors.
@@ -112,8 +111,8 @@ def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str
     import numpy as np
     from safetensors.torch import save
 
-    # safetensors makes both copies in Rust, which ends the process where it finds no memory: so Python asks
-    # first, and what it gives back is there for them.
+    # safetensors makes two copies in Rust, which aborts the process where memory is short. So Python
+    # allocates as much first, and frees it again.
     np.empty(2 * sum(value.nbytes for value in tensors.values()) + (1 << 20), np.uint8)
-    # Not `save_file`: its error of a full disk is no OSError, and it leaves a draft of its own if killed.
+    # Not `save_file`: on a full disk it raises no OSError, and it leaves a draft of its own if killed.
     path.write_bytes(save(dict(tensors), dict(header)))

@@ -1,4 +1,4 @@
-"""Tables that may be a stranger's: CSV, read row by row, and refused in one line."""
+"""Untrusted tables: CSV, read row by row, and refused in one line."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ Row = TypeVar("Row")
 def read_table(
     path: Path, columns: Sequence[str], make: Callable[[Cells], Row], most: int, given_as: str, kind: str
 ) -> list[Row]:
-    """Read a table that has these columns, and may have others.
+    """Read a table with at least these columns.
 
     Args:
-        path: of the file.
-        columns: that it must have.
-        make: makes a row of its cells, which are words; raises ValueError where they are of none.
-        most: bytes that it may have.
-        given_as: the option or argument that named it.
+        path: the file.
+        columns: the names that it must have.
+        make: converts the text cells of a row; raises ValueError for a wrong one.
+        most: how many bytes are allowed.
+        given_as: the option or argument that named the file.
         kind: what it should be, as "a table of layers".
 
     Raises:
-        ConfigError: it cannot be read, or is no such table.
+        ConfigError: it cannot be read, or is not such a table.
     """
     try:
         return [make(cells) for cells in rows(read_file(path, most), columns)]
@@ -40,10 +40,10 @@ def read_table(
 
 
 def rows(data: bytes, columns: Sequence[str]) -> list[Cells]:
-    """Take a table apart.
+    """Parse a table into rows of text cells.
 
     Raises:
-        ValueError: it is none, lacks a column, or has one twice.
+        ValueError: it is not CSV, lacks a column, or has one twice.
     """
     table = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     try:
@@ -55,7 +55,7 @@ def rows(data: bytes, columns: Sequence[str]) -> list[Cells]:
         raise ValueError("it has a column twice")
     if missing:
         raise ValueError(f"it has no column {missing[0]!r}")
-    # What is missing in a row is None, and what is too much stands under None.
+    # csv fills missing cells with None, and collects surplus cells under the key None.
     if any(None in row or None in row.values() for row in found):
         raise ValueError("a row has more or fewer cells than there are columns")
     return found

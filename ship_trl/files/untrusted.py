@@ -1,6 +1,6 @@
-"""Files that a stranger may have written: YAML as plain values, and streams that end. No torch.
+"""Untrusted files: YAML as plain values, and streams with a limit. No torch.
 
-SECURITY.md says what is promised of such files, tests/test_outside.py holds it.
+SECURITY.md says what is promised; tests/files/test_untrusted.py checks it.
 """
 
 from __future__ import annotations
@@ -18,48 +18,47 @@ from ship_trl.files.disk import read_file
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
-# Bytes of a YAML file, at most: a run's configuration has two thousand, a case of eight ships 700.
-LARGEST_YAML = 64_000
-# Lists and mappings within each other, at most: a configuration has four.
-DEEPEST_YAML = 50
+# A run's configuration has two thousand bytes, a case of eight ships 700.
+MAX_YAML_BYTES = 64_000
+# Levels of lists and mappings; a configuration has four.
+MAX_YAML_DEPTH = 50
 
 
 def read_yaml(path: Path) -> DictConfig | ListConfig:
-    """Read a YAML file, as OmegaConf does, but without what is more than a value.
+    """Read a YAML file as OmegaConf does, without interpolations and aliases.
 
-    OmegaConf's loader makes no Python objects: it is a `yaml.SafeLoader`. But `${oc.env:NAME}` would read
-    this machine's environment into what is printed and kept, and a few aliases can stand for billions of
-    values.
+    OmegaConf's loader is a `yaml.SafeLoader`, which makes no Python objects. But `${oc.env:NAME}` would copy
+    this machine's environment into output and files, and a few aliases can stand for billions of values.
 
     Raises:
-        yaml.YAMLError: it is not YAML, too large or too deep, or holds an interpolation or an alias.
+        yaml.YAMLError: it is not YAML, too large or too deep, or has an interpolation or an alias.
         OSError: it cannot be read.
     """
-    if path.is_file() and path.stat().st_size > LARGEST_YAML:
-        raise yaml.YAMLError(f"larger than {LARGEST_YAML} bytes")
+    if path.is_file() and path.stat().st_size > MAX_YAML_BYTES:
+        raise yaml.YAMLError(f"larger than {MAX_YAML_BYTES} bytes")
     data = read_file(path)
     try:
         text = data.decode()
         refuse_more_than_values(text)
         return OmegaConf.load(io.StringIO(text))
-    except AssertionError:  # OmegaConf's, of a number in quotes
+    except AssertionError:  # OmegaConf raises it for a number in quotes
         raise yaml.YAMLError("a single value") from None
     except (OmegaConfBaseException, ValueError, LookupError, TypeError, AttributeError) as error:
-        # No UTF-8, a number of thousands of digits, `!!int x`, of which PyYAML makes Python's own errors.
+        # PyYAML raises Python's own errors: no UTF-8, a number of thousands of digits, `!!int x`.
         raise yaml.YAMLError(str(error)) from None
 
 
 def refuse_more_than_values(text: str) -> None:
-    """Refuse interpolations, however they are escaped, aliases, and what is nested too deeply.
+    """Refuse interpolations, escaped ones too, aliases, and deep nesting.
 
     Raises:
-        yaml.YAMLError: there is one, or it is not YAML.
+        yaml.YAMLError: there is one, or the text is not YAML.
     """
     depth = 0
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
         line = event.start_mark.line + 1 if event.start_mark else 0
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST_YAML:
+        if depth > MAX_YAML_DEPTH:
             raise yaml.YAMLError(f"line {line}: nested too deeply")
         if isinstance(event, yaml.AliasEvent):
             raise yaml.YAMLError(f"line {line}: no alias (*{event.anchor}) is allowed")
@@ -68,21 +67,21 @@ def refuse_more_than_values(text: str) -> None:
 
 
 class Bounded(io.RawIOBase):
-    """A binary stream that gives no more than `most` bytes: what is packed may be far larger than its file.
+    """A binary stream of at most `most` bytes, because unpacked data may be far larger than its file.
 
     Raises:
-        ValueError: at reading, there are more.
+        ValueError: while reading, where there are more.
     """
 
     def __init__(self, stream: io.BufferedIOBase, most: int) -> None:
         self._stream, self._left, self._most = stream, most, most
 
     def readable(self) -> bool:
-        """Answer that it is read, and nothing else."""
+        """Return that the stream can be read."""
         return True
 
     def readinto(self, buffer: WriteableBuffer) -> int:
-        """Fill a buffer, or a part of it."""
+        """Read into a buffer; return the number of bytes."""
         view = memoryview(buffer).cast("B")
         data = self._stream.read(len(view))
         view[: len(data)] = data

@@ -54,7 +54,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         self._rasteriser = Rasteriser(self._case, self._world, colour=colour)
         reference = Transition(self._case, self._world, torch.device("cpu"))
         assert self._rasteriser.compiled is not None
-        self._draw, self._advance = self._rasteriser.compiled.into, CompiledStep(reference).into
+        self._draw, self._advance = self._rasteriser.compiled.draw_into, CompiledStep(reference).step_into
         self._start = reference.start[None].numpy()
         self._reward_scale = reward_scale
         self.render_mode = render_mode
@@ -98,7 +98,8 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
             gymnasium.logger.warn("render() draws nothing without render_mode")
             return None
         # Imported here: training needs no pygame.
-        from ship_trl.view.draw import draw_scene, to_array
+        from ship_trl.view.painter import draw_scene
+        from ship_trl.view.pen import to_array
 
         picture = draw_scene(self._case, self._world, torch.from_numpy(self._state[0]), WINDOW_PIXELS)
         if self.render_mode == "rgb_array":

@@ -61,7 +61,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         rasteriser = Rasteriser(loaded, world, colour=colour)
         reference = Transition(loaded, world, torch.device("cpu"))
         assert rasteriser.compiled is not None
-        self._draw, self._step = rasteriser.compiled.into, CompiledStep(reference).into
+        self._draw, self._step = rasteriser.compiled.draw_into, CompiledStep(reference).step_into
         self._scale, self._start = np.float32(reward_scale), reference.start.numpy()
         self.num_envs = num_envs
         shape = (scene.SIZE, scene.SIZE, rasteriser.channels)

@@ -22,20 +22,6 @@ from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.replay import DrawPixels, StateReplay
 
 
-def frozen_layers(network: DuelingNetwork) -> int:
-    """How many conv layers, counted from the image, are frozen.
-
-    Raises:
-        ValueError: a part of a layer is, or one that is not among the first.
-    """
-    learning = {name for name, p in network.named_parameters() if p.requires_grad}
-    whole = {name for name, _ in network.named_parameters()}
-    for count in range(len(network.conv_names) + 1):
-        if learning == {name for name in whole if name.split(".")[0] not in network.conv_names[:count]}:
-            return count
-    raise ValueError("only whole conv layers can be frozen, the first ones before the others")
-
-
 class Agent:
     """Networks, loss, target updater, optimiser and policies of double DQN.
 
@@ -45,12 +31,12 @@ class Agent:
     of the online network; the average is stable.
 
     Args:
-        network: initial weights of both the online and the target network; its first conv layers may be
-            frozen (no `requires_grad`), and then stay out of the optimiser.
+        network: initial weights of both the online and the target network.
         draw: maps states to pixels.
         num_actions: A.
         learn: hyperparameters.
         exploration: generator of the exploration, on the network's device.
+        frozen: how many conv layers, counted from the image, never learn and stay out of the optimiser.
 
     `observation` is the key that it reads: `state`, or `features` where so many layers are frozen that the
     replay stores their features instead of the state; `encode` computes them.
@@ -65,9 +51,10 @@ class Agent:
         num_actions: int,
         learn: Learn,
         exploration: Generator,
+        frozen: int = 0,
     ) -> None:
-        self.network, self.draw = network, draw
-        self.frozen = network.frozen = frozen_layers(network)
+        self.network, self.draw, self.frozen = network, draw, frozen
+        network.freeze(frozen)
         device = network.shared.weight.device
         self.dtype = computing(learn.precision, device)
         network.backend = choose_backend(learn.backend, draw, self.dtype, device, network.geometry)

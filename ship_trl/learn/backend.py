@@ -7,7 +7,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from ship_trl.config.network import Geometry, cut_by_words
+from ship_trl.config.network import Geometry, supports_incremental
 from ship_trl.config.types import BackendName, Precision, bfloat16_allowed
 from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.network import Backend, Dense
@@ -27,7 +27,7 @@ def choose_backend(
     wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device, geometry: Geometry
 ) -> Backend:
     """Make the backend of the conv layers; `auto` is the fastest one that supports them on the device."""
-    windows = device.type == "cpu" and cut_by_words(geometry)
+    windows = device.type == "cpu" and supports_incremental(geometry)
     quickest = BackendName.incremental if windows else BackendName.dense
     chosen = quickest if wanted is BackendName.auto else wanted
     if chosen is BackendName.dense:

@@ -12,7 +12,7 @@ import torch
 from torch import Generator, Tensor
 from torchrl.envs import EnvBase
 
-from ship_trl.config.network import cut_by_words
+from ship_trl.config.network import supports_incremental
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.fast.inference import CachedInference
 from ship_trl.learn.network import DuelingNetwork
@@ -46,7 +46,7 @@ def jumpstart(
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
     encode: Callable[[Tensor], Tensor] = draw
     decide: list[Decide]
-    if env.device is not None and env.device.type == "cpu" and cut_by_words(network.geometry):
+    if env.device is not None and env.device.type == "cpu" and supports_incremental(network.geometry):
         inferences = [CachedInference(each, draw.background, copied) for each in networks]
         decide = [inference.actions for inference in inferences]
         if copied >= network.linear_from:

@@ -60,7 +60,13 @@ class DuelingNetwork(nn.Module):
         return [getattr(self, name) for name in self.conv_names]
 
     def freeze(self, layers: int) -> None:
-        """Freeze the first `layers` conv layers, and unfreeze the others."""
+        """Freeze the first `layers` conv layers, and unfreeze the others.
+
+        Raises:
+            ValueError: the network has fewer conv layers.
+        """
+        if not 0 <= layers <= len(self.conv_names):
+            raise ValueError(f"{len(self.conv_names)} conv layers can be frozen at most, got {layers}")
         for n, conv in enumerate(self.convs):
             conv.requires_grad_(n >= layers)
         self.frozen = layers

@@ -1,7 +1,7 @@
 """Demonstrations: episodes that somebody sailed, kept as one JSON file each. No torch.
 
 The world is deterministic, so that a case and its actions are the whole episode: whoever reads a
-demonstration sails it again. docs/demonstrations.md describes the format.
+demonstration sails it again. docs/tools.md describes the format.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.config.types import World, plain
 from ship_trl.files.disk import read_json, writing
 from ship_trl.sim.cases import Case
@@ -37,11 +37,11 @@ class Demonstration:
     case: str
     fingerprint: str
     world: str
-    actions: list[int]
+    actions: Annotated[list[Annotated[int, limit(0)]], Rule("at least one action", bool)]
     episode_return: float
     outcome: str
     by: str
-    schema_version: int = SCHEMA_VERSION
+    schema_version: Annotated[int, Rule(str(SCHEMA_VERSION), SCHEMA_VERSION.__eq__)] = SCHEMA_VERSION
 
 
 def digest(world: World) -> str:
@@ -104,26 +104,16 @@ def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstr
 
 
 def read_demonstration(path: Path, actions: int) -> Demonstration:
-    """Read one file, whose actions are below the number of `actions`.
+    """Read one file of a world with so many actions.
 
     Raises:
-        ConfigError: it is no demonstration, or not whole.
+        ConfigError: it is no demonstration, or damaged.
     """
+    where = f"demonstrations: {path}: "
     try:
-        values: Any = read_json(path)
-        if values["schema_version"] != SCHEMA_VERSION:
-            raise ConfigError(f"demonstrations: {path} is of another schema_version than {SCHEMA_VERSION}")
-        one = Demonstration(**values)
-        words = (one.case, one.fingerprint, one.world, one.outcome, one.by)
-        right = (
-            all(type(word) is str and word.isprintable() for word in words)
-            and isinstance(one.actions, list)
-            and one.actions
-        )
-        if not right or not all(type(k) is int and 0 <= k < actions for k in one.actions):
-            raise ValueError
-        if not math.isfinite(one.episode_return):
-            raise ValueError
-    except (OSError, ValueError, TypeError, KeyError, OverflowError):
-        raise ConfigError(f"demonstrations: {path} is no whole demonstration") from None
+        one = read_as(Demonstration, read_json(path), where, from_json=True)
+    except (OSError, ValueError):
+        raise ConfigError(f"{where}cannot be read as JSON") from None
+    if max(one.actions) >= actions:
+        raise ConfigError(f"{where}actions: each must be from 0 to {actions - 1}, got {max(one.actions)}")
     return one

@@ -1,8 +1,8 @@
-"""Checkpoints of a training: all that decides how it goes on, in two generations.
+"""Checkpoints of a training: everything that is needed to resume it, in two alternating files.
 
-A checkpoint is a safetensors file, so that nothing is unpickled; its header says of which run it is, and
-holds a digest of everything in it, for a file may be cut short or have bits turned over where no header
-tells. Headers are read without torch.
+A checkpoint is a safetensors file, so that nothing is unpickled. Its header names the run and holds a digest
+of the contents, because a truncated or corrupted file may still have an intact header. Headers are read
+without torch.
 """
 
 from __future__ import annotations
@@ -19,28 +19,33 @@ from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 
-from ship_trl.config.paths import LONGEST_NAME
+from ship_trl.config.paths import MAX_NAME_LENGTH
 from ship_trl.files.disk import read_file, replacing, write_tensors
 
 if TYPE_CHECKING:
     from torch import Tensor
 
 FOLDER, OWNER = "checkpoint", "config_hash"
-# The name of the header's entry.
-ENTRY = "ship_trl"
+# Key of our entry in the safetensors header.
+HEADER_KEY = "ship_trl"
 
 
 class CheckpointError(Exception):
-    """A checkpoint that is damaged; its text says how, in a few words."""
+    """A damaged checkpoint; the message says how, in a few words."""
 
 
 @dataclass(frozen=True)
 class About:
-    """What a checkpoint says of itself.
+    """The header of a checkpoint.
 
-    `config_hash` tells of which run it is; `computed` by what arithmetic (`Parts.computed`), for with another
-    it would not go on with the same bits. `episode` of `episodes` are sailed, in
-    `steps` of the environment and `seconds`.
+    Attributes:
+        config_hash: which run it belongs to.
+        computed: the arithmetic that computed it (`Parts.computed`). Under another the run would not be
+            resumed with the same bits.
+        episode: how many training episodes are finished.
+        episodes: how many the run has.
+        steps: environment steps so far.
+        seconds: training time so far.
     """
 
     config_hash: str
@@ -51,7 +56,7 @@ class About:
     seconds: float
 
 
-KINDS: dict[str, tuple[type, ...]] = {
+HEADER_TYPES: dict[str, tuple[type, ...]] = {
     "config_hash": (str,),
     "computed": (str,),
     "episode": (int,),
@@ -63,7 +68,7 @@ KINDS: dict[str, tuple[type, ...]] = {
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A checkpoint that was read: what it says of itself, and its tensors by dotted names."""
+    """A checkpoint as read: its header, and its tensors by dotted names."""
 
     about: About
     tensors: dict[str, Tensor]
@@ -74,9 +79,9 @@ class Checkpoints:
 
     Args:
         run: the run's folder.
-        every: so many episodes between two, and one at least.
-        seconds: at least so many between two.
-        clock: tells the time in seconds; it never goes back.
+        every: minimum number of episodes between two checkpoints; below 1 it counts as 1.
+        seconds: minimum time between two checkpoints.
+        clock: returns monotonic time in seconds.
     """
 
     def __init__(
@@ -84,35 +89,37 @@ class Checkpoints:
     ) -> None:
         self.folder = run / FOLDER
         self._every, self._seconds, self._clock = every, seconds, clock
-        self._said, self._episode = clock(), 0
+        self._written_at, self._episode = clock(), 0
 
     def begin(self, episode: int) -> None:
-        """Count from here on."""
-        self._said, self._episode = self._clock(), episode
+        """Start the wait for the next checkpoint at this episode."""
+        self._written_at, self._episode = self._clock(), episode
 
     def due(self, episode: int) -> bool:
-        """Whether it is time to write one after so many episodes."""
-        sailed = episode - self._episode
-        return sailed >= max(1, self._every) and self._clock() - self._said >= self._seconds
+        """Whether a checkpoint is due after `episode` episodes."""
+        episodes, seconds = episode - self._episode, self._clock() - self._written_at
+        return episodes >= max(1, self._every) and seconds >= self._seconds
 
     def write(self, tensors: Mapping[str, Tensor], about: About) -> None:
-        """Write a checkpoint in the place of the older one of the two.
+        """Replace the older of the two checkpoints.
 
         Raises:
-            MemoryError: there is no room for two copies of the tensors.
-            OSError: the disk is full, or the folder cannot be written.
+            MemoryError: two copies of the tensors do not fit into memory.
+            OSError: the disk is full, or the folder is not writable.
         """
         self.folder.mkdir(exist_ok=True)
         tensors = {name: value.contiguous() for name, value in tensors.items()}
         header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
         with replacing(self._oldest()) as draft:
-            write_tensors(draft, tensors, {ENTRY: header})
+            write_tensors(draft, tensors, {HEADER_KEY: header})
         self.begin(about.episode)
 
     def read(self, config_hash: str) -> tuple[Checkpoint | None, dict[Path, str]]:
-        """Read a run's newest whole checkpoint, None without one; say of each damaged one what is wrong.
+        """Read the newest intact checkpoint of a run.
 
-        One whose header cannot be read may be the newest, so that it is named too.
+        Returns:
+            The checkpoint, or None, and what is wrong with each damaged file. A file with an unreadable
+            header counts as damaged, because it may be the newest.
         """
         damaged: dict[Path, str] = {}
         newest: Checkpoint | None = None
@@ -128,7 +135,7 @@ class Checkpoints:
         return newest, damaged
 
     def about(self) -> About | None:
-        """Say what the newest checkpoint with a whole header is, None without one; reads little of it."""
+        """Return the newest readable header, or None; the tensors are not read."""
         for path in self._newest_first():
             try:
                 return read_about(path)
@@ -137,40 +144,40 @@ class Checkpoints:
         return None
 
     def begin_run(self, config_hash: str) -> None:
-        """Make their folder, and note whose they will be: a damaged one does not tell.
+        """Create the folder and write down which run owns it, in case its checkpoints get damaged.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the folder is not writable.
         """
         self.folder.mkdir(exist_ok=True)
         with replacing(self.folder / OWNER) as draft:
             draft.write_text(config_hash)
 
-    def of_another(self, config_hash: str) -> bool:
-        """Whether there are checkpoints, and another run has noted that they are its own."""
+    def has_other_owner(self, config_hash: str) -> bool:
+        """Whether there are checkpoints, and the folder is owned by another run."""
         try:
-            owner = read_file(self.folder / OWNER, most=LONGEST_NAME).decode()
+            owner = read_file(self.folder / OWNER, most=MAX_NAME_LENGTH).decode()
         except (OSError, ValueError):
             return False
         return owner != config_hash and bool(self._newest_first())
 
     def remove(self) -> None:
-        """Take them away: the run is finished, or begins anew."""
+        """Delete the checkpoints, because the run is finished or starts over."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _files(self) -> list[Path]:
         return [self.folder / f"{number}.safetensors" for number in (1, 2)]
 
     def _newest_first(self) -> list[Path]:
-        there = (path for path in self._files() if path.exists() or path.is_symlink())
-        return sorted(there, key=steps_of, reverse=True)
+        existing = (path for path in self._files() if path.exists() or path.is_symlink())
+        return sorted(existing, key=read_steps, reverse=True)
 
     def _oldest(self) -> Path:
-        return min(self._files(), key=steps_of)
+        return min(self._files(), key=read_steps)
 
 
-def steps_of(path: Path) -> int:
-    """Environment steps after which a checkpoint was written; -1 without one that says so."""
+def read_steps(path: Path) -> int:
+    """Return the environment steps in a checkpoint's header, or -1 if it is unreadable."""
     try:
         return read_about(path).steps
     except CheckpointError:
@@ -178,38 +185,38 @@ def steps_of(path: Path) -> int:
 
 
 def read_about(path: Path) -> About:
-    """Read what a checkpoint says of itself.
+    """Read the header of a checkpoint.
 
     Raises:
-        CheckpointError: there is none, or it is damaged.
+        CheckpointError: it is missing or damaged.
     """
     with opened(path, "numpy") as file:
-        return about_of(header_of(file))
+        return parse_about(parse_header(file))
 
 
 def read(path: Path) -> Checkpoint:
-    """Read a whole checkpoint.
+    """Read a checkpoint and compare it with its digest.
 
     Raises:
-        CheckpointError: there is none, or it is damaged.
+        CheckpointError: it is missing or damaged.
     """
     with opened(path, "pt") as file:
-        header = header_of(file)
-        about = about_of(header)
+        header = parse_header(file)
+        about = parse_about(header)
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if header.get("digest") != digest(tensors, about):
         raise CheckpointError("is damaged")
     return Checkpoint(about, tensors)
 
 
-def header_of(file: Any) -> dict[str, Any]:
-    """Give the header's entry of an opened file.
+def parse_header(file: Any) -> dict[str, Any]:
+    """Return our entry of an open file's header.
 
     Raises:
-        CheckpointError: it is no checkpoint's.
+        CheckpointError: the file is no checkpoint.
     """
     try:
-        values = json.loads((file.metadata() or {}).get(ENTRY, ""))
+        values = json.loads((file.metadata() or {}).get(HEADER_KEY, ""))
     except (ValueError, RecursionError):
         raise CheckpointError("is no checkpoint") from None
     if not isinstance(values, dict):
@@ -217,15 +224,15 @@ def header_of(file: Any) -> dict[str, Any]:
     return values
 
 
-def about_of(header: dict[str, Any]) -> About:
-    """Give what a header says.
+def parse_about(header: dict[str, Any]) -> About:
+    """Check the types of a header's values.
 
     Raises:
-        CheckpointError: an entry is missing, or of another kind.
+        CheckpointError: a value is missing or has another type.
     """
-    values: dict[str, Any] = {name: header.get(name) for name in KINDS}
-    for name, kinds in KINDS.items():
-        if type(values[name]) not in kinds:
+    values: dict[str, Any] = {name: header.get(name) for name in HEADER_TYPES}
+    for name, types in HEADER_TYPES.items():
+        if type(values[name]) not in types:
             raise CheckpointError(f"has no right {name} in its header")
     return About(**values)
 
@@ -235,7 +242,7 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
     """Open a safetensors file.
 
     Raises:
-        CheckpointError: there is none, or it is cut short.
+        CheckpointError: it is missing, a link, or truncated.
     """
     if not path.is_file() or path.is_symlink():
         raise CheckpointError("is no file")
@@ -247,7 +254,7 @@ def opened(path: Path, framework: str) -> Iterator[Any]:
 
 
 def digest(tensors: Mapping[str, Tensor], about: About) -> str:
-    """Digest all that a checkpoint holds."""
+    """Return the SHA-256 of everything in a checkpoint."""
     import torch
 
     found = hashlib.sha256(json.dumps(asdict(about), sort_keys=True).encode())

@@ -1,4 +1,4 @@
-"""What a finished training leaves: a last network, pictures, a result, and a place in the case base."""
+"""Write what a finished training leaves: last network, pictures, result, and case base entry."""
 
 from __future__ import annotations
 
@@ -8,51 +8,53 @@ from pathlib import Path
 import torch
 
 from ship_trl import __version__
-from ship_trl.config.network import others
-from ship_trl.config.types import Method
+from ship_trl.config.network import non_default_network
 from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.learn.rollout import Episode
 from ship_trl.run import console
 from ship_trl.run.parts import Parts
-from ship_trl.run.plan import ALGORITHM_VERSION, Run
+from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.run.process import processor_name
+from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.random_policy import random_return
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
-from ship_trl.view.curve import draw_curve
+from ship_trl.view.curves import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
-from ship_trl.view.transfer import draw_transfer
 
 
 def write_files(run: Run, parts: Parts, known: float) -> None:
-    """Write the last network and the pictures into the run's folder; `known` is the best return known."""
+    """Write the last network and the pictures into the run's folder; `known` is the best known return."""
     history, config = parts.history, run.config
     assert history.best is not None
     finished, evaluated = history.finished, history.evaluated
-    noted = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
-    save_weights(run.folder / POLICY_LAST, parts.agent.target_network, noted)
+    about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
+    save_weights(run.folder / POLICY_LAST, parts.agent.target_network, about)
     greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
     draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
     if parts.origin is not None and (scratch_curves := scratch_returns(run)) is not None:
         returns = [episode.episode_return for episode in finished]
-        draw_transfer(run.folder / console.TRANSFER, config.arm, returns, scratch_curves, known, run.title)
+        draw_transfer(
+            run.folder / console.TRANSFER, config.arm_label, returns, scratch_curves, known, run.title
+        )
     best = history.best.sailed
-    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, run.title)
+    origin = "" if run.arm.is_scratch else f" from case {config.source}"
+    title = f"{config.arm_label}{origin}, seed {config.seed}"
+    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, title)
 
 
 def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
-    """Say what a finished training reached, which took so many seconds."""
+    """Make the result of a training that took `seconds`."""
     history, config = parts.history, run.config
     assert history.best is not None
     finished, evaluated, best = history.finished, history.evaluated, history.best
     return Result(
         pair=config.label,
-        source=None if config.method is Method.scratch else str(config.source),
+        source=None if run.arm.is_scratch else str(config.source),
         target=str(config.target),
-        method=config.method.value,
-        layers=config.layers,
-        arm=config.arm,
+        **run.arm.keys,
+        arm=config.arm_label,
         seed=config.seed,
         profile=config.profile,
         config_hash=run.config_hash,
@@ -81,17 +83,17 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
 
 
 def evaluation(episode: Episode, at: int) -> Evaluation:
-    """Give a greedy episode as numbers; without target ships there is no DCPA."""
+    """Summarise a greedy episode after training episode `at`; without target ships DCPA is None."""
     dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
     return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)
 
 
 def retain(run: Run, result: Result) -> Entry:
-    """Keep a finished run's network in the case base, for later targets (section 4.2)."""
+    """Store a finished run's network in the case base, for later targets (section 4.2)."""
     values = result.to_json()
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}
     base = CaseBase(Path(run.config.case_base))
-    network = others(run.config.network)
+    network = non_default_network(run.config.network)
     return base.retain(
         run.target, run.entry_arm, run.config.seed, run.config_hash, scores, run.folder, network
     )

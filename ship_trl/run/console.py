@@ -1,4 +1,4 @@
-"""What a run shows: progress with time left, in a file or pipe as plain lines, then a short table."""
+"""What a run prints: progress with the time left, then a table of results; plain lines in a file or pipe."""
 
 from __future__ import annotations
 
@@ -24,28 +24,34 @@ from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.progress import Lines, in_words
 
 console = Console()
-# A transfer beside learning from scratch, in a run's folder.
+# Picture in a run's folder that compares a transfer with learning from scratch.
 TRANSFER = "transfer.png"
-# Shares of a run's episodes between two lines: of a run alone, and of one of many.
-ALONE, ONE_OF_MANY = 0.05, 0.25
-# Seconds: a shorter wait for another process is not worth a line; a longer one is said again.
+# Share of a run's episodes between two progress lines: for a single run, and for a run of a grid.
+SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
+# Seconds to wait for another process before the first message about it, and between further ones.
 SHORT_WAIT, LONG_WAIT = 1.0, 60.0
 
 
 def say(text: str) -> None:
-    """One line, whatever a stranger's file has put into it."""
+    """Print a text as one line, even if an untrusted file put line breaks into it."""
     console.print(one_line(text), highlight=False, markup=False, soft_wrap=True)
 
 
 def progress(
-    title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = "", begun: int = 0
+    title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = "", done: int = 0
 ) -> Iterator[Finished | Evaluated]:
-    """Pass events on, and show episodes done, time left, and the last returns meanwhile.
+    """Yield the events, and meanwhile show finished episodes, time left and the last returns.
 
-    A terminal shows a bar; a file or pipe gets a line at the first episode and after every twentieth of them.
-    The runs of a grid share the output: each writes a line with its place and title every quarter.
-    A resumed run has `begun` episodes behind it. The warm-up makes no updates, so its pace says nothing
-    about the time left: the estimate begins with the first update.
+    A terminal gets a bar. A file or a pipe gets a line at the first episode and every 5 % of them. A run of
+    a grid prints a line with its place and title every 25 %, because all runs share the output. The warm-up
+    makes no updates, so its pace says nothing about the time left: the estimate begins with the first update.
+
+    Args:
+        title: the run in words.
+        episodes: how many the run has.
+        events: what the training yields.
+        place: the run's place in a grid, else empty.
+        done: episodes that were finished before the run was resumed.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -54,13 +60,16 @@ def progress(
         TimeRemainingColumn(),
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
-    share = begun / episodes
-    lines = Lines(ONE_OF_MANY, share + ONE_OF_MANY, share) if place else Lines(ALONE, share, share)
-    start = f"{place}: {title}: " if place else ""
+    share = done / episodes
+    if place:
+        lines = Lines(GRID_INTERVAL, share + GRID_INTERVAL, share)
+    else:
+        lines = Lines(SINGLE_INTERVAL, share, share)
+    prefix = f"{place}: {title}: " if place else ""
     plain, greedy = bool(place) or not console.is_terminal, ""
     has_updates = is_measured = False
     with Progress(*columns, console=console, disable=plain) as bar:
-        task = bar.add_task(title, start=False, total=episodes, completed=begun, now="", greedy="")
+        task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy="")
         for event in events:
             if isinstance(event, Evaluated):
                 greedy = f"{event.sailed.episode_return:.1f}"
@@ -73,15 +82,15 @@ def progress(
                 bar.update(task, completed=event.episode, now=now)
                 if plain and (left := lines.due(event.episode / episodes)) is not None:
                     left = left if is_measured else ""
-                    say(f"{start}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
+                    say(f"{prefix}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
                     # The pace of the next line is that since this one.
                     is_measured = has_updates
             yield event
 
 
 @contextmanager
-def held(lock: FileLock, what: str) -> Iterator[None]:
-    """Hold a lock; while another process holds it, say on what this one waits, once and then every minute."""
+def hold(lock: FileLock, what: str) -> Iterator[None]:
+    """Hold a lock; while another process has it, print what this one waits for, every minute."""
     started, wait = time.monotonic(), SHORT_WAIT
     while True:
         try:
@@ -98,7 +107,7 @@ def held(lock: FileLock, what: str) -> Iterator[None]:
 
 
 def say_result(result: Result, folder: Path, place: str) -> None:
-    """Say the result of one run of a grid, in a line."""
+    """Print the result of a run of a grid in one line."""
     best, final = result.best, result.final
     say(
         f"{place}: {result.title}: best {best.episode_return:.1f} ({best.outcome}), "
@@ -119,7 +128,7 @@ def show_result(result: Result, folder: Path) -> None:
         ("best", result.best),
         ("final", result.final),
     ):
-        # A share of the best says something only where both are gains.
+        # A percentage of the best return makes sense only if both are positive.
         share = f"{row.episode_return / known:.0%}" if known > 0 and row.episode_return > 0 else "-"
         dcpa = "-" if row.dcpa is None else f"{row.dcpa:.0f} m"
         table.add_row(
@@ -132,13 +141,13 @@ def show_result(result: Result, folder: Path) -> None:
         f"goal in {result.training_goal_rate:.0%} of the training episodes, "
         f"collision in {result.training_collision_rate:.0%}"
     )
-    there = [name for name in (TRANSFER, "curve.png", "episode.gif") if (folder / name).is_file()]
-    say(f"{folder}: {', '.join([*there, 'curve.csv', 'result.json', 'policy.safetensors'])}")
+    pictures = [name for name in (TRANSFER, "curve.png", "episode.gif") if (folder / name).is_file()]
+    say(f"{folder}: {', '.join([*pictures, 'curve.csv', 'result.json', 'policy.safetensors'])}")
     say_next(result, folder)
 
 
 def say_next(result: Result, folder: Path) -> None:
-    """Say what to look at, and what to do with the policy."""
+    """Print what to look at, and how to watch the policy."""
     if (folder / TRANSFER).is_file():
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:

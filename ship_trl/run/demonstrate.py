@@ -1,4 +1,4 @@
-"""Demonstrations at the start of a training: sailed again, and put into the replay."""
+"""Preload the replay with demonstrations before training."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import torch
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.learn.replay import StateReplay
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
 from ship_trl.sim.env import ShipEnv
 
-# Of a raw return: another processor rounds differently.
-ROUNDING = 0.01
+# Allowed difference of a return, because processors round differently.
+RETURN_TOLERANCE = 0.01
 
 
-def show_demonstrations(run: Run, env: ShipEnv, replay: StateReplay) -> None:
-    """Put the steps of a run's demonstrations into the replay, as many as it holds.
+def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
+    """Replay the actions of a run's demonstrations and store their steps; the oldest go when it is full.
 
     Raises:
-        ConfigError: one does not end as it says.
+        ConfigError: a demonstration does not reach the return in its file.
     """
     folder = run.config.demonstrations
     for number, demonstration in enumerate(run.demonstrations, 1):
@@ -25,13 +25,13 @@ def show_demonstrations(run: Run, env: ShipEnv, replay: StateReplay) -> None:
         for action in demonstration.actions:
             chosen = torch.full(env.batch_size, action, device=env.device)
             stepped, current = env.step_and_maybe_reset(current.set("action", chosen))
-            # All ships of the batch sail the same.
+            # All environments of the batch do the same.
             replay.extend(stepped[:1])
             total += float(stepped["next", "reward"][0])
             done = bool(stepped["next", "done"][0])
             if done:
                 break
-        if not done or abs(total - demonstration.episode_return) > ROUNDING:
+        if not done or abs(total - demonstration.episode_return) > RETURN_TOLERANCE:
             raise ConfigError(
                 f"demonstrations: number {number} of case {demonstration.case} in {folder} "
                 f"says a return of {demonstration.episode_return:.2f} and sails to one of {total:.2f}"

@@ -1,8 +1,7 @@
-"""The words of a command line that name policies and cases; `evaluate`, `watch` and `record` read the same.
+"""Read policies and cases from a command line, the same way for `evaluate`, `watch` and `record`.
 
-POLICY is a word of `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
-folders and `pretrained` bring their target with them; of every other policy `target=CASE` says where it
-sails.
+POLICY is a name in `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
+folders and `pretrained` bring their own target; every other policy needs `target=CASE`.
 """
 
 from __future__ import annotations
@@ -11,12 +10,11 @@ import re
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from ship_trl.config.checks import check_world
-from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import World
 from ship_trl.files.result import RESULT
 from ship_trl.files.untrusted import read_yaml
@@ -28,12 +26,12 @@ from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
 
 
 def find_entries(words: list[str], colour: bool) -> list[Entry]:
-    """Read the command line's words: policies, and the cases that they sail in.
+    """Read the policies that a command line names, each with its target case.
 
     Raises:
-        ConfigError: a word that is neither, a folder without a result, a policy without a case.
+        ConfigError: an unknown word, a folder without a result, or a policy without a target.
     """
-    # A path may hold an equals sign, as seed=0 does.
+    # A path may contain an equals sign, such as seed=0.
     names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
     given = [word.split("=", 1) for word in words if word not in names]
     settings = {word[0]: word[1] for word in given}
@@ -49,9 +47,9 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     entries: list[Entry] = []
     for name in names:
         if is_pretrained(name):
-            entries += packaged(name, targets, world)
+            entries += bundled_entries(name, targets, world)
         elif Path(name).is_dir():
-            entries += of_folder(Path(name), targets)
+            entries += folder_entries(Path(name), targets)
         elif "/" in name and ":" not in name and not Path(name).exists():
             raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
         elif not targets:
@@ -63,17 +61,17 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     return entries
 
 
-def packaged(name: str, targets: list[Case], world: World) -> list[Entry]:
-    """Give the networks that come with us, on `targets` or each on its own case, with what they claim.
+def bundled_entries(name: str, targets: list[Case], world: World) -> list[Entry]:
+    """Return the bundled networks, on `targets` or each on its own case, with the returns they claim.
 
     Raises:
-        ConfigError: none is of a case that was asked for.
+        ConfigError: no bundled network has such a case.
     """
     if targets:
         chosen = [(find(name, case), case) for case in targets]
     else:
         named = networks() if name == PRETRAINED else [find(name, None)]
-        # A case of that name in the folder where one works may be another, of which nothing is claimed.
+        # A file of that name in the working directory may be another case, without a claimed return.
         chosen = [(one, load_case(one.case, world)) for one in named]
     entries = []
     for one, case in chosen:
@@ -82,11 +80,11 @@ def packaged(name: str, targets: list[Case], world: World) -> list[Entry]:
     return entries
 
 
-def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
-    """Give the networks of all results at and below a folder, each on its own target or on `targets`.
+def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
+    """Return the networks of all results in a folder and below, on `targets` or on their own target.
 
     Raises:
-        ConfigError: there is no result, or its configuration cannot be read.
+        ConfigError: there is no result, or its configuration is unreadable.
     """
     found: list[Entry] = []
     whole, broken = collect(folder)
@@ -110,10 +108,10 @@ def of_folder(folder: Path, targets: list[Case]) -> list[Entry]:
 
 
 def best_of_folders(entries: list[Entry]) -> list[Entry]:
-    """Leave out the last network of each result; a file that was named stays.
+    """Leave out the last network of each result, but keep files that were named.
 
     Raises:
-        ConfigError: of no result the best network is there.
+        ConfigError: nothing is left.
     """
     best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
     if not best:
@@ -122,20 +120,18 @@ def best_of_folders(entries: list[Entry]) -> list[Entry]:
 
 
 def settings_of(folder: Path) -> tuple[World, bool]:
-    """Read the world and the colours of a run from its configuration.
+    """Read from a run's configuration its world, and whether its pictures have colours.
 
     Raises:
-        ConfigError: there is none, or it cannot be read.
+        ConfigError: the configuration is missing or unreadable.
     """
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)
-        world: Any = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(World), values.world))
+        world = read_as(World, values.world, key="world")
         check_world(world)
         return world, bool(values.colour)
     except ConfigError as error:
         raise ConfigError(f"policy: {path}: {error}") from None
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"policy: {path}: {explain(error)}") from None
-    except (OSError, AttributeError, ValueError, OverflowError, YAMLError) as error:
+    except (OSError, AttributeError, ValueError, YAMLError) as error:
         raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None

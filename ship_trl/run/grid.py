@@ -1,4 +1,4 @@
-"""Checks the runs of a grid before the first begins: each is right, and has a folder of its own."""
+"""Check the runs of a grid before the first one starts: each is valid and has its own folder."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ Words = Sequence[str]
 
 
 class CheckRuns(Callback):
-    """Refuses a grid of which a run is not right, or two would be kept in one folder, in one line."""
+    """Refuses a grid, in one line, if a run is invalid or two runs would share a folder."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Before Hydra writes anything, and before the launcher starts."""
+        """Check before Hydra writes anything and before the launcher starts."""
         try:
             check(config)
         except ConfigError as error:
             print_error(str(error))
-            # Hydra makes warnings of a callback's exceptions.
+            # Hydra turns exceptions of a callback into warnings.
             sys.exit(1)
 
 
@@ -43,7 +43,7 @@ def check(config: DictConfig) -> None:
     """Compose and check every run.
 
     Raises:
-        ConfigError: one is not right, two of other settings have the same folder, or there is no cluster.
+        ConfigError: a run is invalid, two different runs share a folder, or there is no cluster.
     """
     check_slurm(str(config.hydra.runtime.choices["hydra/launcher"]), "hydra/launcher")
     kept: dict[Path, dict[str, set[str]]] = {}
@@ -51,25 +51,27 @@ def check(config: DictConfig) -> None:
         try:
             run = make_run(to_config(composed(config, number, words)))
         except TakenError:
-            # Refused when its turn comes; the others are made.
+            # This run is refused when its turn comes; the others are trained.
             continue
         except (HydraException, OmegaConfBaseException):
-            # Hydra itself says what is wrong with it.
+            # Hydra itself reports what is wrong.
             return
         kept.setdefault(run.folder, {})[run.config_hash] = set(words)
     for folder, runs in kept.items():
         if len(runs) > 1:
             every = [word for words in runs.values() for word in words]
             differ = {word for word in every if every.count(word) < len(runs)}
-            raise ConfigError(shared(folder, sorted({word.split("=")[0].lstrip("+") for word in differ})))
+            raise ConfigError(
+                describe_shared(folder, sorted({word.split("=")[0].lstrip("+") for word in differ}))
+            )
 
 
-def shared(folder: Path, keys: Sequence[str]) -> str:
-    """Say that a folder is that of several runs, which differ in these keys, and how each gets its own."""
+def describe_shared(folder: Path, keys: Sequence[str]) -> str:
+    """Say that runs which differ in `keys` share a folder, and how each gets its own."""
     groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
     each = f"as 'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
     if groups & set(keys):
-        # Where a grid lies is found without them.
+        # These keys choose config groups, which the name of the output folder cannot contain.
         each = "by a grid for each with another output=FOLDER"
     return (
         f"output: runs that differ in {' and '.join(keys)} would all be {folder}; allowed: one each, {each}"
@@ -77,12 +79,12 @@ def shared(folder: Path, keys: Sequence[str]) -> str:
 
 
 def runs_of(config: DictConfig) -> list[Words]:
-    """List what each run of a grid overrides; nothing where a sweeper chooses it as it goes."""
+    """List the overrides of each run of a grid; empty if a sweeper chooses them one after another."""
     sweeper = config.hydra.sweeper
     if not str(sweeper.get("_target_")).endswith(BasicSweeper.__name__):
         return []
     params = sweeper.get("params") or {}
-    # As they were written: ${learn.lr} is each run's own.
+    # Unresolved: ${learn.lr} has another value in each run.
     task: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
     words = [*(f"{key}={value}" for key, value in params.items()), *task]
     try:
@@ -93,7 +95,7 @@ def runs_of(config: DictConfig) -> list[Words]:
 
 
 def composed(config: DictConfig, number: int, words: Words) -> DictConfig:
-    """Compose a run of a grid as its launcher will."""
+    """Compose a run of a grid as the launcher will."""
     values = GlobalHydra.instance().config_loader().load_sweep_config(config, list(words))
     with read_write(values), open_dict(values):
         values.hydra.job.num = number

@@ -1,4 +1,4 @@
-"""What a training has given so far: the rows of its curve, and the best network that it was judged by."""
+"""What a training has produced so far: the rows of its curve, and its best network."""
 
 from __future__ import annotations
 
@@ -17,18 +17,21 @@ from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.rows import row
 
-# Columns of whole numbers and of words; the others hold numbers.
-WHOLE = {"episode", "steps", "length", "greedy_length"}
-WORDS = {"outcome", "greedy_outcome"}
+# Columns of integers and of text; the others hold floats.
+INTEGER_COLUMNS = {"episode", "steps", "length", "greedy_length"}
+TEXT_COLUMNS = {"outcome", "greedy_outcome"}
 
 
 class History:
-    """The events of a training, as the rows of `curve.csv`, all of them and in order.
-
-    `best` is the evaluation of the highest greedy return, and `network` holds the weights that sailed it.
+    """All events of a training in order, as rows of `curve.csv`, and its best network.
 
     Args:
-        network: one like the network that is judged.
+        network: receives the weights of the best network; it has the same layers.
+
+    Attributes:
+        rows: one dictionary for each event.
+        best: the evaluation with the highest greedy return.
+        network: the network with which `best` was reached.
     """
 
     def __init__(self, network: DuelingNetwork) -> None:
@@ -37,11 +40,11 @@ class History:
         self.network = network
 
     def add(self, event: Finished | Evaluated, judged: nn.Module) -> bool:
-        """Add an event; returns whether the network that was `judged` is the best so far."""
+        """Add an event; return whether it evaluates the best network so far, which is `judged`."""
         self.rows.append(row(event))
         if isinstance(event, Finished):
             return False
-        # Of equals the later: in case 1 a network that has learned nothing may keep course.
+        # On ties keep the later one: in case 1 even an untrained network may keep its course to the goal.
         if self.best is not None and event.sailed.episode_return < self.best.sailed.episode_return:
             return False
         self.best = event
@@ -49,19 +52,19 @@ class History:
         return True
 
     def restore(
-        self, text: str, weights: Mapping[str, Tensor], sail: Callable[[DuelingNetwork], Episode]
+        self, text: str, weights: Mapping[str, Tensor], run_episode: Callable[[DuelingNetwork], Episode]
     ) -> None:
-        """Take over the rows of a curve and the weights of its best network, which sails its episode again.
+        """Load the rows of a curve and its best network, whose greedy episode is run again.
 
         Raises:
-            ValueError, KeyError, RuntimeError: they are not of a training of this network.
+            ValueError, KeyError, RuntimeError: they do not belong to a training of this network.
         """
         self.rows = from_csv(text)
         judged = [values for values in self.rows if "greedy_return" in values]
         best = max(values["greedy_return"] for values in judged)
         last = [values for values in judged if values["greedy_return"] == best][-1]
         self.network.load_state_dict(weights)
-        self.best = Evaluated(last["episode"], last["steps"], sail(self.network))
+        self.best = Evaluated(last["episode"], last["steps"], run_episode(self.network))
 
     @property
     def finished(self) -> list[Finished]:
@@ -98,22 +101,22 @@ class History:
 
 
 def to_csv(rows: list[dict[str, Any]]) -> str:
-    """Write rows as lines of `curve.csv` without its head; floats in full, so that equal rows are equal."""
+    """Write rows as lines of `curve.csv` without its header; floats keep all digits."""
     text = io.StringIO()
     csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 
 def from_csv(text: str) -> list[dict[str, Any]]:
-    """Read what `to_csv` wrote.
+    """Read rows that `to_csv` wrote.
 
     Raises:
-        ValueError: a number that is none.
+        ValueError: a cell is not a number.
     """
     lines = csv.DictReader(io.StringIO(text), COLUMNS)
-    return [{key: typed(key, value) for key, value in line.items() if value != ""} for line in lines]
+    return [{key: convert(key, value) for key, value in line.items() if value != ""} for line in lines]
 
 
-def typed(column: str, value: str) -> Any:
-    """Read a value of a column."""
-    return value if column in WORDS else int(value) if column in WHOLE else float(value)
+def convert(column: str, value: str) -> Any:
+    """Convert a cell to the type of its column."""
+    return value if column in TEXT_COLUMNS else int(value) if column in INTEGER_COLUMNS else float(value)

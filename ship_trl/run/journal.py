@@ -1,4 +1,4 @@
-"""The checkpoints of a training: written while it goes on, and read where an earlier process left them."""
+"""Write checkpoints during a training, and resume from those of an earlier process."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.history import to_csv
 from ship_trl.run.parts import Parts
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
 
 
 class Journal:
-    """Writes down a training between two of its steps.
+    """Writes checkpoints of a training between two of its steps, and resumes from them.
 
     Args:
-        run: in whose folder the checkpoints lie.
-        parts: of the training.
-        started: when it was begun, by `time.perf_counter`.
+        run: the checkpoints are in its folder.
+        parts: what the training consists of.
+        started: when it was started, as `time.perf_counter`.
     """
 
     def __init__(self, run: Run, parts: Parts, started: float) -> None:
         self._run, self._parts, self._started = run, parts, started
         often, self._episodes = run.config.checkpoint, run.config.learn.episodes
         self.checkpoints = Checkpoints(run.folder, often.every * self._episodes, often.seconds)
-        # Of the newest checkpoint.
+        # Episode of the newest checkpoint.
         self._kept: int | None = None
 
     @property
     def seconds(self) -> float:
-        """Time that the training has taken, in all its processes."""
+        """Training time so far, in all processes."""
         return time.perf_counter() - self._started
 
     def write(self) -> None:
-        """Write a checkpoint; a full disk costs the checkpoint, not the training.
+        """Write a checkpoint; on a full disk the training continues without it.
 
         Raises:
-            DivergedError: a loss or a weight is not finite; what was written before is kept.
+            DivergedError: a loss or a weight is not finite. Earlier checkpoints are kept.
         """
         training, history = self._parts.training, self._parts.history
         training.check_finite()
@@ -69,14 +69,15 @@ class Journal:
             console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
             self.checkpoints.begin(training.episode)
 
-    def go_on(self, in_a_grid: bool = False) -> None:
-        """Put the training where the newest whole checkpoint of this run was written, if there is one.
+    def resume(self, in_a_grid: bool = False) -> None:
+        """Restore the training from the newest intact checkpoint of this run, if there is one.
 
-        A damaged one is said and taken away. One that was computed by other arithmetic would not lead to the
-        bits of a run that was never stopped: a grid, which nobody watches, begins such a run anew.
+        Damaged checkpoints are reported and deleted. A checkpoint computed by other arithmetic would not
+        lead to the same bits as an uninterrupted run. In a grid, which nobody watches, such a run starts
+        over.
 
         Raises:
-            ConfigError: it was computed by other arithmetic, or is not what this program writes.
+            ConfigError: it was computed by other arithmetic, or was not written by this program.
         """
         found, damaged = self.checkpoints.read(self._run.config_hash)
         for path, reason in damaged.items():
@@ -99,7 +100,7 @@ class Journal:
         try:
             self._parts.training.load_state_dict(strip_prefix("training", tensors))
             rows = bytes(tensors["curve"].numpy()).decode()
-            self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.sail)
+            self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.run_episode)
         except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
             raise ConfigError(
                 f"output: {folder} is not what this program writes ({type(error).__name__}); "
@@ -110,8 +111,8 @@ class Journal:
         self.checkpoints.begin(about.episode)
         console.say(f"goes on from its checkpoint, episode {about.episode} of {about.episodes}")
 
-    def stopped(self) -> str:
-        """Write a checkpoint, and say where the training stands and how it goes on."""
+    def stop(self) -> str:
+        """Write a checkpoint; return a message that says where the training stopped and how to resume."""
         self.write()
         episode = self._parts.training.episode
         where = f"stopped at episode {episode} of {self._episodes}; the same command "
@@ -119,8 +120,8 @@ class Journal:
             return where + "goes on from there"
         return where + ("begins anew" if self._kept is None else f"goes on from episode {self._kept}")
 
-    def diverged(self, error: DivergedError) -> str:
-        """Say how the training diverged, and what is left of it."""
+    def describe_divergence(self, error: DivergedError) -> str:
+        """Return a message that says how the training diverged and which checkpoint is kept."""
         kept = "" if self._kept is None else f"; the checkpoint of episode {self._kept} is kept"
         return (
             f"learn: {error}, at episode {self._parts.training.episode} of {self._run.folder}{kept}; "

@@ -1,4 +1,4 @@
-"""What Hydra's launchers leave open: processes that outlive them, and Ray's token for all to read."""
+"""Close gaps of Hydra's launchers: processes that outlive them, and Ray's world-readable token."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from ship_trl.run.stop import TIME_TO_STOP, die_of
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
 RAY = "hydra_plugins.hydra_ray_launcher"
-# The process that starts those of a grid.
+# Environment variable: id of the process that starts those of a grid.
 LAUNCHER = "SHIP_TRL_LAUNCHER"
-# How many runs a grid has.
+# Environment variable: how many runs a grid has.
 GRID = "SHIP_TRL_GRID"
-# Begins the names of joblib's processes.
+# Prefix of the names of joblib's processes.
 JOBLIB = "LokyProcess"
-# Of Linux's prctl: a signal when the parent dies.
+# Option of Linux's prctl: send a signal when the parent dies.
 PR_SET_PDEATHSIG = 1
 
 
-def launches() -> None:
-    """Remember that this process is the one that may start others."""
+def mark_launcher() -> None:
+    """Write down that this process is the one that may start others."""
     os.environ[LAUNCHER] = str(os.getpid())
 
 
 def let_runs_stop() -> None:
-    """On Ctrl-C and SIGTERM, leave the processes of a grid time to write their checkpoints.
+    """On Ctrl-C and SIGTERM, give the processes of a grid time to write their checkpoints.
 
-    Ctrl-C reaches them too, and joblib would kill them at once; a second one does not wait. SIGTERM is passed
-    on to them: they would be told of this process's end, but that of the first process of a container kills
-    all others with it.
+    Ctrl-C reaches them too, but joblib would kill them at once. A second Ctrl-C does not wait. SIGTERM is
+    forwarded to them: they would be signalled when this process ends, but in a container the end of the
+    first process kills all others with it.
     """
 
     def wait(*_: object) -> None:
@@ -68,7 +68,7 @@ def let_runs_stop() -> None:
 
 
 def children() -> list[int]:
-    """List the processes that this one has started; none where the system does not tell."""
+    """List the child processes; empty on systems without /proc."""
     try:
         words = [path.read_text() for path in Path("/proc/self/task").glob("*/children")]
     except OSError:
@@ -77,20 +77,20 @@ def children() -> list[int]:
 
 
 def die_with_launcher() -> None:
-    """In a process of a grid: end when the one that started it does, even if that one is killed.
+    """In a process of a grid: end when the launcher ends, even if it is killed.
 
-    Else it would finish its run beside those of a grid that was started again, on the same cores.
-    Processes of joblib are always the launcher's children: with another parent they are orphans already.
+    Otherwise it would finish its run beside those of a restarted grid, on the same cores. Processes of
+    joblib are always children of the launcher: with another parent they are orphans already.
     """
     launcher = os.environ.get(LAUNCHER)
     if launcher is not None and (launcher == str(os.getppid()) or current_process().name.startswith(JOBLIB)):
         die_with_parent()
-        if str(os.getppid()) != launcher:  # too late
+        if str(os.getppid()) != launcher:  # the launcher has ended before the line above
             os.kill(os.getpid(), signal.SIGTERM)
 
 
 def die_with_parent() -> None:
-    """In a child: end when its parent ends, however it does. Linux only; elsewhere locks must do."""
+    """In a child process: end when the parent ends, however it ends. It works on Linux only."""
     try:
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     except (AttributeError, OSError, TypeError):
@@ -98,12 +98,12 @@ def die_with_parent() -> None:
 
 
 class CountRuns(Callback):
-    """Tells the processes of a grid how many runs it has, and lets them stop; however it is a grid."""
+    """Tells the processes of a grid how many runs it has, and lets them stop cleanly."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Before the launcher starts."""
+        """Prepare before the launcher starts."""
         let_runs_stop()
-        refuse_links(Path(config.hydra.sweep.dir))
+        refuse_linked_files(Path(config.hydra.sweep.dir))
         sweeper = config.hydra.sweeper
         runs = OmegaConf.select(sweeper, "n_trials")
         if runs is None:
@@ -113,52 +113,52 @@ class CountRuns(Callback):
                 given = OverridesParser.create().parse_overrides(words)
                 runs = math.prod(len(list(one.sweep_iterator())) for one in given if one.is_sweep_override())
             except HydraException:
-                # Hydra itself says what is wrong with them, or its sweeper knows another way.
+                # Hydra itself reports what is wrong, or its sweeper has another syntax.
                 return
         os.environ[GRID] = str(runs)
 
 
-def refuse_links(folder: Path) -> None:
-    """End a grid of which Hydra or submitit would write through a link, to anywhere."""
+def refuse_linked_files(folder: Path) -> None:
+    """Exit if Hydra or submitit would write the files of a grid through a link."""
     for path in (folder / "multirun.yaml", folder / ".submitit"):
         if path.is_symlink():
             print_error(f"output: {path} is a link; allowed: only output= itself may be one")
-            # Hydra makes warnings of a callback's exceptions.
+            # Hydra turns exceptions of a callback into warnings.
             sys.exit(1)
 
 
 def place_in_grid(number: int) -> str:
-    """Say which run of a grid this is, as `3 of 40`, by its number from 0."""
+    """Return the place of a run in its grid, such as `3 of 40`; `number` counts from 0."""
     return f"{number + 1} of {os.environ.get(GRID, '?')}"
 
 
 def check_slurm(launcher: str, key: str) -> None:
-    """Check that there is a cluster where its launcher was chosen.
+    """Check that there is a Slurm cluster if its launcher was chosen.
 
     Raises:
-        ConfigError: there is none.
+        ConfigError: there is no cluster.
     """
     if launcher == "slurm" and shutil.which("sbatch") is None:
         raise ConfigError(f"{key}: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib")
 
 
 class PrivateToken(Callback):
-    """Keeps Ray's token from other users of the machine, whichever way its launcher was chosen.
+    """Hides Ray's token from other users of the machine.
 
-    Ray would write the token of a cluster that it starts itself into `~/.ray/auth_token`, readable for
-    all. Such a cluster ends with the grid, so its token need not be in a file at all; and a file that
-    is there already is closed.
+    Ray would write the token of a cluster that it starts itself into `~/.ray/auth_token`, readable by
+    everyone. Such a cluster ends with the grid, so its token can stay in memory. An existing file is made
+    readable by its owner only.
     """
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Before the launcher starts."""
+        """Hide the token before the launcher starts."""
         launcher = config.hydra.launcher
         if str(launcher.get("_target_")).startswith(RAY):
             close_token(own_cluster=OmegaConf.select(launcher, "ray.init.address") in (None, "local"))
 
 
 def close_token(own_cluster: bool) -> None:
-    """Give our own cluster a token of its own, in memory; take a file's rights for others away."""
+    """Make an existing token file private; without one, give our own cluster a token in memory."""
     path = Path.home() / ".ray" / "auth_token"
     if path.is_file() and path.stat().st_mode & 0o077:
         path.chmod(0o600)

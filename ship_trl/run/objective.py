@@ -1,4 +1,4 @@
-"""What a sweeper maximises: one number of a finished run. No torch."""
+"""The number of a finished run that a sweeper maximises. No torch."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Objective
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import Result
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
 
 
 def objective(run: Run, result: Result) -> float:
-    """Give the run's greedy return, as `objective` in its configuration chooses it.
+    """Return the greedy return that `objective` in the configuration chooses.
 
     Raises:
-        ConfigError: its curve is asked for and is damaged.
+        ConfigError: it needs the curve, which is damaged.
     """
     if run.config.objective is Objective.best:
         return result.best.episode_return
@@ -26,5 +26,5 @@ def objective(run: Run, result: Result) -> float:
             f"objective: {run.folder}: {error}; allowed without it: objective=final or objective=best"
         ) from None
     explored = run.config.learn.epsilon_fraction * run.config.learn.episodes
-    # A run ends with an evaluation, so that there is always one.
+    # A run ends with an evaluation, so there is always at least one.
     return float(greedy["return"][greedy["episode"] >= explored].mean())

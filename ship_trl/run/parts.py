@@ -1,31 +1,27 @@
-"""What a training is made of, as it is before the first step: environments, networks, replay, generators."""
+"""Make what a training consists of: environments, networks, replay, random generators."""
 
 from __future__ import annotations
 
-import copy
 import hashlib
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import torch
 from torch import Generator
 
-from ship_trl.config.types import Method, SourceWeights
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
-from ship_trl.policies.pretrained import PRETRAINED
-from ship_trl.run.demonstrate import show_demonstrations
+from ship_trl.run.demonstrate import preload_replay
 from ship_trl.run.history import History
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
-from ship_trl.transfer.casebase import Entry
-from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted
+from ship_trl.transfer.layers import copy_layers
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
@@ -33,11 +29,17 @@ JUMPSTART_BATCH = 25
 
 @dataclass(frozen=True)
 class Parts:
-    """A training that has not begun, and what was measured before it.
+    """A training that has not started, and what was measured before it.
 
-    `history` will take what the training gives. `scratch` is the greedy episode of the network before
-    anything is copied, `draws` are greedy returns over draws of what is not copied, `origin` says where the
-    copied weights came from, None from scratch.
+    Attributes:
+        training: the training loop.
+        agent: the learner.
+        eval_env: the environment of greedy evaluations.
+        draw: states to pixels.
+        history: collects the events of the training.
+        scratch: greedy episode of the network before anything is copied.
+        draws: greedy returns over random draws of the layers that are not copied.
+        origin: where the copied weights came from; None from scratch.
     """
 
     training: Training
@@ -51,23 +53,23 @@ class Parts:
 
     @property
     def computed(self) -> str:
-        """Say by what arithmetic it learns: precision, backend, processor or device, torch, rounding."""
+        """Name its arithmetic: precision, backend, processor or device, torch, rounding."""
         agent, device = self.agent, self.eval_env.device
         precision = str(agent.dtype).removeprefix("torch.")
         place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
-        rounding = probe(agent.dtype, device)
+        rounding = digest_rounding(agent.dtype, device)
         return f"{precision} {agent.backend.name} {place} torch-{torch.__version__} {rounding}"
 
-    def sail(self, network: DuelingNetwork) -> Episode:
-        """Sail the greedy episode of a network."""
+    def run_episode(self, network: DuelingNetwork) -> Episode:
+        """Run the greedy episode of a network."""
         return rollout(self.eval_env, greedy_policy(network, self.draw))[0]
 
 
 @cache
-def probe(dtype: torch.dtype, device: torch.device) -> str:
-    """Digest a few products: processors of one name round differently, and their libraries can be told to."""
+def digest_rounding(dtype: torch.dtype, device: torch.device) -> str:
+    """Digest a few matrix products, because processors of one name may round differently."""
     generator, digest = Generator().manual_seed(0), hashlib.sha256()
-    # Rows, inner and outer size: of a batch's fully connected layer, of conv layers' windows, and of a step.
+    # Rows, inner and outer size: a batch in the fully connected layer, conv windows, and a single step.
     for rows, inner, outer in ((32, 3136, 512), (2000, 256, 32), (500, 576, 64), (1, 3136, 512)):
         left, right = (torch.randn(size, generator=generator) for size in ((rows, inner), (inner, outer)))
         for kind in (dtype, torch.float32):
@@ -76,95 +78,62 @@ def probe(dtype: torch.dtype, device: torch.device) -> str:
     return digest.hexdigest()[:8]
 
 
-def make_parts(run: Run, device: torch.device, source: Entry | None) -> Parts:
-    """Make them of a run's configuration and its streams of random numbers.
+def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
+    """Make the parts from a run's configuration and its random streams.
+
+    Args:
+        run: what is trained.
+        device: where networks and environments are.
+        source: the weights to copy; None from scratch.
 
     Raises:
-        ConfigError: the source's weights cannot be used, or a demonstration does not end as it says.
+        ConfigError: a demonstration does not reach the return in its file.
     """
     config, learn = run.config, run.config.learn
-    # Weights are drawn on the CPU, so that they are the same for every device; the other draws are
-    # made where they are used, as torch demands.
-    places = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
-    streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in places.items()}
+    # Weights are drawn on the CPU, so that they are the same on every device. Torch demands that the other
+    # numbers are drawn on the device that uses them.
+    devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
+    streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     draw = Rasteriser(run.target, config.world, colour=config.colour, device=device)
     eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
     actions = len(config.world.actions)
     network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
-    transfer = find_transfer(run, network, source)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))[0]
-    if transfer:
-        apply(network, transfer)
-    agent = Agent(network, draw, actions, learn, streams["exploration"])
+    if source is not None:
+        copy_layers(network, source.weights, run.arm)
+    agent = Agent(network, draw, actions, learn, streams["exploration"], run.arm.frozen_layers)
     encoders = {agent.observation: agent.encode} if agent.observation != "state" else {}
     env = ShipEnv(
         run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
     )
     replay = agent.replay(learn, streams["replay"], device)
-    show_demonstrations(run, env, replay)
-    kept = DuelingNetwork(draw.channels, actions, Generator(), config.network).to(device)
+    preload_replay(run, env, replay)
+    best = DuelingNetwork(draw.channels, actions, Generator(), config.network).to(device)
     return Parts(
-        history=History(kept),
+        history=History(best),
         training=Training(env, eval_env, agent, replay, learn),
         agent=agent,
         eval_env=eval_env,
         draw=draw,
         scratch=scratch,
         draws=find_draws(run, agent, eval_env),
-        origin=None if transfer is None else origin(run, source),
+        origin=None if source is None else source.origin,
     )
-
-
-def find_transfer(run: Run, network: DuelingNetwork, source: Entry | None) -> Transfer | None:
-    """Read the source's weights as the run's method asks, or None for scratch."""
-    config = run.config
-    if config.method is Method.scratch:
-        return None
-    if config.source_weights is SourceWeights.random:
-        # A network like the target's before it learns, drawn from a stream of its own.
-        drawn = copy.deepcopy(network)
-        drawn.reset(Generator().manual_seed(run.stream("random source")))
-        return Transfer(drawn.state_dict(), config.layers, config.method is Method.feature_extraction)
-    path, key = source_weights(run, source)
-    weights = load_weights(path, network, key)
-    if config.source_weights is SourceWeights.permuted:
-        weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
-    return Transfer(weights, config.layers, config.method is Method.feature_extraction)
-
-
-def source_weights(run: Run, source: Entry | None) -> tuple[Path, str]:
-    """Find the file of the source network, and the key that a complaint about it names."""
-    if run.pretrained:
-        return run.pretrained.file, "source"
-    if source:
-        return source.policy, "case_base"
-    return Path(str(run.config.source_file)), "source_file"
-
-
-def origin(run: Run, source: Entry | None) -> str:
-    """Say where the weights of a transfer came from."""
-    if run.config.source_weights is SourceWeights.random:
-        return "random"
-    if run.pretrained:
-        return f"{PRETRAINED}:{run.pretrained.case}"
-    return str(source.policy if source else run.config.source_file)
 
 
 def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
-    """Greedy returns before training over many draws of what is not copied; one where all is."""
+    """Return greedy returns before training, over draws of the layers that are not copied.
+
+    A network that is copied whole has a single return.
+    """
     config = run.config
-    count, layers = config.learn.jumpstart_draws, config.layers or 0
+    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(agent.network.conv_names))
     if count == 0:
         return []
-    if layers == "all":
+    if run.arm.copies_all:
         return [rollout(eval_env, agent.greedy)[0].episode_return]
-    env = ShipEnv(
-        run.target,
-        config.world,
-        min(count, JUMPSTART_BATCH),
-        colour=config.colour,
-        device=str(eval_env.device),
-    )
+    device, batch = str(eval_env.device), min(count, JUMPSTART_BATCH)
+    env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=device)
     generator = Generator().manual_seed(run.stream("jumpstart"))
-    return jumpstart(env, agent.draw, agent.network, layers, count, generator)
+    return jumpstart(env, agent.draw, agent.network, copied, count, generator)

@@ -1,4 +1,4 @@
-"""One run, decided before torch is imported: its cases, its source, its folder, the hash of its settings."""
+"""Plan a run before torch is imported: load its cases, hash its settings, check its folder."""
 
 from __future__ import annotations
 
@@ -6,119 +6,52 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
 from omegaconf import OmegaConf
 
+from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import others
+from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import Config, Method, SourceWeights, plain
-from ship_trl.files.result import Result, ResultError, read_result
+from ship_trl.config.types import Config, plain
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
+from ship_trl.run.run import Run
 from ship_trl.sim.cases import Case, load_case
-from ship_trl.transfer.casebase import LOCKS, rank
+from ship_trl.transfer.casebase import rank
 
-# Goes up with every change of what a run of the same settings learns (world, network, learner, streams),
-# so that no run of an older program is shown as one of this.
+# Increase it when runs of the same settings learn something else (world, network, learner, streams). Then no
+# result of an older version is shown as one of this version.
 ALGORITHM_VERSION = 2
-# Begins the name of a folder that a study has set aside.
+# Prefix of the name of a folder that a study has set aside.
 DAMAGED = "damaged-"
 
 
-@dataclass(frozen=True)
-class Run:
-    """An arm on a target case with a seed; `source` is the run that trains the source network.
-
-    `pretrained` is that network where it comes with the package. `config_hash` is a digest of everything that
-    decides what is learned: the same hash gives the same network on the same machine and backend.
-    """
-
-    config: Config
-    target: Case
-    source: Run | None
-    folder: Path
-    config_hash: str
-    pretrained: Pretrained | None = None
-    demonstrations: tuple[Demonstration, ...] = ()
-
-    @property
-    def title(self) -> str:
-        """One line for people."""
-        config = self.config
-        start = "" if config.method is Method.scratch else f"case {config.source} -> "
-        return f"{start}case {config.target}, {config.arm}, seed {config.seed}"
-
-    @property
-    def entry_arm(self) -> str:
-        """Name its network in the case base: the arm, and from which case it was transferred."""
-        arm = self.config.arm
-        if self.config.method is Method.scratch:
-            return arm
-        return f"{arm}-from-{Path(str(self.config.source)).stem}"
-
-    def stream(self, purpose: str) -> int:
-        """Seed of one purpose's random numbers.
-
-        Source and target take part in it: a transfer whose fresh layers were drawn like those its
-        source began with would find layers that had already been trained together.
-        """
-        # A shipped case by name or by path is the same case.
-        source = self.config.source if self.config.method is not Method.scratch else ""
-        source = Path(source).stem if source else source
-        words = (self.config.seed, source, self.target.fingerprint, purpose)
-        return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
-
-    def lock(self) -> FileLock:
-        """Held while the run's folder is written; its file stays, below `.locks` of the output."""
-        locks = Path(self.config.output) / LOCKS
-        try:
-            locks.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"output: {locks} cannot be made: {error.strerror}") from None
-        config = self.config
-        return FileLock(locks / f"{config.label}-{config.arm}-{config.seed}.lock")
-
-    def result(self) -> Result | None:
-        """Give what a finished run of these settings found, or None."""
-        try:
-            found = read_result(self.folder)
-        except ResultError:
-            return None
-        return found if found.config_hash == self.config_hash else None
-
-
 def make_run(config: Config) -> Run:
-    """Load the cases of a checked configuration and find folder, source and hash.
+    """Plan the run of a checked configuration, and its source's run first.
 
     Raises:
-        ConfigError: a case that is not there or not right, a folder that cannot be written, or one
-            that holds a run of other settings or a damaged result.
+        ConfigError: a case is missing or invalid, the folder is not writable, or it holds a run of other
+            settings or a damaged result.
     """
     world = config.world
     target = load_case(str(config.target), world, "target")
-    config = with_source(config, target)
+    config = resolve_pretrained(config, target)
     source, pretrained = None, None
-    if config.method is not Method.scratch:
+    if not config.arm.is_scratch:
         case = load_case(str(config.source), world, "source")
-        if config.source_weights is SourceWeights.pretrained:
+        if config.arm.weights is SourceWeights.pretrained:
             pretrained = find(PRETRAINED, case, "source")
-        elif config.source_file is None and config.source_weights is not SourceWeights.random:
+        elif config.source_file is None and config.arm.has_trained_source:
             alone = dataclasses.replace(
-                config,
+                config.with_arm(SCRATCH),
                 pair=None,
-                source=None,
                 target=config.source,
-                method=Method.scratch,
-                layers=None,
-                source_weights=SourceWeights.learned,
                 demonstrations=None,
-                # It was said of the target's folder.
+                # `overwrite=true` is about the target's folder.
                 overwrite=False,
             )
             try:
@@ -131,17 +64,17 @@ def make_run(config: Config) -> Run:
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
-    shown: tuple[Demonstration, ...] = ()
+    demonstrations: tuple[Demonstration, ...] = ()
     if config.demonstrations is not None:
-        shown = tuple(read_demonstrations(Path(config.demonstrations), target, world))
-    digest = hash_of(config, target, source, pretrained, shown)
-    run = Run(config, target, source, folder_of(config), digest, pretrained, shown)
+        demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target, world))
+    digest = hash_of(config, target, source, pretrained, demonstrations)
+    run = Run(config, target, source, folder_of(config), digest, pretrained, demonstrations)
     check_folder(run)
     return run
 
 
-def with_source(config: Config, target: Case) -> Config:
-    """Find which case `source=pretrained` means: that of the pair, else the most similar to the target."""
+def resolve_pretrained(config: Config, target: Case) -> Config:
+    """Replace `source=pretrained` by a case: the source of the pair, else the most similar bundled case."""
     if config.source != PRETRAINED:
         return config
     if config.pair is not None:
@@ -154,17 +87,17 @@ def with_source(config: Config, target: Case) -> Config:
         source = str(OmegaConf.load(pair).source)
     else:
         cases = [load_case(one.case, config.world, "source") for one in networks()]
-        others_than = [case for case in cases if case.fingerprint != target.fingerprint]
-        source = rank(target, others_than, config.world)[0].case.name
-    if config.method is Method.scratch:
-        # Beside the transfers of its grid.
+        other_cases = [case for case in cases if case.fingerprint != target.fingerprint]
+        source = rank(target, other_cases, config.world)[0].case.name
+    if config.arm.is_scratch:
+        # Its folder lies beside the transfers of its grid.
         return dataclasses.replace(config, source=source)
     return dataclasses.replace(config, source=source, source_weights=SourceWeights.pretrained)
 
 
 def folder_of(config: Config) -> Path:
-    """`<output>/<pair>/<arm>/seed=<k>`; without a pair, the names of the cases stand for it."""
-    return Path(config.output) / config.label / config.arm / f"seed={config.seed}"
+    """Return `<output>/<pair>/<arm>/seed=<k>`; without a pair, the names of the cases replace it."""
+    return Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
 
 
 def hash_of(
@@ -174,32 +107,31 @@ def hash_of(
     pretrained: Pretrained | None = None,
     demonstrations: Sequence[Demonstration] = (),
 ) -> str:
-    """Twelve hex digits over all that decides the outcome; names and folders do not."""
+    """Return twelve hex digits of a digest over everything that decides what is learned."""
     origin = source.config_hash if source else None
-    if config.method is not Method.scratch and config.source_file is not None:
+    if config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
-    if config.source_weights is SourceWeights.random:
+    if config.arm.weights is SourceWeights.random:
         origin = "random"
     elif pretrained is not None:
-        # The name, because the streams of random numbers have it too.
+        # With the name of the case, because the random streams depend on it.
         origin = f"pretrained {Path(str(config.source)).stem} {pretrained.sha256}"
-    elif config.source_weights is SourceWeights.permuted:
+    elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)
-    # The one decides nothing of what is learned, the other rounds differently, as devices do.
+    # Draws do not change what is learned; backends only round differently, as devices do.
     del learn["jumpstart_draws"], learn["backend"]
     values: dict[str, Any] = {
         "algorithm_version": ALGORITHM_VERSION,
         "target": target.fingerprint,
         "source": origin,
-        "method": config.method.value,
-        "layers": config.layers,
+        **config.arm.keys,
         "seed": config.seed,
         "colour": config.colour,
         "world": plain(config.world),
         "learn": learn,
     }
-    if (network := others(config.network)) is not None:
+    if (network := non_default_network(config.network)) is not None:
         values["network"] = network
     if demonstrations:
         values["demonstrations"] = [one.actions for one in demonstrations]

@@ -1,4 +1,4 @@
-"""How this process uses the machine, and what machine it is: one core, no denormal numbers, memory kept."""
+"""How this process uses the machine: one core, no denormal numbers, retained memory; and its processor."""
 
 from __future__ import annotations
 
@@ -13,58 +13,58 @@ from pathlib import Path
 import torch
 
 CPUINFO = Path("/proc/cpuinfo")
-# Numbers of glibc's malloc.h.
+# Options of mallopt, from glibc's malloc.h.
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
 
 
 def configure_process() -> None:
-    """Set one torch thread, let denormal numbers be zero, and give no pages back between updates.
+    """Use one torch thread, flush denormal numbers to zero, and keep freed memory between updates.
 
-    Two torch threads on two busy cores are many times slower than one; grids run one process a
-    core. glibc by itself maps and unmaps each large activation anew, and the page faults of that
-    cost about a tenth of an update. Adam's averages of the gradients of units that no longer fire
-    fall below 1e-38, where many processors take a hundred times as long for each operation.
+    Grids run one process per core, and two torch threads on two busy cores are many times slower than one.
+    By default glibc maps and unmaps each large activation; the page faults cost about a tenth of an update.
+    Adam's averages for units that no longer fire fall below 1e-38, where many processors take a hundred
+    times as long per operation.
     """
-    # safetensors is written in Rust: where it has no memory, and is to print a backtrace, that wants memory
-    # too, and waits forever for a lock that it holds itself.
+    # When safetensors, which is written in Rust, runs out of memory and should print a backtrace, that needs
+    # memory too: it deadlocks.
     os.environ["RUST_BACKTRACE"] = "0"
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     logging.getLogger("torchrl").setLevel(logging.WARNING)
     for option, value in ((M_MMAP_THRESHOLD, 1 << 30), (M_TRIM_THRESHOLD, 1 << 30), (M_TOP_PAD, 1 << 26)):
-        of_glibc("mallopt", option, value)
+        call_glibc("mallopt", option, value)
 
 
 def release_memory() -> None:
-    """Give the memory of a run that is over back to the system.
+    """Return the memory of a finished run to the system.
 
-    Its parts refer to one another in a circle (a replay and its transforms do), which Python finds now and
-    then; and what is free glibc keeps, as `configure_process` tells it to. A process that trained runs with
-    frozen layers, one after another, so held 4.5 GB, of which it used 0.6.
+    Its parts form reference cycles (a replay and its transforms do), which Python collects only now and
+    then, and glibc keeps freed memory, as `configure_process` asks. Without this, a process that trained
+    several runs with frozen layers held 4.5 GB, of which it used 0.6.
     """
     gc.collect()
-    of_glibc("malloc_trim", 0)
+    call_glibc("malloc_trim", 0)
 
 
-def of_glibc(function: str, *arguments: int) -> None:
-    """Call a function of glibc, where there is one."""
+def call_glibc(function: str, *arguments: int) -> None:
+    """Call a function of glibc; without glibc do nothing."""
     with contextlib.suppress(AttributeError, OSError, TypeError):
         getattr(ctypes.CDLL(None), function)(*arguments)
 
 
 def processor_name() -> str:
-    """Return the processor as the system calls it, with family and model where it tells them.
+    """Return the name of the processor, with family and model if the system knows them.
 
-    A virtual machine often hides all but the maker; the numbers still tell one generation from another.
+    A virtual machine often shows only the vendor; the numbers still tell generations apart.
     """
     try:
         lines = CPUINFO.read_text().splitlines()
     except OSError:
         lines = []
     pairs = [line.partition(":") for line in lines]
-    # The first core's come first, and dict would keep the last's.
-    told = {key.strip(): value.strip() for key, _, value in reversed(pairs)}
-    name = told.get("model name") or platform.processor() or platform.machine()
-    if "cpu family" in told and "model" in told:
-        return f"{name} (family {told['cpu family']}, model {told['model']})"
+    # Reversed, so that the first core's values win.
+    values = {key.strip(): value.strip() for key, _, value in reversed(pairs)}
+    name = values.get("model name") or platform.processor() or platform.machine()
+    if "cpu family" in values and "model" in values:
+        return f"{name} (family {values['cpu family']}, model {values['model']})"
     return name

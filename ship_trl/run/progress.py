@@ -1,4 +1,4 @@
-"""Progress in plain lines, for a file or a pipe: when one is due, and how long is left. No torch."""
+"""Progress as plain lines, for a file or a pipe: when a line is due, and the time left. No torch."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 
 def in_words(seconds: float) -> str:
-    """Hours and minutes, or seconds."""
+    """Write a duration as hours and minutes, or as seconds."""
     if seconds < 90:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
@@ -15,14 +15,14 @@ def in_words(seconds: float) -> str:
 
 
 class Lines:
-    """When a line is due, by the share of the work that is done.
+    """Decides when a line is due, by the share of the work that is done.
 
     Args:
-        every: so much more of it between two lines.
-        first: the share of the first line.
-        begun: the share that was done before.
-        apart: seconds between two lines at least.
-        clock: tells the time in seconds.
+        every: share of the work between two lines.
+        first: share at which the first line is due.
+        begun: share that was done before.
+        apart: minimum seconds between two lines.
+        clock: returns the time in seconds.
     """
 
     def __init__(
@@ -37,10 +37,10 @@ class Lines:
         self._said, self._share = clock(), begun
 
     def due(self, share: float) -> str | None:
-        """Return None where no line is due; else how long is left, empty where nobody can know it yet.
+        """Return the time left in words if a line is due, else None; empty if it is not known yet.
 
-        It is measured by the pace since the last line: the first steps of a run are quicker, for they learn
-        nothing.
+        It is estimated from the pace since the last line, because the first steps of a run learn nothing and
+        are quicker.
         """
         now = self._clock()
         if share < self._next - 1e-9 or now - self._said < self._apart:
@@ -49,6 +49,6 @@ class Lines:
         known = share < 1.0 and gained >= 0.9 * self._every
         left = f", about {in_words((1.0 - share) * (now - self._said) / gained)} left" if known else ""
         self._said, self._share = now, share
-        # Whole steps, so that rounding does not add up.
+        # A multiple of `every`, so that rounding errors do not add up.
         self._next = self._every * (int(share / self._every + 1e-9) + 1)
         return left

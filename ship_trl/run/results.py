@@ -1,4 +1,4 @@
-"""Finished runs at and below a folder. No torch."""
+"""Find the finished runs in a folder and below. No torch."""
 
 from __future__ import annotations
 
@@ -13,9 +13,13 @@ from ship_trl.run.plan import DAMAGED
 
 @dataclass(frozen=True)
 class Found:
-    """A finished run: its result, its folder, the folder that was asked for, and the part of that it lies in.
+    """A finished run.
 
-    A study has the same pair and arm in several parts.
+    Attributes:
+        result: its result.
+        folder: its folder.
+        below: the folder that was searched.
+        part: the part of a study that it belongs to. The same pair and arm may be in several parts.
     """
 
     result: Result
@@ -25,12 +29,12 @@ class Found:
 
     @property
     def place(self) -> str:
-        """Name the pair, and the part that it lies in if it is not at the top."""
+        """The pair, with the part of the study in front if there is one."""
         return f"{self.part}/{self.result.pair}" if self.part else self.result.pair
 
 
 def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
-    """Read the results below `folder`, in order; those that are not whole by path and what is wrong."""
+    """Return the results in `folder` and below, and for each broken one its path and what is wrong."""
     found, broken = [], []
     for path in sorted(folder.rglob(RESULT)):
         if path.parent.name.startswith(DAMAGED):
@@ -44,7 +48,7 @@ def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
 
 
 def without_copies(found: Iterable[Found]) -> list[Found]:
-    """Leave out, and name, each run whose result is that of another one: it is no further seed."""
+    """Leave out and name runs that are copies of another run, because they are no further seed."""
     kept: dict[str, list[Found]] = {}
     for one in found:
         alike = kept.setdefault(f"{one.place}/{one.result.arm}/{one.result.seed}", [])
@@ -57,7 +61,7 @@ def without_copies(found: Iterable[Found]) -> list[Found]:
 
 
 def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
-    """Group runs by folder, part, profile, pair and arm, under the name of their row, by seed."""
+    """Group runs by folder, part, profile, pair and arm; return them in order of seed, by name of the row."""
     groups: dict[tuple[str, ...], list[Found]] = {}
     for one in found:
         names = (str(one.below), one.part, one.result.profile, one.result.pair, one.result.arm)
@@ -72,5 +76,5 @@ def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
 
 
 def folders_of(found: Iterable[Found]) -> dict[str, list[Path]]:
-    """Give the folders of each group."""
+    """Return the folders of each group."""
     return {name: [one.folder for one in runs] for name, runs in grouped(found).items()}

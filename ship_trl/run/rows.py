@@ -1,4 +1,4 @@
-"""A run's events as the columns of `curve.csv`, and as the named numbers of wandb and TensorBoard."""
+"""Turn events of a training into rows of `curve.csv`, and into named numbers for wandb and TensorBoard."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ship_trl.learn.train import Evaluated, Finished
 
 
 def row(event: Finished | Evaluated) -> dict[str, Any]:
-    """Write an event as columns of `curve.csv`; a greedy evaluation fills its own columns only."""
+    """Turn an event into a row of `curve.csv`; a greedy evaluation has its own columns."""
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)
         values["return"] = values.pop("episode_return")
-        return known(values)
+        return drop_missing(values)
     sailed = event.sailed
     values = {
         "episode": event.episode,
@@ -25,16 +25,16 @@ def row(event: Finished | Evaluated) -> dict[str, Any]:
         "greedy_outcome": sailed.outcome,
         "greedy_dcpa": sailed.dcpa,
     }
-    return known(values)
+    return drop_missing(values)
 
 
-def known(values: dict[str, Any]) -> dict[str, Any]:
-    """Without what there is not: a loss before the first update, a DCPA without target ships."""
+def drop_missing(values: dict[str, Any]) -> dict[str, Any]:
+    """Drop missing values, such as the loss before the first update or a DCPA without target ships."""
     return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 
 def numbers(values: Mapping[str, Any]) -> dict[str, float]:
-    """Give a row's numbers by their names, below train/ or greedy/; an outcome is 0 or 1 for each end."""
+    """Return a row's numbers by names with prefix train/ or greedy/; an outcome becomes a 0 or 1 per kind."""
     kind = "train" if "return" in values else "greedy"
     found: dict[str, float] = {}
     for key, value in values.items():

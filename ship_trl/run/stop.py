@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: a training ends between two steps, where it can be written down. No torch."""
+"""Ctrl-C and SIGTERM: stop a training between two steps, where a checkpoint can be written. No torch."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any, NoReturn
 
-# Seconds that the runs of a grid have; a step of the environment and a checkpoint take a tenth.
+# Seconds that the runs of a grid get to stop; a step and a checkpoint take a tenth of that.
 TIME_TO_STOP = 2.0
 
 
 class StoppedError(KeyboardInterrupt):
-    """A training that was asked to stop and did; its text says where it stands and how to go on."""
+    """A training that was asked to stop and did; the message says where, and how to resume."""
 
     def __init__(self, text: str, number: signal.Signals) -> None:
         super().__init__(text)
         self.text, self.number = text, number
 
     def __reduce__(self) -> tuple[type[StoppedError], tuple[str, signal.Signals]]:
-        """Let a process of a pool send it: by itself it would be made of its text alone."""
+        """Keep both arguments when a pool process sends the error."""
         return StoppedError, (self.text, self.number)
 
 
 class Stop:
     """A context in which the first Ctrl-C or SIGTERM only sets `asked`; a second Ctrl-C acts at once.
 
-    SIGTERM is what Slurm, Kubernetes and a launcher's end send. Outside of a process's main thread it
-    changes nothing: signals arrive there alone.
+    SIGTERM is sent by Slurm, by Kubernetes, and when a launcher ends. Outside the main thread the context has
+    no effect, because signals arrive only there.
     """
 
     def __init__(self) -> None:
@@ -40,13 +40,13 @@ class Stop:
     def __enter__(self) -> Stop:
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
-                # One that is ignored stays so, as of a process in the background; None was set by no Python.
+                # An ignored signal stays ignored, as in a background process. None: not set from Python.
                 if signal.getsignal(number) not in (signal.SIG_IGN, None):
                     self._before[number] = signal.signal(number, self._ask)
         return self
 
     def _ask(self, number: int, _: FrameType | None) -> None:
-        # A shell's Ctrl-C reaches this process and its launcher, which then asks once more by SIGTERM.
+        # Ctrl-C in a shell reaches this process and its launcher, which then also sends SIGTERM.
         self._interrupts += number == signal.SIGINT
         if self._interrupts > 1:
             raise KeyboardInterrupt
@@ -60,7 +60,7 @@ class Stop:
 
 
 class TerminatedError(BaseException):
-    """SIGTERM, where what a process has started is to be ended before it ends."""
+    """SIGTERM in a process that must end its children before it ends."""
 
 
 def unwind_at_sigterm() -> None:
@@ -75,19 +75,19 @@ def unwind_at_sigterm() -> None:
 
 
 def heed_sigterm() -> None:
-    """End by SIGTERM where nothing else is done at it, even as the first process of a container.
+    """End at SIGTERM if there is no other handler, even as the first process of a container.
 
-    The system does not end that one by a signal which it does not handle.
+    The system does not end that process by a signal without a handler.
     """
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, lambda number, _: die_of(signal.Signals(number)))
 
 
 def die_of(number: signal.Signals) -> NoReturn:
-    """End this process by a signal, as one that does not handle it ends, and take up no other work."""
+    """End this process by a signal as if it had no handler, at once."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
-    # The first process of a container is not killed by its own signals.
+    # Only reached by the first process of a container, which its own signals do not kill.
     os._exit(128 + number)

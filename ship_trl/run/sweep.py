@@ -1,4 +1,4 @@
-"""Says at the end of a sweep which values did best, as overrides to go on with."""
+"""Print the best values at the end of a sweep, as overrides to continue with."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from yaml import YAMLError
 from ship_trl.config.errors import one_line
 from ship_trl.files.untrusted import read_yaml
 
-# What Hydra's sweepers write.
+# File that Hydra's sweepers write.
 RESULTS = "optimization_results.yaml"
 
 
 class BestTrial(Callback):
-    """Prints the best trial of a sweep; nothing of a sweeper that names none."""
+    """Prints the best trial of a sweep, if the sweeper names one."""
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """After the last trial."""
+        """Print after the last trial."""
         path = Path(config.hydra.sweep.dir) / RESULTS
         try:
             found: Any = read_yaml(path)
             params, value = dict(found["best_params"]), float(found["best_value"])
         except (OSError, YAMLError, KeyError, TypeError, ValueError):
-            # Of several objectives there is no best.
+            # With several objectives there is no best trial.
             return
         words = " ".join(f"{key}={given}" for key, given in params.items())
         sys.stdout.write(one_line(f"best trial: {words}, {config.objective} {value:.1f}; {path}") + "\n")

@@ -1,4 +1,4 @@
-"""A run's numbers and pictures as event files of TensorBoard, in the run's own folder."""
+"""Log a run's numbers and pictures to TensorBoard event files in the run's folder."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from ship_trl.config.types import plain
 from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.run import console
-from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers
+from ship_trl.run.run import Run
 
 
 class TensorboardTracker:
-    """Event files in the run's folder, so that TensorBoard names the run by pair, arm and seed."""
+    """Writes event files in the run's folder, so that TensorBoard shows pair, arm and seed as its name."""
 
     def __init__(self, run: Run) -> None:
-        # Not at the top: an extra may not be installed (checks.py says so before anything is written).
+        # Imported here because it is an extra; checks.py refuses the logger if it is not installed.
         from torch.utils.tensorboard import SummaryWriter
 
         self._folder, self._output = run.folder, run.config.output
         self._writer: Any = SummaryWriter(str(run.folder))
-        values = plain(run.config) | {"arm": run.config.arm, "config_hash": run.config_hash}
+        values = plain(run.config) | {"arm": run.config.arm_label, "config_hash": run.config_hash}
         self._writer.add_text("config", fenced(yaml.safe_dump(values, sort_keys=False)))
 
     def log(self, values: Mapping[str, Any]) -> None:
-        """Log one event's row, with the episode as horizontal axis."""
+        """Log the row of an event, with the episode as horizontal axis."""
         with writing(self._folder):
             for name, value in numbers(values).items():
                 self._writer.add_scalar(name, value, values["episode"])
@@ -45,7 +45,7 @@ class TensorboardTracker:
             self._writer.add_text("result", fenced(json.dumps(result.to_json(), indent=1)), result.episodes)
 
     def _picture(self, name: str, path: Path, step: int) -> None:
-        """Log a file as it is: a GIF moves in TensorBoard too, and `add_video` would ask for moviepy."""
+        """Log an image file as it is: TensorBoard plays GIFs too, and `add_video` would need moviepy."""
         from tensorboard.compat.proto.summary_pb2 import Summary
 
         with Image.open(path) as picture:
@@ -56,7 +56,7 @@ class TensorboardTracker:
         self._writer.file_writer.add_summary(Summary(value=[Summary.Value(tag=name, image=image)]), step)
 
     def close(self, failed: bool) -> None:
-        """End the files, and say what shows them."""
+        """Close the files, and print the command that shows them."""
         with writing(self._folder):
             self._writer.close()
         console.say(
@@ -65,5 +65,5 @@ class TensorboardTracker:
 
 
 def fenced(text: str) -> str:
-    """Text as it is, in TensorBoard's Markdown."""
+    """Wrap a text as a code block of TensorBoard's Markdown."""
     return f"```\n{text}\n```"

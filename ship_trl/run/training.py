@@ -1,4 +1,4 @@
-"""One network trained: to its last episode, or to where a signal stops it, and on from there."""
+"""Train one network: to its last episode, or until a signal stops it, and resume from there."""
 
 from __future__ import annotations
 
@@ -18,49 +18,56 @@ from ship_trl.run.conclude import make_result, retain, write_files
 from ship_trl.run.history import History
 from ship_trl.run.journal import Journal
 from ship_trl.run.parts import make_parts
-from ship_trl.run.plan import Run
+from ship_trl.run.run import Run
+from ship_trl.run.source import Source
 from ship_trl.run.stop import Stop, StoppedError
 from ship_trl.run.tracking import Tracker
-from ship_trl.sim.cases import in_place_of
+from ship_trl.sim.cases import shadowing_case
 from ship_trl.sim.reference import best_known
-from ship_trl.transfer.casebase import PLANS, POLICY, Entry
+from ship_trl.transfer.casebase import PLANS, POLICY
 from ship_trl.transfer.layers import save_weights
 
 
-def train_run(run: Run, device: torch.device, source: Entry | None, place: str = "") -> Result:
-    """Train one network and write everything about it into the run's folder, `result.json` last of its files.
+def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> Result:
+    """Train one network and write everything about it into the run's folder, `result.json` last.
 
-    Where a process left a checkpoint of this run, it goes on from there.
+    If an earlier process left a checkpoint of this run, the training resumes from it.
+
+    Args:
+        run: what to train; its lock is held.
+        device: where networks and environments are.
+        source: the weights to copy; None from scratch.
+        place: the run's place in a grid, else empty.
 
     Raises:
         StoppedError: a signal asked to stop.
-        ConfigError: as `make_parts` and `Journal.go_on`, or the training diverged.
+        ConfigError: see `make_parts` and `Journal.resume`, or the training diverged.
     """
     started = time.perf_counter()
-    # At once: the planner and the draws before training take their time.
+    # Before anything slow: the planner and the draws before training take a while.
     console.say(f"{place}: {run.title}" if place else run.title)
-    if own := in_place_of(str(run.config.target)):
+    if own := shadowing_case(str(run.config.target)):
         console.say(f"case {run.config.target}: {own}, not the one of this name that comes with us")
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)
-    journal.go_on(in_a_grid=bool(place))
+    journal.resume(in_a_grid=bool(place))
     known = best_known(run.target, run.config.world, Path(run.config.case_base) / PLANS).episode_return
     history, training, episodes = parts.history, parts.training, run.config.learn.episodes
     with Tracker(run, history.rows) as tracker:
-        # That of a checkpoint may be older than the file.
+        # After resuming, the file may be newer than the checkpoint.
         save_best(run, history)
         with Stop() as stop:
-            events = sail(training, journal, stop)
+            events = train_until_stopped(training, journal, stop)
             for event in console.progress(run.title, episodes, events, place, training.episode):
                 tracker.log(event)
                 if history.add(event, parts.agent.target_network):
                     save_best(run, history)
         write_files(run, parts, known)
         result = make_result(run, parts, known, journal.seconds)
-        # A checkpoint holds the curve too, and goes.
+        # Flush the curve before the checkpoints, which hold it too, are deleted.
         sync(run.folder / CURVE)
-        # Before the trackers, which may fail, or wait for a network. The checkpoints' folder goes last: as
-        # long as it is there, something is left to do.
+        # Before the trackers, which may fail or wait for a network. The folder of the checkpoints goes last:
+        # while it exists, something is left to do.
         write_result(run.folder, result)
         retain(run, result)
         journal.checkpoints.remove()
@@ -68,8 +75,8 @@ def train_run(run: Run, device: torch.device, source: Entry | None, place: str =
     return result
 
 
-def sail(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished | Evaluated]:
-    """Train to the end and yield what happens; between two steps write checkpoints, or stop.
+def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished | Evaluated]:
+    """Train to the end and yield the events; between two steps write a checkpoint or stop.
 
     Raises:
         StoppedError: a signal asked to stop.
@@ -81,18 +88,18 @@ def sail(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished 
         while not training.finished:
             yield from training.advance()
             if stop.asked is not None:
-                raise StoppedError(journal.stopped(), stop.asked)
+                raise StoppedError(journal.stop(), stop.asked)
             if journal.checkpoints.due(training.episode):
                 journal.write()
-        # It may have been asked while the last checkpoint was written.
+        # The signal may have come while the last checkpoint was written.
         if stop.asked is not None:
-            raise StoppedError(journal.stopped(), stop.asked)
+            raise StoppedError(journal.stop(), stop.asked)
     except DivergedError as error:
-        raise ConfigError(journal.diverged(error)) from None
+        raise ConfigError(journal.describe_divergence(error)) from None
 
 
 def save_best(run: Run, history: History) -> None:
-    """Write the network of the best evaluation, if there was one."""
+    """Write the network of the best evaluation, if there has been one."""
     if history.best is not None:
-        noted = {"config_hash": run.config_hash, "episode": history.best.episode}
-        save_weights(run.folder / POLICY, history.network, noted)
+        about = {"config_hash": run.config_hash, "episode": history.best.episode}
+        save_weights(run.folder / POLICY, history.network, about)

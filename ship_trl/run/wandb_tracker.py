@@ -1,4 +1,4 @@
-"""A run's numbers and pictures in wandb, offline or online."""
+"""Log a run's numbers and pictures to wandb, offline or online."""
 
 from __future__ import annotations
 
@@ -16,43 +16,46 @@ from ship_trl.files.disk import DISK, links, read_file, replacing
 from ship_trl.files.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
-from ship_trl.run.plan import Run
 from ship_trl.run.rows import numbers
+from ship_trl.run.run import Run
 
-# Seconds: so long a run waits for a network at its start, and for its upload at its end.
-START, END = 30.0, 120.0
-# Bytes.
-LONGEST_NOTE = 1000
+# Seconds to wait for the network when a run starts, and for the upload when it ends.
+INIT_TIMEOUT, FINISH_TIMEOUT = 30.0, 120.0
+MAX_NOTE_BYTES = 1000
 
 
 def begin_wandb(run: Run) -> WandbTracker | None:
-    """Begin a run in wandb; on a full disk say so, and go on without it.
+    """Start a run in wandb; on a full disk print a message and return None.
 
     Raises:
-        ConfigError: what was asked for is refused by wandb, or its folder cannot be made.
+        ConfigError: wandb refuses the settings, or its folder cannot be made.
     """
     try:
         return WandbTracker(run)
-    except Exception as error:  # wandb's own, and those of what it is made of
-        if not full(error):
-            raise ConfigError(f"wandb: {in_a_line(error)}; logger=csv does without") from None
-        console.say(f"wandb: {in_a_line(error)}; the run goes on without it")
+    except Exception as error:  # of wandb or of its dependencies
+        if not is_disk_full(error):
+            raise ConfigError(f"wandb: {one_line_of(error)}; logger=csv does without") from None
+        console.say(f"wandb: {one_line_of(error)}; the run goes on without it")
         return None
 
 
-def full(error: BaseException | None) -> bool:
-    """Whether an error comes of a disk that takes no more; wandb's own tell it in words alone."""
+def is_disk_full(error: BaseException | None) -> bool:
+    """Whether a full disk caused the error; errors of wandb itself say so only in words."""
     if error is None:
         return False
-    told = isinstance(error, OSError) and error.errno in DISK
-    return told or "no space left" in str(error).lower() or full(error.__cause__ or error.__context__)
+    by_number = isinstance(error, OSError) and error.errno in DISK
+    return (
+        by_number
+        or "no space left" in str(error).lower()
+        or is_disk_full(error.__cause__ or error.__context__)
+    )
 
 
 class WandbTracker:
     """One wandb run: group = pair, job type = arm, curves over episodes, config, GIF, summary.
 
-    A run that goes on after it was stopped goes on in wandb too, under the same id. Whatever wandb lacks
-    (network, account, room on the disk), the training goes on without it.
+    A resumed run continues in wandb under the same id. If wandb fails (network, account, full disk), the
+    training continues without it.
     """
 
     def __init__(self, run: Run) -> None:
@@ -60,22 +63,22 @@ class WandbTracker:
 
         self._note = run.folder / FOLDER / "wandb"
         self._mark = run.config_hash
-        self._id = self._noted() or secrets.token_hex(4)
+        self._id = self._read_id() or secrets.token_hex(4)
         self._folder = Path(run.config.wandb.folder)
         self._logged = 0
         self._failed = False
         online = run.config.wandb.mode is WandbMode.online
         if linked := links(self._folder / "wandb", self._folder):
-            # It lies in the output, which may be a stranger's.
+            # It is in the output folder, which may come from somebody else.
             raise ConfigError(f"{linked[0]} is a link; allowed: wandb.folder= with where it leads")
         self._folder.mkdir(parents=True, exist_ok=True)
         try:
             self._wandb = self._begin(run, "online" if online else "offline")
-        except Exception as error:  # wandb's own, and those of what it is made of
+        except Exception as error:  # of wandb or of its dependencies
             if not online:
                 raise
-            console.say(f"wandb: {in_a_line(error)}; this run is logged offline")
-            # The one that could not be begun is still in wandb's hands.
+            console.say(f"wandb: {one_line_of(error)}; this run is logged offline")
+            # wandb still holds the id of the run that it could not start.
             self._id = secrets.token_hex(4)
             self._wandb = self._begin(run, "offline")
         self._wandb.define_metric("episode", hidden=True)
@@ -83,7 +86,7 @@ class WandbTracker:
             self._wandb.define_metric(name, step_metric="episode")
 
     def _begin(self, run: Run, mode: Literal["online", "offline"]) -> Any:
-        """Begin the run in wandb, or go on with it there."""
+        """Start the run in wandb, or resume it there."""
         import wandb
 
         config = run.config
@@ -95,26 +98,28 @@ class WandbTracker:
             id=self._id,
             resume="allow" if mode == "online" else None,
             group=config.wandb.group or config.label,
-            job_type=config.arm,
-            name=f"{config.label}/{config.arm}/seed={config.seed}",
+            job_type=config.arm_label,
+            name=f"{config.label}/{config.arm_label}/seed={config.seed}",
             tags=[config.profile],
-            config=plain(config) | {"arm": config.arm, "config_hash": run.config_hash},
+            config=plain(config) | {"arm": config.arm_label, "config_hash": run.config_hash},
             reinit="finish_previous",
-            settings=wandb.Settings(init_timeout=START, finish_timeout=END, finish_timeout_raises=True),
+            settings=wandb.Settings(
+                init_timeout=INIT_TIMEOUT, finish_timeout=FINISH_TIMEOUT, finish_timeout_raises=True
+            ),
         )
 
-    def _noted(self) -> str | None:
-        """Read the id under which this run was begun."""
+    def _read_id(self) -> str | None:
+        """Read the id under which this run was started, if it was."""
         try:
-            mark, known = read_file(self._note, most=LONGEST_NOTE).decode().split()
+            mark, known = read_file(self._note, most=MAX_NOTE_BYTES).decode().split()
         except (OSError, ValueError):
             return None
         return known if mark == self._mark and known.isalnum() else None
 
     def remember(self) -> None:
-        """Note the id beside the checkpoints; take away what offline files a stopped process left under it.
+        """Write the id beside the checkpoints, and delete offline files that a stopped process left under it.
 
-        The new files will hold all of the run.
+        The new files will hold the whole run.
         """
         self._note.parent.mkdir(exist_ok=True)
         with replacing(self._note) as draft:
@@ -125,19 +130,19 @@ class WandbTracker:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _try(self, call: Callable[[], object]) -> None:
-        """Call wandb; its first error is said, whatever it is, and then wandb is left alone."""
+        """Call wandb; at the first error print a message and disable wandb."""
         if self._failed:
             return
         try:
             call()
         except Exception as error:
             self._failed = True
-            console.say(f"wandb: {in_a_line(error)}; the run goes on without it")
+            console.say(f"wandb: {one_line_of(error)}; the run goes on without it")
 
     def log(self, values: Mapping[str, Any]) -> None:
-        """Log one event's row, with the episode as horizontal axis; once, however often a run is stopped."""
+        """Log the row of an event, with the episode as horizontal axis, once even if the run is resumed."""
         self._logged += 1
-        # A run that goes on is given its first events once more, and wandb's server has them.
+        # A resumed run logs its first events again, but the server has them already.
         if self._logged > self._wandb.starting_step:
             self._try(lambda: self._wandb.log({"episode": values["episode"]} | numbers(values)))
 
@@ -161,19 +166,19 @@ class WandbTracker:
         self._wandb.summary.update({key: values[key] for key in ("best_known_return", "steps", "seconds")})
 
     def close(self, failed: bool) -> None:
-        """End the run, so that the next one of a sweep is a run of its own, and say where it is."""
-        folder, url = shown(Path(self._wandb.dir).parent), self._wandb.url
+        """Finish the run, so that the next one of a sweep is a new run, and print where it is."""
+        folder, url = relative_to_cwd(Path(self._wandb.dir).parent), self._wandb.url
         self._try(lambda: self._wandb.finish(exit_code=int(failed)))
-        # What a server did not take is in the folder whole.
+        # If the upload failed, the folder still holds the whole run.
         uploaded = url if url and not self._failed else None
         console.say(f"wandb: {uploaded or f'{folder}; to upload it: wandb sync {shlex.quote(str(folder))}'}")
 
 
-def in_a_line(error: Exception) -> str:
-    """Give an error's text as one line."""
+def one_line_of(error: Exception) -> str:
+    """Return an error's message as one line."""
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
 
 
-def shown(folder: Path) -> Path:
-    """Name a folder from where the command was started, if it lies below."""
+def relative_to_cwd(folder: Path) -> Path:
+    """Return a folder relative to the working directory if it is below it."""
     return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder

@@ -1,1 +1,1 @@
-"""The simulator: geometry, dynamics, reward, drawing. It knows nothing of learning."""
+"""The simulator: geometry, dynamics, reward, drawing and environments. It imports nothing of learning."""

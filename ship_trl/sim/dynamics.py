@@ -1,7 +1,7 @@
-"""Motion of own ship and target ships (section 3.1, table 1).
+"""Motion of own ship and of the target ships (section 3.1, table 1).
 
-A state is a float tensor [..., 4]: x, y (metres), heading (radians), step (count). Everything
-else of the world follows from it and the case, because target ships hold course and speed.
+A state is a float tensor [..., 4]: x and y in metres, heading in radians, and the number of steps taken.
+The state and the case determine everything else, because target ships hold course and speed.
 """
 
 from __future__ import annotations
@@ -16,9 +16,15 @@ STATE_SIZE = 4
 
 
 def advance(state: Tensor, action: Tensor, actions: Tensor, dt: float) -> Tensor:
-    """One action: turn, then move (our reading of table 1).
+    """Return the states [..., 4] after one action each: own ship turns, then moves.
 
-    Shapes: state [..., 4], action [...] (index), actions [A, 2] (v in m/s, omega in rad/s).
+    Table 1 does not say whether the turn or the move comes first; this order is our choice.
+
+    Args:
+        state: states [..., 4].
+        action: indices into `actions`, int64 [...].
+        actions: speed (m/s) and rate of turn (rad/s) of each action, [A, 2].
+        dt: length of a step in seconds.
     """
     speed, turn = actions[action].unbind(-1)
     heading = state[..., HEADING] + turn * dt
@@ -28,6 +34,13 @@ def advance(state: Tensor, action: Tensor, actions: Tensor, dt: float) -> Tensor
 
 
 def target_positions(state: Tensor, start: Tensor, velocity: Tensor, dt: float) -> Tensor:
-    """Positions of the target ships at the state's time: [..., 4], [K, 2], [K, 2] to [..., K, 2]."""
+    """Return the positions (m) of K target ships at the time of each state, [..., K, 2].
+
+    Args:
+        state: states [..., 4].
+        start: initial positions of the target ships in metres, [K, 2].
+        velocity: velocities of the target ships in m/s, [K, 2].
+        dt: length of a step in seconds.
+    """
     time = (state[..., STEP] * dt)[..., None, None]
     return start + time * velocity

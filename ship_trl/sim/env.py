@@ -1,4 +1,4 @@
-"""The batched TorchRL environment: N ships of one case, one action a second."""
+"""The batched TorchRL environment: N own ships in one case."""
 
 from __future__ import annotations
 
@@ -21,19 +21,28 @@ from ship_trl.sim.transition import Transition
 
 
 class ShipEnv(EnvBase):
-    """Own ship heads for the goal without a target ship coming inside the safe distance.
+    """Steer own ship to the goal, and keep every target ship outside the safe distance.
 
-    Observation: `state` float32 [N, 4] = x, y (m, east and north), heading (rad, counter-clockwise
-    from east), step; with `from_pixels` also `pixels` uint8 [N, C, 84, 84]; with `encoders`, by
-    name, functions of the state [N, 4] to [N, F]. The start is fixed by the case, so a reset draws
-    no random number.
-    Action: int64 [N], index into table 1.
+    Observation: `state` float32 [N, 4]: x and y (m, east and north), heading (rad, counter-clockwise from
+    east), number of steps taken. `dcpa` float32 [N, 1]: least distance (m) to any target ship so far in the
+    episode, infinite without target ships. `goal` and `collision` bool [N, 1]: how the episode ended.
+    Optional: `pixels` uint8 [N, C, 84, 84], and one entry for each of `encoders`.
+    Action: int64 [N], index into table 1. A step lasts `world.dt` seconds.
     Reward: float32 [N, 1], raw (equation 4).
-    End: `terminated` at the goal or on a collision (the collision wins in the same step),
-    `truncated` at the step limit. `goal` and `collision` say which; `dcpa` is the least distance
-    to any target ship so far in the episode (metres, infinite without target ships).
+    Episode end: `terminated` at the goal or on a collision, which takes precedence in the same step;
+    `truncated` at the step limit.
 
-    The environment holds no state of its own: a step is a function of the tensordict given.
+    Every episode starts from the case's initial state, so a reset draws no random numbers. The environment
+    holds no state: a step is a function of the tensordict that it is given.
+
+    Args:
+        case: initial state, goal and target ships.
+        world: physics and reward.
+        num_envs: number of own ships, N.
+        from_pixels: whether to observe `pixels`.
+        colour: whether the pixels are RGB (C = 3) instead of grey (C = 1).
+        encoders: functions that map states [N, 4] to features [N, F], by the key of their observation.
+        device: where to simulate.
     """
 
     batch_locked = True
@@ -58,11 +67,12 @@ class ShipEnv(EnvBase):
         self.from_pixels = from_pixels
         self._encoders = dict(encoders or {})
         self._make_specs()
-        # Every episode starts alike, so the rows that begin anew are drawn once.
-        self._first = self._start(1)
+        # Every episode starts in the same state, so the first observation is drawn once.
+        self._first = self._initial_entries(1)
         self._own_keys = {*self._first, "action", "reward", "next"}
 
     def _make_specs(self) -> None:
+        """Set the specs of observation, state, action, reward and done."""
         shape, device = self.batch_size, self.device
         flag = lambda: Binary(1, shape=(*shape, 1), dtype=torch.bool, device=device)  # noqa: E731
         observation: dict[str, Any] = {
@@ -87,16 +97,17 @@ class ShipEnv(EnvBase):
         )
 
     def _set_seed(self, seed: int | None) -> None:
-        """Nothing in the world is random; there is no generator to seed."""
+        """Do nothing: the simulation is deterministic."""
 
     def _observe(self, state: Tensor, dcpa: Tensor, goal: Tensor, collision: Tensor) -> dict[str, Tensor]:
+        """Return the observation of states [N, 4]; the other arguments are [N, 1]."""
         observation = {"state": state, "dcpa": dcpa, "goal": goal, "collision": collision}
         if self.from_pixels:
             observation["pixels"] = self.rasteriser(state)
         return observation | {key: encode(state) for key, encode in self._encoders.items()}
 
-    def _start(self, count: int) -> dict[str, Tensor]:
-        """Make the entries of `count` rows that have just begun."""
+    def _initial_entries(self, count: int) -> dict[str, Tensor]:
+        """Return observation and done flags of `count` rows at the start of an episode."""
         state = self._transition.start.expand(count, STATE_SIZE).clone()
         dcpa = torch.full((count, 1), math.inf, device=self.device)
         no = torch.zeros((count, 1), dtype=torch.bool, device=self.device)
@@ -104,14 +115,17 @@ class ShipEnv(EnvBase):
         return self._observe(state, dcpa, no, no.clone()) | done
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
-        # Of a partial reset TorchRL itself keeps the rows that go on.
-        return TensorDict(self._start(self.batch_size[0]), batch_size=self.batch_size, device=self.device)
+        """Return the initial entries of all rows; in a partial reset TorchRL keeps the other rows."""
+        return TensorDict(
+            self._initial_entries(self.batch_size[0]), batch_size=self.batch_size, device=self.device
+        )
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
+        """Take one action in each row; return observation, reward and done flags."""
         after = self._advance(tensordict["state"], tensordict["action"])
         terminated = (after.goal | after.collision).unsqueeze(-1)
         truncated = after.truncated.unsqueeze(-1)
-        dcpa = torch.minimum(tensordict["dcpa"], after.apart.unsqueeze(-1))
+        dcpa = torch.minimum(tensordict["dcpa"], after.min_distance.unsqueeze(-1))
         return TensorDict(
             self._observe(after.state, dcpa, after.goal.unsqueeze(-1), after.collision.unsqueeze(-1))
             | {
@@ -125,10 +139,11 @@ class ShipEnv(EnvBase):
         )
 
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
-        """Step, then start the finished rows afresh.
+        """Take a step, then reset the rows whose episode has ended.
 
-        TorchRL's own completes and checks what `_step` returns, which is whole already, and runs
-        `torch.where` over every row of every entry; this does the same in a third of the time.
+        Returns the tensordict with `next`, and the tensordict to act on next, as in TorchRL. This takes a
+        third of the time of TorchRL's own method. That one completes and checks the result of `_step`, which
+        is complete already, and runs `torch.where` over every row of every entry.
         """
         outcome = self._step(tensordict)
         tensordict.set("next", outcome)
@@ -139,7 +154,7 @@ class ShipEnv(EnvBase):
         rows = outcome["done"].squeeze(-1).nonzero().squeeze(-1)
         if rows.numel():
             for key, value in self._first.items():
-                # A copy, because the finished step's own entries stay in `tensordict["next"]`.
-                begun = value.expand(rows.numel(), *value.shape[1:])
-                following.set(key, following.get(key).index_copy(0, rows, begun))
+                # `index_copy` copies, so the final step's entries stay unchanged in `tensordict["next"]`.
+                initial = value.expand(rows.numel(), *value.shape[1:])
+                following.set(key, following.get(key).index_copy(0, rows, initial))
         return tensordict, following

@@ -1,4 +1,4 @@
-"""Angles and distances. Metres and radians; headings counter-clockwise from east."""
+"""Angles and distances, in radians and metres. Headings are counter-clockwise from east."""
 
 from __future__ import annotations
 
@@ -9,30 +9,35 @@ from torch import Tensor
 
 
 def wrap_angle(angle: Tensor) -> Tensor:
-    """Wrap radians into [-pi, pi); rounding can make it pi itself."""
+    """Wrap angles in radians into [-pi, pi); rounding can return pi itself."""
     return torch.remainder(angle + math.pi, 2 * math.pi) - math.pi
 
 
 def unit_vector(heading: Tensor) -> Tensor:
-    """Direction of a heading: shape [...] to [..., 2]."""
+    """Return unit vectors [..., 2] that point along headings [...] in radians."""
     return torch.stack((torch.cos(heading), torch.sin(heading)), dim=-1)
 
 
 def angle_off_bow(position: Tensor, heading: Tensor, point: Tensor) -> Tensor:
-    """Signed angle from the heading to the line of sight of `point` (figure 2), port positive.
+    """Return the angles [...] from own ship's heading to the direction of `point` (figure 2).
 
-    Shapes: position [..., 2], heading [...], point [..., 2]; returns radians in [-pi, pi).
-    Towards `point` is theta_2 for the goal and theta_1 for a target ship.
+    The angles are in radians in [-pi, pi), positive to port. For the goal the angle is theta_2, for a
+    target ship theta_1.
+
+    Args:
+        position: own ship's positions in metres, [..., 2].
+        heading: own ship's headings in radians, [...].
+        point: positions of the points in metres, [..., 2].
     """
     sight = point - position
     return wrap_angle(torch.atan2(sight[..., 1], sight[..., 0]) - heading)
 
 
 def closest_approach(start: Tensor, end: Tensor) -> Tensor:
-    """Least distance from the origin of points moving from `start` to `end`: [..., 2] to [...].
+    """Return the least distance [...] from the origin to points that move from `start` to `end`, [..., 2].
 
-    Both ships move on straight lines at steady speed within a step, so their relative position
-    does too, and the least distance within the step is that of a segment from the origin.
+    Within a step both ships move on straight lines at constant speed, and so does one relative to the
+    other. Their least distance is therefore the distance from the origin to a segment.
     """
     travel = end - start
     length2 = (travel * travel).sum(-1)
@@ -41,19 +46,18 @@ def closest_approach(start: Tensor, end: Tensor) -> Tensor:
     return torch.linalg.vector_norm(nearest, dim=-1)
 
 
-def predicted_approach(away: Tensor, velocity: Tensor) -> tuple[Tensor, Tensor]:
-    """Compute DCPA (m) and TCPA (s) of points that hold their course and speed: [..., 2] to [...] each.
+def predicted_approach(position: Tensor, velocity: Tensor) -> tuple[Tensor, Tensor]:
+    """Return DCPA (m) and TCPA (s) of points that hold course and speed, [...] each.
+
+    DCPA is the least distance from the origin over all time, TCPA the time until then. TCPA is negative
+    if the closest approach is past. A point that does not move has its present distance and 0 s.
 
     Args:
-        away: where they are now, relative to the origin, in metres.
-        velocity: how they move relative to it, in m/s.
-
-    Returns:
-        The least distance from the origin over all time, and when that is; negative where it has passed.
-        A point that does not move has its distance now, and 0 s.
+        position: present positions relative to the origin in metres, [..., 2].
+        velocity: velocities relative to the origin in m/s, [..., 2].
     """
     speed2 = (velocity * velocity).sum(-1)
     moving = speed2 > 0
-    time = -(away * velocity).sum(-1) / torch.where(moving, speed2, 1.0)
+    time = -(position * velocity).sum(-1) / torch.where(moving, speed2, 1.0)
     time = torch.where(moving, time, 0.0)
-    return torch.linalg.vector_norm(away + time.unsqueeze(-1) * velocity, dim=-1), time
+    return torch.linalg.vector_norm(position + time.unsqueeze(-1) * velocity, dim=-1), time

@@ -1,7 +1,7 @@
-"""The best known plan of a case: it belongs to the case, so it is searched for once and kept.
+"""The best known plan of each case, cached as a JSON file because the search takes long.
 
-`plans/` holds those of the shipped cases in the shipped world; `python -m ship_trl.sim.reference` searches
-for them anew.
+`plans/` holds the plans of the bundled cases in the paper's world. `python -m ship_trl.sim.reference`
+searches for them again.
 """
 
 from __future__ import annotations
@@ -22,29 +22,30 @@ from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
 from ship_trl.sim.transition import Transition
 
-# Goes up with every change of the planner that may find another plan.
+# Raise this after every change of the planner that may find another plan.
 PLANNER_VERSION = 2
-SHIPPED = Path(__file__).parent / "plans"
-# Of a raw return: by so much a plan may pay more or less on another processor, which rounds differently.
-ROUNDING = 1e-3
+BUNDLED_PLANS = Path(__file__).parent / "plans"
+# Raw return. Another processor may round differently, and give a plan's return with this much error.
+RETURN_TOLERANCE = 1e-3
 _known: dict[str, Plan] = {}
 
 
 def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
-    """Return the planner's best plan: from memory, from `folder`, from what is shipped, or by a search.
+    """Return the best known plan: from memory, `folder` or the bundled plans, or else by a search.
 
-    A plan that was kept is sailed before it is believed, so that a damaged file is found out and replaced.
+    A cached plan is rolled out before it is used. If its return differs, the file is stale or damaged, and a
+    search replaces it.
 
     Args:
-        case: where to sail.
+        case: whose plan to return.
         world: physics and reward.
-        folder: where plans are kept, one file each; made where there is none.
+        folder: cache of plans, one file each; created if a plan is written. None disables it.
     """
     name = plan_name(case, world)
     if name in _known:
         return _known[name]
-    kept = [place / name for place in (folder, SHIPPED) if place is not None]
-    plan = next((plan for path in kept if (plan := _read(path, case, world)) is not None), None)
+    paths = [place / name for place in (folder, BUNDLED_PLANS) if place is not None]
+    plan = next((plan for path in paths if (plan := _read(path, case, world)) is not None), None)
     if plan is None:
         plan = best_plan(case, world)
         if folder is not None:
@@ -54,37 +55,40 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
 
 
 def plan_name(case: Case, world: World) -> str:
-    """Name the file of a case's plan after all that it follows from; what the case is called is not of it."""
-    # A formula that was edited may have another best plan, even where it pays the kept one the same.
-    words = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
-    return hashlib.sha256(json.dumps(words, sort_keys=True).encode()).hexdigest()[:12] + ".json"
+    """Return the file name of a case's plan: a digest of planner, case, world and reward formula.
+
+    The case's name is not part of the digest.
+    """
+    # An edited formula may have another best plan, even if the return of the cached one stays the same.
+    inputs = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
+    return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:12] + ".json"
 
 
 def write_plan(path: Path, plan: Plan) -> None:
-    """Keep a plan as JSON; makes the folder."""
+    """Write a plan as JSON; create the folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as draft:
         draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
 
 
 def _read(path: Path, case: Case, world: World) -> Plan | None:
-    """Read a plan and sail it; None where it is not there, or does not reach what it says."""
+    """Read a plan and roll it out; return None if the file is missing, damaged or gives another return."""
     try:
-        kept = read_json(path)
-        actions = kept["actions"]
+        values = read_json(path)
+        actions = values["actions"]
         if not all(type(action) is int and 0 <= action < len(world.actions) for action in actions):
             return None
-        plan = sail(case, world, actions)
-        return plan if abs(plan.episode_return - kept["return"]) < ROUNDING else None
+        plan = follow_plan(case, world, actions)
+        return plan if abs(plan.episode_return - values["return"]) < RETURN_TOLERANCE else None
     except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RuntimeError):
         return None
 
 
-def sail(case: Case, world: World, actions: list[int]) -> Plan:
-    """Sail a sequence of actions, to its end or that of the episode.
+def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
+    """Roll out a sequence of actions until it or the episode ends; return it with its outcome.
 
     Raises:
-        IndexError: an action that is none.
+        IndexError: action index out of range.
     """
     step = Transition(case, world, torch.device("cpu"))
     state, total, goal = step.start[None], torch.zeros(1, dtype=torch.float64), False
@@ -97,14 +101,14 @@ def sail(case: Case, world: World, actions: list[int]) -> Plan:
 
 
 def main() -> None:
-    """Search for the plans of all shipped cases, in place of those that are there."""
+    """Search for the plans of all bundled cases, and replace the bundled plans."""
     world = load_world()
-    for old in SHIPPED.glob("*.json"):
+    for old in BUNDLED_PLANS.glob("*.json"):
         old.unlink()
     for path in sorted((conf_dir() / "case").glob("*.yaml")):
         case = load_case(str(path), world)
         plan = best_plan(case, world)
-        write_plan(SHIPPED / plan_name(case, world), plan)
+        write_plan(BUNDLED_PLANS / plan_name(case, world), plan)
         sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
 
 

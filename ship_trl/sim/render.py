@@ -1,9 +1,9 @@
-"""The network's view: 84x84, own-ship-centred, heading up, drawn for a whole batch at once.
+"""The network's view as 84 x 84 pixels (figure 1): own ship in the middle, heading up, drawn in batches.
 
-Everything that stays where it is in this view (disc, circles, own ship) is drawn once and copied;
-only the line to the goal and the target ships are drawn for each state, on the few pixels that
-they can touch. The coverage of a pixel is its distance to the shape's edge, clamped to one pixel
-(anti-aliasing), so a ship's place is legible to a fraction of a pixel.
+The background (disc, circles, own ship) never changes in this view, so it is drawn once and copied. For
+each state, only the line to the goal and the target ships are drawn, on the few pixels that they can touch.
+Edges are anti-aliased: a pixel's coverage is its signed distance to the edge, clamped to one pixel. So the
+picture shows a ship's position to a fraction of a pixel.
 """
 
 from __future__ import annotations
@@ -23,10 +23,14 @@ from ship_trl.sim.transition import Transition
 
 
 def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
-    """Share of each pixel inside a convex polygon, from its signed distance to the edges.
+    """Return the share of each pixel that a convex polygon covers, in [0, 1].
 
-    Shapes: x, y broadcastable pixel centres in the polygon's frame, corners [E, 2] in
-    counter-clockwise order, all in pixels.
+    The share follows from the signed distance of the pixel's centre to the nearest edge.
+
+    Args:
+        x: pixel centres in the polygon's frame, broadcastable with `y`.
+        y: pixel centres in the polygon's frame.
+        corners: corners in counter-clockwise order, [E, 2], in pixels like `x` and `y`.
     """
     distance = torch.full_like(x, -math.inf)
     for (ax, ay), (bx, by) in zip(corners.tolist(), corners.roll(-1, 0).tolist(), strict=True):
@@ -40,10 +44,20 @@ def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
 class Rasteriser:
     """Draws states of one case as the network sees them.
 
-    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84], C = 1 (grey) or
-    3 (colour). The picture depends on nothing but the state and the case (section 4 of the paper
-    gives the drawing in figure 1). On a CPU it is drawn by a compiled loop, elsewhere in torch.
-    `background` [C, 84, 84] is the picture without line and target ships; `compiled` is that loop or None.
+    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. The picture depends only on
+    the state, the case and the world. A compiled loop draws it on the CPU, torch on other devices.
+
+    Args:
+        case: goal and target ships.
+        world: radii of the two circles, and the length of a step.
+        colour: whether to draw in RGB (C = 3) instead of grey (C = 1).
+        device: where to draw.
+
+    Attributes:
+        size: width and height of the picture in pixels.
+        channels: C.
+        background: the picture without line and target ships, uint8 [C, 84, 84].
+        compiled: the compiled loop, or None on other devices than the CPU.
     """
 
     def __init__(
@@ -51,12 +65,12 @@ class Rasteriser:
     ) -> None:
         self.size, self.channels = scene.SIZE, 3 if colour else 1
         self.device = torch.device(device)
-        self._world = Transition(case, world, self.device)
+        self._transition = Transition(case, world, self.device)
         course = [math.radians(ship.heading) for ship in case.target_ships]
         self._course = torch.tensor(course, dtype=torch.float32, device=self.device)
-        # Corners are read as numbers, so they stay on the CPU.
+        # On the CPU, because the corners are read as Python floats.
         outline = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH), device="cpu")
-        self._ship = outline * scene.PIXELS_PER_METRE
+        self._outline = outline * scene.PIXELS_PER_METRE
         self._line_ink = self._ink(scene.LINE)
         self._ship_ink = self._ink(scene.TARGET)
         self._patch = torch.arange(scene.patch_size(), device=self.device, dtype=torch.float32)
@@ -67,23 +81,25 @@ class Rasteriser:
         self.compiled = self._compile() if self.device.type == "cpu" else None
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
+        """Return an RGB colour as float [C]: as it is, or its luminance."""
         ink = torch.tensor(colour, dtype=torch.float32, device=self.device)
         if self.channels == 1:
             ink = (ink * torch.tensor(scene.LUMINANCE, device=self.device)).sum(0, keepdim=True)
         return ink
 
     def _compile(self) -> CompiledDrawing:
+        """Return the compiled loop that draws what `reference` draws."""
         return CompiledDrawing(
-            self._world, self._course, self._ship, self._line_ink, self._ship_ink, self._background
+            self._transition, self._course, self._outline, self._line_ink, self._ship_ink, self._background
         )
 
     def spec(self, shape: torch.Size) -> Bounded:
-        """TorchRL spec of the pixels for a batch of `shape`."""
+        """Return the TorchRL spec of the pixels for a batch of `shape`: uint8 [*shape, C, 84, 84]."""
         size = (*shape, self.channels, self.size, self.size)
         return Bounded(0, 255, shape=size, dtype=torch.uint8, device=self.device)
 
     def _draw_background(self, world: World) -> Tensor:
-        """Draw the part of the picture that never changes, float [C, size * size]."""
+        """Draw the part of the picture that never changes; return float [C, size * size]."""
         axis = torch.arange(self.size, device=self.device) + 0.5 - self.size / 2
         x, y = axis[None, :], -axis[:, None]
         radius = torch.hypot(x, y)
@@ -93,38 +109,49 @@ class Rasteriser:
             ((0.5 + scene.WINDOW * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.DISC),
             ((0.5 + world.goal_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.GOAL_CIRCLE),
             ((0.5 + world.safe_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.SAFE_CIRCLE),
-            # The outline points along +x; in this view own ship's bow points up.
+            # The outline's bow points along +x; in this view own ship's bow points up.
             (polygon_coverage(y + 0 * x, -x + 0 * y, ship), scene.OWN),
         ):
             image = image + coverage * (self._ink(colour)[:, None, None] - image)
         return image.reshape(self.channels, -1)
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Draw states: float [..., 4] to uint8 [..., C, 84, 84]."""
+        """Draw states, float [..., 4]; return uint8 [..., C, 84, 84].
+
+        Raises:
+            ValueError: on the CPU, a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
+        """
         flat = state.reshape(-1, state.shape[-1])
         pixels = self.compiled(flat) if self.compiled else self.reference(flat)
         return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
 
     def reference(self, flat: Tensor) -> Tensor:
-        """Draw in torch, on any device: float [N, 4] to uint8 [N, C, 84 * 84]."""
+        """Draw states in torch, on any device: float [N, 4] to uint8 [N, C, 84 * 84]."""
         image = self._background.expand(flat.shape[0], -1, -1).clone()
         turn = math.pi / 2 - flat[:, HEADING]
-        # Screen axes in pixels from the corner: east of the bow is right, ahead is up.
+        # Rotate so that the heading points up, and scale metres to pixels.
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
-        self._draw_line(image, self._world.goal - flat[:, :2], rotate_x, rotate_y)
-        away = self._world.away(flat)
+        self._draw_line(image, self._transition.goal - flat[:, :2], rotate_x, rotate_y)
+        away = self._transition.away(flat)
         if away.shape[1]:
             self._draw_ships(image, away, rotate_x[:, None], rotate_y[:, None], turn)
         return image.add_(0.5).to(torch.uint8)
 
     def _draw_line(self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
-        """White line from own ship to the goal; its length is the goal's distance (section 3.1)."""
+        """Blend the line to the goal over `image`; its length is the goal's distance (section 3.1).
+
+        Args:
+            image: pictures, float [N, C, P]; written.
+            away: position of the goal relative to own ship in metres, [N, 2].
+            rotate_x: cosine of the rotation to heading up, times pixels per metre, [N].
+            rotate_y: sine of that rotation, times pixels per metre, [N].
+        """
         dx = away[:, 0] * rotate_x - away[:, 1] * rotate_y
         dy = -(away[:, 0] * rotate_y + away[:, 1] * rotate_x)
-        # On the goal itself there is no direction; the shortest of lines stands in.
-        nowhere = dx * dx + dy * dy < 1e-12
-        dx, dy = torch.where(nowhere, 1e-6, dx), torch.where(nowhere, 0.0, dy)
+        # At the goal the line has no direction; draw a very short one.
+        at_goal = dx * dx + dy * dy < 1e-12
+        dx, dy = torch.where(at_goal, 1e-6, dx), torch.where(at_goal, 0.0, dy)
         length = torch.hypot(dx, dy)
         ux, uy = dx / length, dy / length
         # Walk pixel by pixel along the longer axis, four pixels wide across it.
@@ -150,12 +177,22 @@ class Rasteriser:
     def _draw_ships(
         self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
     ) -> None:
-        """Green polygons; figure 2 puts them at theta_1 + 90 deg, heading theta_1 + theta_3 + 90 deg."""
+        """Blend the target ships over `image` as green polygons.
+
+        In figure 2 a ship's direction is theta_1 + 90 deg, its heading theta_1 + theta_3 + 90 deg.
+
+        Args:
+            image: pictures, float [N, C, P]; written.
+            away: positions of the target ships relative to own ship in metres, [N, K, 2].
+            rotate_x: cosine of the rotation to heading up, times pixels per metre, [N, 1].
+            rotate_y: sine of that rotation, times pixels per metre, [N, 1].
+            turn: angle of that rotation in radians, [N].
+        """
         half = self.size / 2
         cx = away[..., 0] * rotate_x - away[..., 1] * rotate_y + half
         cy = half - (away[..., 0] * rotate_y + away[..., 1] * rotate_x)
         heading = self._course + turn[:, None]
-        # A patch that leaves the picture is moved back inside: coverage holds at any pixel.
+        # Move a patch that leaves the picture back inside: coverage is computed for any pixel.
         last = self.size - len(self._patch)
         left = (cx - len(self._patch) / 2).round_().clamp_(0, last)
         top = (cy - len(self._patch) / 2).round_().clamp_(0, last)
@@ -164,13 +201,13 @@ class Rasteriser:
         x = (column + 0.5 - cx[..., None])[..., None, :]
         y = (cy[..., None] - row - 0.5)[..., :, None]
         cos, sin = torch.cos(heading)[..., None, None], torch.sin(heading)[..., None, None]
-        coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._ship)
+        coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._outline)
         index = row[..., :, None] * self.size + column[..., None, :]
         for k in range(away.shape[1]):
             self._blend(image, index[:, k], coverage[:, k], self._ship_ink)
 
     def _blend(self, image: Tensor, index: Tensor, coverage: Tensor, ink: Tensor) -> None:
-        """Lay ink over `image` [B, C, P] at pixel numbers `index`, both [B, ...] as coverage."""
+        """Blend `ink` [C] over `image` [N, C, P] at pixel numbers `index` [N, ...] by `coverage` [N, ...]."""
         where = index.flatten(1).long()[:, None].expand(-1, self.channels, -1)
         under = image.gather(2, where)
         image.scatter_(2, where, under + coverage.flatten(1)[:, None] * (ink[:, None] - under))

@@ -1,7 +1,7 @@
-"""The reward of equations 4 to 6, with the paper's weights in `World`. Its formula stands here alone.
+"""The reward (equations 4 to 6), with the paper's weights from `World`. The formula is written only here.
 
-torch computes it with tensors (`transition`, `value_bound`), the loop for the CPU below with numbers. The
-loop is in this file because numba notices a change of a loop's own file only.
+torch evaluates `step_reward` with tensors (`transition`, `value_bound`), and `write_rewards` with numbers in
+a compiled loop. The loop is in this file because numba recompiles a loop only when its own file changes.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from ship_trl.config.types import Reward
 from ship_trl.jit import RELAXED, compiled
 
 Array = np.ndarray[Any, Any]
-# A tensor [...] where torch computes, a number in the compiled loop.
+# A tensor [...] in torch, a number in the compiled loop.
 Number = Any
 
-# One millimetre: float32 positions of a straight run end within it of the exact distance.
-ROUNDING = 1e-3
-# Metres to a target ship, at most: where there is none it is this, as infinity times zero is not a number.
-FAR = 1e6
+# Metres. After a straight run, float32 positions are within this distance of the exact ones.
+POSITION_TOLERANCE = 1e-3
+# Metres. Stands for the nearest ship's distance if there is none: infinity times zero is not a number.
+MAX_SHIP_DISTANCE = 1e6
 
 
 def reward_constants(reward: Reward) -> tuple[float, ...]:
-    """Make the constants of `step_reward`; the compiled loop rounds these products to float32."""
+    """Return the constants of `step_reward`; the compiled loop rounds them to float32."""
     return (
         reward.w1 * reward.goal,
         reward.w2 * reward.collision,
@@ -46,47 +46,49 @@ def step_reward(
     speed: Number,
     turn: Number,
 ) -> Number:
-    """Raw reward of a step (equation 4), in arithmetic that tensors and numbers share: + - * / **, abs, <, >.
+    """Return the raw reward of a step (equation 4): the sum of all terms.
+
+    Only operations that tensors and numbers share are allowed: + - * / **, abs, < and >. theta_2 enters in
+    absolute degrees: in radians its term would be about 60 times too small beside the distance term.
 
     Args:
-        constants: those of `reward_constants`.
-        distance: metres to the goal after the move.
-        off_bow: theta_2 after the move in radians, any sign.
-        reached: 1.0 where the goal is within the expected distance (0.0 on a collision), else 0.0.
-        collided: 1.0 where a target ship came inside the safe distance, else 0.0.
-        nearest: metres to the nearest target ship, the least within the step; `FAR` where there is none.
-        speed: the action's speed in m/s.
-        turn: the action's rate of turn in rad/s, positive to port.
-
-    Returns:
-        The sum of all terms. theta_2 enters in absolute degrees: in radians the two shaping terms
-        would be out of balance by a factor of about 60.
+        constants: what `reward_constants` returns.
+        distance: distance to the goal after the move, in metres.
+        off_bow: theta_2 after the move in radians, of either sign.
+        reached: 1.0 if the goal is reached and no collision happens, else 0.0.
+        collided: 1.0 if a target ship comes inside the safe distance, else 0.0.
+        nearest: least distance to any target ship within the step, in metres; at most `MAX_SHIP_DISTANCE`.
+        speed: speed of the action in m/s.
+        turn: rate of turn of the action in rad/s, positive to port.
     """
     goal, collision, per_metre, per_degree, degrees = constants
     shaping = per_metre * distance + per_degree * abs(off_bow) * degrees
     return shaping + goal * reached + collision * collided
 
 
-formula = compiled(RELAXED)(step_reward)
+compiled_step_reward = compiled(RELAXED)(step_reward)
 
 
 @compiled(RELAXED)
-def pay(
+def write_rewards(
     action: Array,
     actions: Array,
     constants: tuple[float, ...],
-    sight: Array,
+    to_goal: Array,
     flags: Array,
-    apart: Array,
+    min_distance: Array,
     reward: Array,
 ) -> None:
-    """Write the reward of a step of each of N ships to `reward`.
+    """Write the rewards of one step of N ships into `reward`, float32 [N].
 
-    Shapes: action, apart, reward [N]; actions [A, 2]; sight float64 [2, N]: distance, off_bow; flags
-    [>=2, N]: goal, collision. Other numbers are float32, those of `constants` too.
+    Shapes: action int64 [N]; actions float32 [A, 2] (m/s, rad/s); constants as in `step_reward`, float32;
+    to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags bool [>=2, N]: goal, collision;
+    min_distance float32 [N]: least distance to any target ship within the step (m).
     """
     for n in range(action.shape[0]):
         speed, turn = actions[action[n]]
         reached, collided = float32(flags[0, n]), float32(flags[1, n])
-        distance, nearest = float32(sight[0, n]), min(apart[n], float32(FAR))
-        reward[n] = formula(constants, distance, sight[1, n], reached, collided, nearest, speed, turn)
+        distance, nearest = float32(to_goal[0, n]), min(min_distance[n], float32(MAX_SHIP_DISTANCE))
+        reward[n] = compiled_step_reward(
+            constants, distance, to_goal[1, n], reached, collided, nearest, speed, turn
+        )

@@ -1,6 +1,6 @@
-"""What the picture shows, in metres and RGB: shared by the network's view and the people's.
+"""Sizes (m) and colours (RGB) of the picture, for the network's view and for people.
 
-The paper's figure 1 gives the elements; sizes and colours are our choice.
+The paper gives the elements (figure 1); sizes and colours are our choice.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ import math
 
 from ship_trl.config.types import PICTURE
 
+# Width and height of the network's view in pixels.
 SIZE = PICTURE
+# Radius of the visible disc around own ship in metres: half the picture's width.
 WINDOW = 640.0
 PIXELS_PER_METRE = SIZE / (2 * WINDOW)
 
@@ -20,17 +22,19 @@ SAFE_CIRCLE = (0, 0, 0)
 OWN = (255, 255, 255)
 LINE = (235, 235, 235)
 TARGET = (60, 220, 90)
-# ITU-R BT.601: how bright a colour looks in grey.
+# Weights of red, green and blue in grey (ITU-R BT.601).
 LUMINANCE = (0.299, 0.587, 0.114)
 
+# Pixels.
 LINE_WIDTH = 1.0
+# Metres.
 OWN_LENGTH = 76.0
-# At least 6 pixels long for the network: 7.2 pixels.
+# Metres: 7.2 pixels of the network's view, which needs at least 6.
 TARGET_LENGTH = 110.0
 
 
 def ship_outline(length: float) -> list[tuple[float, float]]:
-    """Corners (m) of a ship with its bow along +x, counter-clockwise: a flat stern, a long bow."""
+    """Return the corners (m) of a ship with its bow along +x, counter-clockwise, with a flat stern."""
     beam = 0.45 * length
     return [
         (0.5 * length, 0.0),
@@ -42,7 +46,7 @@ def ship_outline(length: float) -> list[tuple[float, float]]:
 
 
 def patch_size() -> int:
-    """Pixels across the square that holds a target ship in any direction, edges blurred."""
+    """Return the width in pixels of a square that holds a target ship at any heading, with blurred edges."""
     reach = max(math.hypot(*corner) for corner in ship_outline(TARGET_LENGTH)) * PIXELS_PER_METRE
-    # One pixel of blur, and one for rounding the square to whole pixels.
+    # One pixel for blur, and one for rounding the square's position to whole pixels.
     return math.ceil(2 * reach) + 2

@@ -1,4 +1,4 @@
-"""One step of the world as a pure function of states and actions."""
+"""One simulation step as a pure function of states and actions."""
 
 from __future__ import annotations
 
@@ -12,22 +12,44 @@ from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import STEP, advance, target_positions
 from ship_trl.sim.geometry import angle_off_bow, closest_approach
-from ship_trl.sim.reward import FAR, ROUNDING, reward_constants, step_reward
+from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, reward_constants, step_reward
 
 
 class Outcome(NamedTuple):
-    """What a step led to, each [N]; `apart` is the closest approach within the step (m)."""
+    """Results of one step of N ships.
+
+    Attributes:
+        state: states after the step, float32 [N, 4].
+        reward: raw rewards (equation 4), float32 [N].
+        goal: whether the goal is reached, bool [N]; false on a collision.
+        collision: whether a target ship came inside the safe distance within the step, bool [N].
+        truncated: whether the episode ends at the step limit alone, bool [N].
+        min_distance: least distance (m) to any target ship within the step, float32 [N]; infinite without
+            target ships.
+    """
 
     state: Tensor
     reward: Tensor
     goal: Tensor
     collision: Tensor
     truncated: Tensor
-    apart: Tensor
+    min_distance: Tensor
 
 
 class Transition:
-    """The world of one case: states [N, 4] and actions [N] to an `Outcome`."""
+    """The simulation step of one case, in torch on any device.
+
+    `transition(state, action)` maps float32 [N, 4] and int64 [N] to an `Outcome`.
+
+    Attributes:
+        world: physics and reward.
+        constants: constants of the reward, see `reward_constants`.
+        actions: speed (m/s) and rate of turn (rad/s) of each action, [A, 2].
+        goal: position of the goal (m), [2].
+        start: initial state, [4].
+        ship_start: initial positions of the target ships (m), [K, 2].
+        ship_velocity: velocities of the target ships (m/s), [K, 2].
+    """
 
     def __init__(self, case: Case, world: World, device: torch.device) -> None:
         self.world, self.constants = world, reward_constants(world.reward)
@@ -43,27 +65,29 @@ class Transition:
         ).reshape(-1, 2)
 
     def goal_distance(self, state: Tensor) -> Tensor:
-        """Metres to the goal: [..., 4] to [...]."""
+        """Return the distances to the goal in metres, [...], for states [..., 4]."""
         return torch.linalg.vector_norm(self.goal - state[..., :2], dim=-1)
 
     def away(self, state: Tensor) -> Tensor:
-        """Target ships relative to own ship: [N, 4] to [N, K, 2]."""
+        """Return the target ships' positions relative to own ship in metres, [N, K, 2], for states [N, 4]."""
         ships = target_positions(state, self.ship_start, self.ship_velocity, self.world.dt)
         return ships - state[:, None, :2]
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
-        """One action of each ship: states [N, 4], actions [N]."""
+        """Take one action with each ship: states float32 [N, 4], action indices int64 [N]."""
         world = self.world
         after = advance(state, action, self.actions, world.dt)
-        apart = closest_approach(self.away(state), self.away(after))
-        nearest = apart.amin(-1) if apart.shape[-1] else torch.full_like(state[:, 0], math.inf)
+        distances = closest_approach(self.away(state), self.away(after))
+        nearest = distances.amin(-1) if distances.shape[-1] else torch.full_like(state[:, 0], math.inf)
         distance = self.goal_distance(after)
         collision = nearest < world.safe_distance
-        # The collision wins over the goal in the same step.
-        goal = (distance <= world.goal_distance + ROUNDING) & ~collision
+        # A collision takes precedence over reaching the goal in the same step.
+        goal = (distance <= world.goal_distance + POSITION_TOLERANCE) & ~collision
         off_bow = angle_off_bow(after[:, :2], after[:, 2], self.goal)
         ends = goal.to(distance.dtype), collision.to(distance.dtype)
         speed, turn = self.actions[action].unbind(-1)
-        reward = step_reward(self.constants, distance, off_bow, *ends, nearest.clamp(max=FAR), speed, turn)
+        reward = step_reward(
+            self.constants, distance, off_bow, *ends, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn
+        )
         truncated = (after[:, STEP] >= world.max_steps) & ~goal & ~collision
         return Outcome(after, reward, goal, collision, truncated, nearest)

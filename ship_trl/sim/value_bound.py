@@ -1,7 +1,7 @@
-"""What a plan can still gain where no target ship is in the way: dynamic programming on a grid.
+"""Upper bound of the return to come, by dynamic programming on a grid.
 
-Without target ships the rest of an episode depends on three numbers only: the goal's distance,
-its angle off the bow, and the steps left. Where there are ships, they are taken to be where that pays best.
+Without target ships the return to come depends only on the goal's distance, its angle off the bow and the
+steps left. If there are target ships, each step assumes the distance to them that pays best.
 """
 
 from __future__ import annotations
@@ -13,92 +13,111 @@ from torch import Tensor
 
 from ship_trl.sim.dynamics import HEADING, STEP, advance
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.reward import FAR, ROUNDING, step_reward
+from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, step_reward
 from ship_trl.sim.transition import Transition
 
-# Fine enough that the returns of the paper's world are right to about one point.
+# With this grid, returns in the paper's world are correct to about one point.
 GRID_STEPS_PER_ACTION = 2
-ANGLES = 96
-# Metres to the nearest ship that are tried, a fifth apart from one to the next, beside both sides of the
-# safe distance.
-NEAREST = (1e-3, *torch.logspace(0, math.log10(FAR), 76).tolist())
+GRID_ANGLES = 96
+# Distances (m) to the nearest ship to try, each about a fifth larger than the last. Both sides of the safe
+# distance are tried too.
+SHIP_DISTANCES = (1e-3, *torch.logspace(0, math.log10(MAX_SHIP_DISTANCE), 76).tolist())
 
-# How far the interpolation may fall short, as a share of what a step's reward ranges over.
-DOUBT = 1 / 150
+# Bound of the interpolation error, as a share of the range of a step's reward.
+MAX_ERROR_SHARE = 1 / 150
 
 
 class ValueBound:
-    """The best return to come, for the states of one case, whatever its target ships do.
+    """Upper bound of the return to come in one case, whatever its target ships do.
 
-    `value_bound(state)` takes float [N, 4], all at one step, and returns float [N]. No plan gains more than
-    that and `doubt`, the error of the grid, for any reward that is as smooth in distance and angle as the
-    paper's, and in the nearest ship's distance hardly changes within a fifth of it, but at the safe distance.
-    Within two goal distances of the goal the grid is too coarse to tell who just reaches it: there the bound
-    may be short by more.
+    `value_bound(state)` takes float [N, 4], all at the same step, and returns float [N]. No plan gains more
+    than this bound plus `max_error`. That holds for rewards that are as smooth as the paper's in the goal's
+    distance and angle. In the nearest ship's distance the reward may jump at the safe distance only, and must
+    hardly change between distances a fifth apart. Within two goal distances of the goal the grid is too
+    coarse to say which states reach it, and the bound may be too low by more than `max_error`.
+
+    Args:
+        step: the case's simulation step, on the CPU.
+
+    Attributes:
+        max_error: error of the grid, in raw reward.
+        table: returns to come by steps left and grid point, [max_steps + 1, rows * GRID_ANGLES].
+        rows: number of goal distances in the grid.
+        row_spacing: difference of two neighbouring goal distances in metres.
+        column_spacing: difference of two neighbouring angles in radians.
     """
 
     def __init__(self, step: Transition) -> None:
         self.step = step
         world, count = step.world, len(step.actions)
         reach = float(step.actions[:, 0].abs().max()) * world.dt
-        self.spacing = reach / GRID_STEPS_PER_ACTION
-        self.turn = 2 * math.pi / ANGLES
+        self.row_spacing = reach / GRID_STEPS_PER_ACTION
+        self.column_spacing = 2 * math.pi / GRID_ANGLES
         farthest = float(step.goal_distance(step.start)) + reach * world.max_steps
-        self.rows = math.ceil(farthest / self.spacing) + 2
-        # The goal at the origin and own ship west of it, heading off by each angle of the grid.
-        state = torch.zeros(self.rows, ANGLES, 4)
-        state[..., 0] = -(torch.arange(self.rows) * self.spacing)[:, None]
-        state[..., HEADING] = math.pi - torch.arange(ANGLES) * self.turn
+        self.rows = math.ceil(farthest / self.row_spacing) + 2
+        # The goal is at the origin, own ship west of it, with each of the grid's angles off the bow.
+        state = torch.zeros(self.rows, GRID_ANGLES, 4)
+        state[..., 0] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
+        state[..., HEADING] = math.pi - torch.arange(GRID_ANGLES) * self.column_spacing
         after = advance(
             state.reshape(-1, 1, 4).expand(-1, count, 4), torch.arange(count), step.actions, world.dt
         )
         distance = torch.linalg.vector_norm(after[..., :2], dim=-1)
         off_bow = angle_off_bow(after[..., :2], after[..., HEADING], torch.zeros(2))
-        goal = distance <= world.goal_distance + ROUNDING
-        reward, crash = self._best_rewards(distance, off_bow, goal)
-        self.doubt = DOUBT * float(reward.max() - reward.min())
-        corners, shares = self._corners(distance, off_bow)
-        self.table = torch.zeros(world.max_steps + 1, self.rows * ANGLES)
+        goal = distance <= world.goal_distance + POSITION_TOLERANCE
+        reward, collision = self._best_rewards(distance, off_bow, goal)
+        self.max_error = MAX_ERROR_SHARE * float(reward.max() - reward.min())
+        corners, weights = self._corners(distance, off_bow)
+        self.table = torch.zeros(world.max_steps + 1, self.rows * GRID_ANGLES)
         for left in range(world.max_steps):
-            following = (self.table[left][corners] * shares).sum(-1).masked_fill(goal, 0.0)
-            self.table[left + 1] = torch.maximum(reward + following, crash).amax(-1)
+            following = (self.table[left][corners] * weights).sum(-1).masked_fill(goal, 0.0)
+            self.table[left + 1] = torch.maximum(reward + following, collision).amax(-1)
 
     def _best_rewards(self, distance: Tensor, off_bow: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
-        """Find what a step pays at best and what a collision pays at best, all [..., A].
+        """Return the best reward of a step without and with a collision, [..., A] each.
 
-        Terms of one's own may pay for being near a ship, or make an early end better than to sail on.
+        Both are needed: an added reward term may pay for being near a ship, or make an early end the best.
+        Without target ships the reward of a collision is minus infinity.
+
+        Args:
+            distance: distances to the goal after the step in metres, [..., A].
+            off_bow: theta_2 after the step in radians, [..., A].
+            goal: whether the goal is reached, bool [..., A].
         """
         speed, turn = self.step.actions.unbind(-1)
         reached, zero = goal.to(distance.dtype), torch.zeros_like(distance)
 
-        def paid(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
+        def rewards(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
             ends, ships = (reached, collided), zero + nearest
             return step_reward(self.step.constants, distance, off_bow, *ends, ships, speed, turn)
 
-        reward, crash = paid(FAR, reached, zero), zero - math.inf
+        reward, collision = rewards(MAX_SHIP_DISTANCE, reached, zero), zero - math.inf
         safe = self.step.world.safe_distance
-        for nearest in (*NEAREST, safe, safe - ROUNDING) if len(self.step.ship_start) else ():
+        distances = (*SHIP_DISTANCES, safe, safe - POSITION_TOLERANCE)
+        for nearest in distances if len(self.step.ship_start) else ():
             if nearest < safe:
-                crash = torch.maximum(crash, paid(nearest, zero, zero + 1.0))
+                collision = torch.maximum(collision, rewards(nearest, zero, zero + 1.0))
             else:
-                reward = torch.maximum(reward, paid(nearest, reached, zero))
-        return reward, crash
+                reward = torch.maximum(reward, rewards(nearest, reached, zero))
+        return reward, collision
 
     def _corners(self, distance: Tensor, off_bow: Tensor) -> tuple[Tensor, Tensor]:
-        """Find the four grid points around each place and their shares in it, both [..., 4]."""
-        row = (distance / self.spacing).clamp(max=self.rows - 1.001)
-        column = (off_bow + math.pi) / self.turn
+        """Return the four grid points around each distance and angle, and their weights, [..., 4] each."""
+        row = (distance / self.row_spacing).clamp(max=self.rows - 1.001)
+        column = (off_bow + math.pi) / self.column_spacing
         low, left = row.floor(), column.floor()
         up, right = row - low, column - left
-        low, left = low.long() * ANGLES, left.long() % ANGLES
-        beside = (left + 1) % ANGLES
-        corners = torch.stack((low + left, low + beside, low + ANGLES + left, low + ANGLES + beside), -1)
-        shares = torch.stack(((1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right), -1)
-        return corners, shares
+        low, left = low.long() * GRID_ANGLES, left.long() % GRID_ANGLES
+        beside = (left + 1) % GRID_ANGLES
+        corners = torch.stack(
+            (low + left, low + beside, low + GRID_ANGLES + left, low + GRID_ANGLES + beside), -1
+        )
+        weights = torch.stack(((1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right), -1)
+        return corners, weights
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Compute the returns to come: states [N, 4] of one step to [N]."""
+        """Return the upper bounds [N] of states [N, 4], which must all be at the same step."""
         off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.step.goal)
-        corners, shares = self._corners(self.step.goal_distance(state), off_bow)
+        corners, weights = self._corners(self.step.goal_distance(state), off_bow)
         left = max(0, self.step.world.max_steps - int(state[0, STEP]))
-        return (self.table[left][corners] * shares).sum(-1)
+        return (self.table[left][corners] * weights).sum(-1)

@@ -49,4 +49,6 @@ def describe_rules(rules: dict[str, Any]) -> str:
         return "No plan was kept with these runs, so nothing shows that the rules are older than the runs."
     commit = "no commit" if rules["commit"] is None else f"commit {rules['commit']}"
     words = f"Rules: {PLAN_TEXT}, {commit}; the study was begun at {rules['begun']}."
-    return words if digest() == rules["digest"] else f"{words} They have been changed since."
+    if digest() == rules["digest"]:
+        return words
+    return f"{words} The text has changed since; that commit has it as it was when the study was begun."

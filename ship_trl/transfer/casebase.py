@@ -17,8 +17,9 @@ from typing import Any
 
 from filelock import FileLock
 
+from ship_trl.config.arm import Arm, Method
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Method, World
+from ship_trl.config.types import World
 from ship_trl.files.disk import links, read_json, sync, writing
 from ship_trl.files.result import RENAMED
 from ship_trl.sim.cases import Case
@@ -68,8 +69,7 @@ class Match:
 
     case: Case
     measured: dict[str, float]
-    method: Method
-    layers: int
+    arm: Arm
 
 
 class CaseBase:
@@ -187,7 +187,7 @@ def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") 
         Match(
             base,
             {name: measure.value(base, target, world) for name, measure in MEASURES.items()},
-            *recommend(base, target),
+            recommend(base, target),
         )
         for base in bases
     ]
@@ -195,7 +195,7 @@ def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") 
     return sorted(matches, key=lambda match: sign * match.measured[by])
 
 
-def recommend(base: Case, target: Case) -> tuple[Method, int]:
+def recommend(base: Case, target: Case) -> Arm:
     """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3).
 
     High similarity: freeze three layers, which beat four. Low similarity: finetune the first layer only,
@@ -203,5 +203,5 @@ def recommend(base: Case, target: Case) -> tuple[Method, int]:
     whether they hold.
     """
     if similarity(base, target) >= HIGH_SIMILARITY:
-        return Method.feature_extraction, 3
-    return Method.finetune, 1
+        return Arm(Method.feature_extraction, 3)
+    return Arm(Method.finetune, 1)

@@ -1,8 +1,7 @@
-"""Copying layers from a source network and freezing them (sections 3.5 and 4.1)."""
+"""Copy layers from a source network, and save and load weights (sections 3.5 and 4.1)."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -10,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from safetensors import SafetensorError, safe_open
 from torch import Generator, Tensor
 
-from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.arm import Arm
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import geometry, load_network
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import Network, plain
 from ship_trl.files.disk import replacing, write_tensors
 from ship_trl.learn.network import DuelingNetwork
@@ -24,23 +23,12 @@ from ship_trl.learn.network import DuelingNetwork
 Weights = Mapping[str, Tensor]
 
 
-@dataclasses.dataclass(frozen=True)
-class Transfer:
-    """Weights of a source network, how many of its layers to copy, and whether to freeze them."""
-
-    weights: Weights
-    layers: int | str
-    frozen: bool
-
-
-def apply(network: DuelingNetwork, transfer: Transfer) -> None:
-    """Copy the layers of a transfer into `network`, and freeze them if the transfer says so."""
-    whole = transfer.layers == "all"
-    names = () if whole else network.conv_names[: int(transfer.layers)]
+def copy_layers(network: DuelingNetwork, weights: Weights, arm: Arm) -> None:
+    """Copy the layers that the arm copies into `network`; freezing them is the agent's work."""
+    copied = network.conv_names[: arm.copied_layers(len(network.conv_names))]
     for key, parameter in network.named_parameters():
-        if whole or key.split(".")[0] in names:
-            parameter.data.copy_(transfer.weights[key])
-            parameter.requires_grad_(not transfer.frozen)
+        if arm.copies_all or key.split(".")[0] in copied:
+            parameter.data.copy_(weights[key])
 
 
 def permuted(weights: Weights, generator: Generator) -> Weights:
@@ -96,10 +84,7 @@ def saved_network(path: Path, key: str) -> Network:
         about = json.loads(header)
         if "network" not in about:
             return load_network()
-        if not isinstance(about["network"], dict) or "${" in header:
-            raise ConfigError("network: must hold conv and hidden")
-        values = OmegaConf.merge(OmegaConf.structured(Network), about["network"])
-        network: Any = OmegaConf.to_object(values)
+        network = read_as(Network, about["network"], key="network", from_json=True)
         # Check shapes before allocating: a small file must not claim a large network.
         maps = shapes.get("conv1.weight", [0, 0])[1]
         for n, layer in enumerate(geometry(network), 1):
@@ -108,11 +93,9 @@ def saved_network(path: Path, key: str) -> Network:
             maps = layer.filters
         if shapes.get("shared.weight") != [network.hidden, maps]:
             raise ConfigError("shared.weight is of another shape")
-    except (ValueError, TypeError, RecursionError, OmegaConfBaseException, ConfigError) as error:
-        reason = explain(error) if isinstance(error, OmegaConfBaseException) else error
-        raise ConfigError(f"{key}: {path} is of no network that can be made ({reason})") from None
-    found: Network = network
-    return found
+    except (ValueError, TypeError, RecursionError, ConfigError) as error:
+        raise ConfigError(f"{key}: {path} is of no network that can be made ({error})") from None
+    return network
 
 
 def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:

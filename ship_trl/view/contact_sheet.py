@@ -1,30 +1,30 @@
-"""All cases in one picture: as people see them, and beside it what the network sees."""
+"""All cases in one picture: as people see them, and beside that what the network sees."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
+import pygame
 import torch
-from PIL import Image, ImageDraw
-from torch import Tensor
+from PIL import Image
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import replacing
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import advance
 from ship_trl.sim.render import Rasteriser
-from ship_trl.view.draw import draw_scene, to_array
-from ship_trl.view.legend import draw_legend
-from ship_trl.view.lettering import FAINT, INK, PAPER, RULE, fit, font
+from ship_trl.sim.transition import Transition
+from ship_trl.view import pen
+from ship_trl.view.painter import draw_legend, draw_scene
+from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
+from ship_trl.view.telemetry import straight_action
+from ship_trl.view.words import counted
 
 # Steps of keeping course until the later moment: by then the ships of the paper's cases are near.
 LATER = 12
 PICTURE = 3 * scene.SIZE
-GAP, MARGIN, LABEL, HEAD = 12, 20, 176, 50
+GAP, MARGIN, LABEL, HEAD, LEGEND = 12, 20, 176, 50, 36
 WIDTH = 2 * MARGIN + LABEL + 4 * PICTURE + 3 * GAP
 
 
@@ -34,65 +34,42 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     Left to right: name and ideal path; the start and `LATER` steps of keeping course further, as
     people see them; that later moment as the network sees it, in grey and in colour.
 
-    Args:
-        path: where it goes; written beside and renamed.
-        cases: one or more.
-        world: physics and the course-keeping action.
-
     Raises:
         OSError: the file cannot be written.
     """
-    below = draw_legend(WIDTH - MARGIN, PICTURE, world)
-    height = HEAD + len(cases) * (PICTURE + GAP) - GAP + MARGIN + below.height
-    sheet = Image.new("RGB", (WIDTH, height), PAPER)
-    pen = ImageDraw.Draw(sheet)
+    bottom = HEAD + len(cases) * (PICTURE + GAP)
+    sheet = pen.new_surface(WIDTH, bottom + LEGEND)
+    sheet.fill(BACKGROUND)
     time = f"after {LATER * world.dt:g} s on this course"
     pixels = f"{scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}"
     heads = ("at the start", time, f"the same, network's view, {pixels}", "the same in colour")
-    for k, head in enumerate(heads):
-        pen.text((_left(k), HEAD - 12), head, FAINT, font(13), anchor="ls")
+    lefts = [MARGIN + LABEL + column * (PICTURE + GAP) for column in range(len(heads))]
+    for left, head in zip(lefts, heads, strict=True):
+        pen.write(sheet, head, (left, HEAD - 17), FAINT, 13)
     for row, case in enumerate(cases):
         top = HEAD + row * (PICTURE + GAP)
-        _label(pen, case, top)
-        start = torch.tensor([*case.start, math.radians(case.heading), 0.0])
-        later = keep_course(start, world, LATER)
-        grey, colour = (Rasteriser(case, world, colour=c)(later).numpy() for c in (False, True))
-        for k, picture in enumerate(
-            (
-                Image.fromarray(to_array(draw_scene(case, world, start, PICTURE))),
-                Image.fromarray(to_array(draw_scene(case, world, later, PICTURE))),
-                Image.fromarray(grey[0]).convert("RGB"),
-                Image.fromarray(np.moveaxis(colour, 0, -1)),
-            )
-        ):
-            whole = picture.resize((PICTURE, PICTURE), Image.Resampling.NEAREST)
-            sheet.paste(whole, (_left(k), top))
-    sheet.paste(below, (MARGIN, height - MARGIN // 2 - below.height))
+        _write_label(sheet, case, top)
+        motion = Transition(case, world, torch.device("cpu"))
+        straight = torch.tensor([straight_action(world)])
+        later = motion.start[None]
+        for _ in range(LATER):
+            later = motion(later, straight).state
+        pictures = [draw_scene(case, world, state, PICTURE) for state in (motion.start, later[0])]
+        for colour in (False, True):
+            seen = Rasteriser(case, world, colour=colour)(later[0]).numpy()
+            pictures.append(pen.from_array(seen, PICTURE))
+        for left, picture in zip(lefts, pictures, strict=True):
+            sheet.blit(picture, (left, top))
+    room = pygame.Rect(MARGIN, bottom, WIDTH - 2 * MARGIN, LEGEND)
+    draw_legend(sheet, room, world, 13, scale=PICTURE / (2 * scene.WINDOW))
     with replacing(path) as draft:
-        sheet.save(draft, optimize=True)
+        Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)
 
 
-def keep_course(state: Tensor, world: World, steps: int) -> Tensor:
-    """Where the fastest action of the least turn leads: float [4] to [4]."""
-    actions = torch.tensor(world.actions)
-    order = [(abs(turn), -speed) for speed, turn in world.actions]
-    straight = torch.tensor(order.index(min(order)))
-    for _ in range(steps):
-        state = advance(state, straight, actions, world.dt)
-    return state
-
-
-def _left(column: int) -> int:
-    return MARGIN + LABEL + column * (PICTURE + GAP)
-
-
-def _label(pen: ImageDraw.ImageDraw, case: Case, top: int) -> None:
+def _write_label(sheet: pygame.Surface, case: Case, top: int) -> None:
     width = LABEL - GAP
-    pen.line((MARGIN, top, MARGIN + width - GAP, top), RULE)
-    name, letters = fit(f"case {case.name}", width, 20, bold=True)
-    pen.text((MARGIN, top + 32), name, INK, letters, anchor="ls")
-    count = len(case.target_ships)
-    ships = "no target ships" if count == 0 else "1 target ship" if count == 1 else f"{count} target ships"
-    for line, what, colour in ((0, "ideal path", FAINT), (1, case.ideal_path, INK), (3, ships, FAINT)):
-        text, letters = fit(what, width, 13)
-        pen.text((MARGIN, top + 60 + 19 * line), text, colour, letters, anchor="ls")
+    pen.line(sheet, RULE, (MARGIN, top), (MARGIN + width - GAP, top))
+    pen.write(sheet, pen.cut(f"case {case.name}", width, 20, True), (MARGIN, top + 25), TEXT, 20, True)
+    ships = counted(len(case.target_ships), "target ship")
+    for down, text, colour in ((55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT)):
+        pen.write(sheet, pen.cut(text, width, 13), (MARGIN, top + down), colour, 13)

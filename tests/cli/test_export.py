@@ -125,4 +125,4 @@ def test_a_missing_extra_is_named(
     monkeypatch.setitem(sys.modules, "onnxscript", None)
     with pytest.raises(SystemExit):
         main(["policy.safetensors", "q.onnx", "target=4"])
-    assert capsys.readouterr().err == "ship_trl: onnxscript is not installed; ship_trl[onnx] brings it\n"
+    assert capsys.readouterr().err == "ship_trl: onnxscript is not installed; run: pip install -e '.[onnx]'\n"

@@ -1,5 +1,6 @@
 """`python -m ship_trl record`: films and charts without a screen."""
 
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,8 @@ from PIL import Image
 from ship_trl.cli.record import best_of_folders, main
 from ship_trl.config.errors import ConfigError
 from tests.cli.test_watch import refused
-from tests.command import ship_trl
-from tests.viewer.shown import entry
+from tests.command import environment, ship_trl
+from tests.view.episodes import entry
 
 
 def picture(path: str | Path) -> NDArray[np.uint8]:
@@ -78,8 +79,11 @@ def test_of_a_result_its_best_network_is_shown() -> None:
     [
         ("random target=2", "--output: none given"),
         ("random target=2 --output no/film.gif", "--output: no folder"),
-        ("random target=2 --output film.avi", "--output: must end with .gif or .mp4, or be a folder"),
-        ("random target=2 --output there", "--output: there is there already"),
+        (
+            "random target=2 --output film.avi",
+            "--output: must be a name that ends with .gif or .mp4, or a new",
+        ),
+        ("random target=2 --output there", "--output: there exists; must be"),
         ("random target=2 --trajectories no/chart.png", "--trajectories: no folder"),
         ("random target=2 --trajectories chart.pdf", "--trajectories: must be a name that ends with .png"),
         ("random target=1,2 --trajectories chart.png", "--trajectories: one case, got 1, 2"),
@@ -87,7 +91,7 @@ def test_of_a_result_its_best_network_is_shown() -> None:
         ("random target=2 --output film.gif --fps 0", "--fps: must be from 1 to 60"),
         ("random target=2 --output film.gif --speed 0", "--speed: must be from 0.1"),
         ("random target=2 --output film.gif --size 1x1", "--size: must be WIDTHxHEIGHT"),
-        ("random target=2 --output film.gif --seed -1", "--seed: must be from 0"),
+        ("random target=2 --output film.gif --seed -1", "--seed: must be at least 0, got -1"),
         ("random target=2 --output film.gif --compare", "--compare: needs two policies"),
         ("random --output film.gif", "target: none given for random"),
     ],
@@ -99,15 +103,33 @@ def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixt
     assert [path.name for path in Path().iterdir()] == ["there"]
 
 
-def test_an_mp4_needs_an_extra_and_even_numbers(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_an_mp4_without_ffmpeg_is_refused_before_torch_is_imported() -> None:
+    words = ["random", "target=2", "--output", "film.mp4"]
+    program = (
+        "import atexit, sys; sys.modules['imageio_ffmpeg'] = None\n"
+        "atexit.register(lambda: print({'torch', 'pygame'} & set(sys.modules)))\n"
+        f"from ship_trl.cli.record import main; main({words})"
+    )
+    line = [sys.executable, "-c", program]
+    done = subprocess.run(line, capture_output=True, text=True, env=environment(), check=False)
+    assert done.returncode == 1 and done.stdout == "set()\n"
+    assert done.stderr.startswith("ship_trl: --output: an MP4 needs imageio-ffmpeg")
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no ffmpeg exe"), None])
+def test_an_mp4_needs_a_working_ffmpeg_and_even_numbers(
+    error: RuntimeError | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    line = ["random", "target=2", "--output", "film.mp4", "--size", "641x360"]
-    with monkeypatch.context() as without:
-        without.setitem(sys.modules, "imageio_ffmpeg", None)
-        assert "--output: an MP4 needs imageio-ffmpeg" in refused(capsys, main, *line)
-    pytest.importorskip("imageio_ffmpeg")
-    assert "--size: an MP4 needs even numbers" in refused(capsys, main, *line)
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+
+    def find() -> str:
+        if error is not None:
+            raise error
+        return "ffmpeg"
+
+    monkeypatch.setattr(ffmpeg, "get_ffmpeg_exe", find)
+    said = refused(capsys, main, "random", "target=2", "--output", "film.mp4", "--size", "641x360")
+    assert ("an MP4 needs even numbers" if error is None else "an MP4 needs imageio-ffmpeg") in said
 
 
 def test_the_command(tmp_path: Path) -> None:

@@ -148,7 +148,7 @@ def test_a_picture_is_a_png(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     with pytest.raises(SystemExit) as ended:
         main([str(tmp_path), "--picture", str(tmp_path / "curves.xyz")])
     assert ended.value.code == 1 and not (tmp_path / "curves.xyz").exists()
-    assert capsys.readouterr().err.startswith("ship_trl: argument --picture: must be a name")
+    assert capsys.readouterr().err.startswith("ship_trl: --picture: must be a name that ends with .png")
 
 
 def test_two_folders_are_tested_against_each_other(
@@ -172,9 +172,13 @@ def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("option", ["--picture", "--csv"])
+@pytest.mark.parametrize(("option", "name"), [("--picture", "file.png"), ("--csv", "file.csv")])
 def test_a_file_that_cannot_be_written_is_one_line(
-    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    option: str,
+    name: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def full(path: Path, *_: object) -> None:
         raise OSError(28, "No space left on device", str(path))
@@ -183,6 +187,6 @@ def test_a_file_that_cannot_be_written_is_one_line(
     monkeypatch.setattr("ship_trl.cli.results.write_numbers", full)
     write(tmp_path, 0, 30.0)
     with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path), option, "file.png"])
+        main([str(tmp_path), option, name])
     assert ended.value.code == 1
-    assert capsys.readouterr().err == "ship_trl: file.png: No space left on device\n"
+    assert capsys.readouterr().err == f"ship_trl: {name}: No space left on device\n"

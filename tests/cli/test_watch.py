@@ -1,14 +1,11 @@
 """`python -m ship_trl watch`: its words, and what it says where there is no screen."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from ship_trl.cli.watch import main
-from tests.command import environment
 
 
 def refused(capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], None], *words: str) -> str:
@@ -20,17 +17,29 @@ def refused(capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], N
     return told
 
 
-def test_without_a_screen_record_is_offered(tmp_path: Path) -> None:
-    there = environment()
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        (["keep_course", "random", "--compare", "target=2"], "keep_course random target=2 --compare"),
+        (["my policy.py:act", "target=2"], "'my policy.py:act' target=2"),
+        ([], "pretrained target=4"),
+    ],
+)
+def test_without_a_screen_record_is_offered(
+    words: list[str],
+    offered: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    act = "def act(env, seed):\n    return lambda step: step.set('action', env.action_spec.zero())\n"
+    (tmp_path / "my policy.py").write_text(act)
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
-        there.pop(name, None)
-    line = [sys.executable, "-m", "ship_trl", "watch", "keep_course", "random", "--compare", "target=2"]
-    done = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path, env=there)
-    assert done.returncode == 1 and done.stdout == ""
-    (said,) = done.stderr.splitlines()
+        monkeypatch.delenv(name, raising=False)
+    said = refused(capsys, main, *words)
     assert said.startswith("ship_trl: no screen")
-    assert "python -m ship_trl record keep_course random target=2 --compare --output" in said
-    assert not list(tmp_path.iterdir())
+    assert f"python -m ship_trl record {offered} --output film.gif" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["my policy.py"]
 
 
 @pytest.mark.parametrize(
@@ -42,7 +51,7 @@ def test_without_a_screen_record_is_offered(tmp_path: Path) -> None:
         ("random --compare target=2", "--compare: needs two policies, got random alone"),
         ("random target=2 --size 5x5", "--size: must be WIDTHxHEIGHT"),
         ("random target=2 --size large", "--size: must be WIDTHxHEIGHT"),
-        ("random target=2 --seed -1", "--seed: must be from 0"),
+        ("random target=2 --seed -1", "--seed: must be at least 0, got -1"),
         ("random target=2 --fast", "unrecognized arguments: --fast"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
     ],

@@ -6,7 +6,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import cut_by_words, geometry, linear_from, load_network, others
+from ship_trl.config.network import (
+    geometry,
+    linear_from,
+    load_network,
+    non_default_network,
+    supports_incremental,
+)
 from ship_trl.config.types import PICTURE, Network
 
 
@@ -43,16 +49,16 @@ def test_sides_are_those_of_torch(layers: list[tuple[int, int, int]], last: int)
 def test_shipped_networks(name: str, sides: list[int]) -> None:
     layers = geometry(load_network(name))
     assert [layer.side for layer in layers] == sides
-    assert linear_from(layers) == len(layers) - 1 and cut_by_words(layers)
+    assert linear_from(layers) == len(layers) - 1 and supports_incremental(layers)
 
 
 def test_the_papers_network_is_that_of_section_3_5() -> None:
     network = load_network()
     assert network == Network([[32, 8, 4], [64, 4, 2], [64, 3, 1], [200, 7, 1]], 200)
     # What was written down before there were others says nothing of it.
-    assert others(network) is None
+    assert non_default_network(network) is None
     five = load_network("five")
-    assert others(five) == {"conv": five.conv, "hidden": five.hidden}
+    assert non_default_network(five) == {"conv": five.conv, "hidden": five.hidden}
 
 
 @pytest.mark.parametrize(
@@ -67,7 +73,7 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
     ],
 )
 def test_what_is_cut_by_words(conv: list[list[int]], cut: bool) -> None:
-    assert cut_by_words(geometry(Network(conv, 1))) == cut
+    assert supports_incremental(geometry(Network(conv, 1))) == cut
 
 
 def test_a_wrong_network_is_refused_by_name() -> None:

@@ -143,7 +143,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         ("nobody target=2", "policy: no nobody; allowed: random"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
         ("RUN target=2 --episodes 10", "--episodes: must be from 60 to 600, got 10"),
-        ("RUN target=2 --seed -1", "--seed: must be from 0 to 2^63 - 1, got -1"),
+        ("RUN target=2 --seed -1", "--seed: must be at least 0, got -1"),
         ("RUN RUN target=2", "is given twice"),
         (
             "RUN SOURCE",

@@ -45,19 +45,21 @@ def test_an_older_result_is_read_and_named_as_older() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"pair": None}, "holds no text in pair"),
-        ({"seed": "0"}, "holds no whole number in seed"),
-        ({"seed": True}, "holds no whole number in seed"),
-        ({"best_known_return": "80"}, "holds no number in best_known_return"),
-        ({"best_known_return": float("inf")}, "holds no number in best_known_return"),
-        ({"seconds": 10**400}, "holds no number in seconds"),
-        ({"draws": [1.0, "2"]}, "holds no list of numbers in draws"),
-        ({"best": 3}, "has no best"),
-        ({"best": {"return": 1.0}}, "has no best.outcome"),
-        ({"best": {"outcome": "goal"}}, "has no best.return"),
+        ({"pair": None}, "pair: must be plain text, got null"),
+        ({"seed": "0"}, "seed: must be a whole number, got '0'"),
+        ({"seed": True}, "seed: must be a whole number, got true"),
+        ({"best_known_return": "80"}, "best_known_return: must be a finite number, got '80'"),
+        ({"best_known_return": float("inf")}, "best_known_return: must be a finite number, got inf"),
+        ({"seconds": 10**400}, "seconds: must be at most 9223372036854775807 in size"),
+        ({"draws": [1.0, "2"]}, r"draws\[1\]: must be a finite number, got '2'"),
+        ({"best": 3}, "best: must be a group of return, outcome,"),
+        ({"best": {"return": 1.0}}, "best.outcome: missing"),
+        ({"best": {"outcome": "goal"}}, "best.return: missing"),
         ({"schema_version": SCHEMA_VERSION + 1}, f"has schema_version {SCHEMA_VERSION + 1}; up to"),
-        ({"schema_version": "2"}, "holds no whole number in schema_version"),
-        ({"seed": 2**63}, "holds no whole number in seed"),
+        ({"schema_version": "2"}, "schema_version: must be a whole number, got '2'"),
+        ({"seed": 2**63}, "seed: must be at most 9223372036854775807 in size"),
+        ({"schema_version": 0}, "schema_version: must be from 1 to 3, got 0"),
+        ({"pair": "a\x1b[31m"}, "pair: must be plain text"),
     ],
 )
 def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:
@@ -71,7 +73,7 @@ def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:
         ("", "cannot be read"),
         ("[" * 100_000, "cannot be read"),
         ("[1]", "not a result"),
-        ("{}", "has no pair"),
+        ("{}", "pair: missing"),
     ],
 )
 def test_what_is_no_result_is_refused(tmp_path: Path, text: str, said: str) -> None:

@@ -19,7 +19,7 @@ from ship_trl.config.types import World, plain
 from ship_trl.explain.networks import read_config
 from ship_trl.files.curve import CurveError, read_curve
 from ship_trl.files.result import ResultError, read_result
-from ship_trl.files.untrusted import LARGEST_YAML, Bounded, read_yaml
+from ship_trl.files.untrusted import MAX_YAML_BYTES, Bounded, read_yaml
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import read_demonstration
 from ship_trl.run.checkpoint import CheckpointError
@@ -161,7 +161,7 @@ ALIASES = "a: &a [1, 1]\n" + "".join(
         ("x: &x {y: 1}\nz: {<<: *x}\n", "line 2: no alias"),
         ("[" * 5000 + "]" * 5000, "nested too deeply"),
         ("a: " + "9" * 5000 + "\n", "integer string conversion"),
-        ("a: 1\n" + "#" * LARGEST_YAML, "larger than"),
+        ("a: 1\n" + "#" * MAX_YAML_BYTES, "larger than"),
         ("? [a]\n: 1\n", ""),
     ],
     ids=[
@@ -221,7 +221,7 @@ def test_no_word_of_a_file_steers_the_terminal(
     word: str, tmp_path: Path, world: World, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "result.json").write_text(json.dumps(a_result().to_json() | {"pair": word}))
-    with pytest.raises(ResultError, match="holds no text in pair"):
+    with pytest.raises(ResultError, match="pair: must be plain text"):
         read_result(tmp_path)
     # A schema version is quoted.
     (tmp_path / "result.json").write_text(json.dumps({"pair": "", "schema_version": word}))

@@ -8,18 +8,16 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import BackendName, Learn, Loss, Network, Precision
-from ship_trl.learn.agent import Agent, frozen_layers
+from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
 from tests.learn import networks
 from tests.learn.worlds import draw, schedule
 
 
-def agent(seed: int = 0, frozen: tuple[str, ...] = (), **changes: object) -> Agent:
+def agent(seed: int = 0, frozen: int = 0, **changes: object) -> Agent:
     network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
-    for name, parameter in network.named_parameters():
-        parameter.requires_grad_(name.split(".")[0] not in frozen)
-    return Agent(network, draw, 7, schedule(**changes), Generator().manual_seed(seed))
+    return Agent(network, draw, 7, schedule(**changes), Generator().manual_seed(seed), frozen)
 
 
 def first(layers: int) -> tuple[str, ...]:
@@ -73,9 +71,8 @@ def encoded(learner: Agent, data: TensorDict) -> TensorDict:
 def on_states(seed: int, frozen: int) -> Agent:
     """An agent that keeps states however many layers are frozen."""
     network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
-    network.freeze(frozen)
     network.linear_from = 5
-    return Agent(network, draw, 7, schedule(), Generator().manual_seed(seed))
+    return Agent(network, draw, 7, schedule(), Generator().manual_seed(seed), frozen)
 
 
 def by_hand(online: DuelingNetwork, target: DuelingNetwork, data: TensorDict, learn: Learn) -> Tensor:
@@ -111,7 +108,7 @@ def test_updates_reach_the_network_that_acts() -> None:
 
 
 def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
-    learner = agent(frozen=("conv1", "conv2"))
+    learner = agent(frozen=2)
     before = {name: p.clone() for name, p in learner.network.named_parameters()}
     for _ in range(5):
         learner.update(drawn(batch()))
@@ -127,17 +124,10 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
         assert torch.equal(slow[name], before[name])
 
 
-@pytest.mark.parametrize("frozen", [("conv2",), ("conv1", "conv3"), ("shared",), ("conv1", "value")])
-def test_only_the_first_conv_layers_can_be_frozen(frozen: tuple[str, ...]) -> None:
-    with pytest.raises(ValueError, match="only whole conv layers can be frozen"):
+@pytest.mark.parametrize("frozen", [-1, 5])
+def test_no_more_layers_are_frozen_than_there_are(frozen: int) -> None:
+    with pytest.raises(ValueError, match="4 conv layers can be frozen at most"):
         agent(frozen=frozen)
-
-
-def test_a_part_of_a_layer_cannot_be_frozen() -> None:
-    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    network.conv1.bias.requires_grad_(False)  # type: ignore[union-attr]
-    with pytest.raises(ValueError, match="only whole conv layers can be frozen"):
-        Agent(network, draw, 7, schedule(), Generator().manual_seed(0))
 
 
 @pytest.mark.parametrize("frozen", [0, 2, 3, 4])
@@ -146,12 +136,11 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     with torch.no_grad():
         for name, parameter in network.named_parameters():
-            parameter.requires_grad_(not name.startswith(first(frozen)))
             if name.endswith("bias"):
                 parameter.uniform_(-0.3, 0.3, generator=Generator().manual_seed(1))
     grey = lambda state: draw(state) // 2 + 100  # noqa: E731
     grey.background = draw.background // 2 + 100  # type: ignore[attr-defined]
-    learner = Agent(network, grey, 7, schedule(lr=0.01), Generator().manual_seed(2))  # type: ignore[arg-type]
+    learner = Agent(network, grey, 7, schedule(lr=0.01), Generator().manual_seed(2), frozen)  # type: ignore[arg-type]
     state = torch.rand(200, 2) * 8 - 4
     data, chosen = batch(), []
     data = encoded(learner, data)
@@ -212,7 +201,7 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
 @pytest.mark.parametrize("frozen", [3, 4])
 @pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
 def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, precision: Precision) -> None:
-    learner = agent(frozen=first(frozen), precision=precision)
+    learner = agent(frozen=frozen, precision=precision)
     assert learner.observation == "features" and learner.frozen == frozen
     state = torch.rand(9, 2) * 8 - 4
     kept = learner.encode(state)
@@ -227,7 +216,7 @@ def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, pre
 
 
 def test_features_beyond_half_precision_are_kept_as_its_largest_number() -> None:
-    learner = agent(frozen=first(3))
+    learner = agent(frozen=3)
     with torch.no_grad():
         learner.network.convs[2].weight.mul_(1e6)
     data = encoded(learner, batch())
@@ -238,7 +227,7 @@ def test_features_beyond_half_precision_are_kept_as_its_largest_number() -> None
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("frozen", [3, 4])
 def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int, seed: int) -> None:
-    kept, dense = agent(seed, first(frozen)), on_states(seed, frozen)
+    kept, dense = agent(seed, frozen), on_states(seed, frozen)
     assert (kept.observation, dense.observation) == ("features", "state")
     found = []
     for learner in (kept, dense):
@@ -257,7 +246,7 @@ def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int
 
 
 def test_learning_from_kept_features_is_learning_from_states() -> None:
-    kept, dense = agent(frozen=first(3)), on_states(0, 3)
+    kept, dense = agent(frozen=3), on_states(0, 3)
     for _ in range(3):
         mine, other = (learner.update(encoded(learner, batch())) for learner in (kept, dense))
         torch.testing.assert_close(mine, other, rtol=2e-3, atol=1e-6)
@@ -283,8 +272,8 @@ def test_both_backends_learn_the_same() -> None:
 def test_a_network_of_other_layers_learns_the_same_by_both_backends(name: str, frozen: int) -> None:
     found = []
     for backend in (BackendName.incremental, BackendName.dense):
-        network, learn = networks.network(name, frozen=frozen), schedule(backend=backend)
-        learner = Agent(network, draw, 7, learn, Generator().manual_seed(0))
+        network, learn = networks.network(name), schedule(backend=backend)
+        learner = Agent(network, draw, 7, learn, Generator().manual_seed(0), frozen)
         keeps = backend is BackendName.incremental and frozen >= {"five": 4, "wide": 2}[name]
         assert learner.observation == ("features" if keeps else "state")
         before = {name: p.clone() for name, p in network.named_parameters()}
@@ -298,5 +287,5 @@ def test_a_network_of_other_layers_learns_the_same_by_both_backends(name: str, f
 def test_ten_layers_are_not_the_first_one() -> None:
     layers = Network([[4, 8, 4], *([2, 1, 1] for _ in range(9)), [8, 20, 1]], 8)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0), layers)
-    network.freeze(1)
-    assert frozen_layers(network) == 1
+    Agent(network, draw, 7, schedule(), Generator().manual_seed(0), frozen=1)
+    assert [conv.weight.requires_grad for conv in network.convs] == [False] + 10 * [True]

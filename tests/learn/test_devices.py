@@ -69,8 +69,7 @@ def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch:
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved
         network = DuelingNetwork(1, 7, generators[0])
-    network.freeze(frozen)
-    agent = Agent(network, draw, 7, learn, generators[1])
+    agent = Agent(network, draw, 7, learn, generators[1], frozen)
     replay = agent.replay(learn, generators[2], CPU)
     before = network.shared.weight.clone()
     events = list(train(env, judge, agent, replay, learn))

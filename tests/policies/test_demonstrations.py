@@ -57,30 +57,39 @@ def test_those_of_other_cases_are_passed_over(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"actions": [7]}, "is no whole demonstration"),
-        ({"actions": [True]}, "is no whole demonstration"),
-        ({"actions": []}, "is no whole demonstration"),
-        ({"actions": 3}, "is no whole demonstration"),
-        ({"episode_return": float("nan")}, "is no whole demonstration"),
-        ({"episode_return": "much"}, "is no whole demonstration"),
-        ({"episode_return": 10**400}, "is no whole demonstration"),
-        ({"by": None}, "is no whole demonstration"),
-        ({"further": 1}, "is no whole demonstration"),
-        ({"schema_version": 2}, "is of another schema_version than 1"),
-        ({"world": "x"}, "was sailed in another world"),
+        ({"actions": [7]}, ": actions: each must be from 0 to 6, got 7"),
+        ({"actions": [-1]}, r": actions\[0\]: must be at least 0, got -1"),
+        ({"actions": [True]}, r": actions\[0\]: must be a whole number, got true"),
+        ({"actions": []}, r": actions: must be at least one action, got \[\]"),
+        ({"actions": 3}, ": actions: must be a list"),
+        ({"episode_return": float("nan")}, ": episode_return: must be a finite number, got nan"),
+        ({"episode_return": "much"}, ": episode_return: must be a finite number, got 'much'"),
+        ({"episode_return": 10**400}, ": episode_return: must be at most"),
+        ({"by": None}, ": by: must be plain text, got null"),
+        ({"schema_version": 2}, ": schema_version: must be 1, got 2"),
+        ({"world": "x"}, " was sailed in another world"),
     ],
 )
 def test_a_file_that_is_not_right_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
     path = kept(tmp_path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json {told}"):
+    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json{told}"):
         read_demonstrations(tmp_path, CASE, WORLD)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", "\0", "3"])
-def test_a_file_cut_short_is_refused(tmp_path: Path, text: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "cannot be read as JSON"),
+        ("\0", "cannot be read as JSON"),
+        ("[]", "must be a group of case,"),
+        ("3", "must be a group of case,"),
+        ("{}", "case: missing"),
+    ],
+)
+def test_a_file_cut_short_is_refused(tmp_path: Path, text: str, told: str) -> None:
     kept(tmp_path).write_text(text)
-    with pytest.raises(ConfigError, match="is no whole demonstration"):
+    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json: {told}"):
         read_demonstrations(tmp_path, CASE, WORLD)
 
 

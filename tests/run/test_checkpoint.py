@@ -134,14 +134,14 @@ def test_a_damaged_one_is_named_and_the_one_before_it_read(
 def test_whose_they_are_is_known_when_none_can_be_read(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30, 60)
     checkpoints.begin_run("mine")
-    assert checkpoints.of_another("yours") and not checkpoints.of_another("mine")
+    assert checkpoints.has_other_owner("yours") and not checkpoints.has_other_owner("mine")
     for path in checkpoints.folder.glob("*.safetensors"):
         cut(path)
-    assert checkpoints.of_another("yours") and not checkpoints.of_another("mine")
+    assert checkpoints.has_other_owner("yours") and not checkpoints.has_other_owner("mine")
     for path in checkpoints.folder.glob("*.safetensors"):
         path.unlink()
     # Nothing is lost with none.
-    assert not checkpoints.of_another("yours")
+    assert not checkpoints.has_other_owner("yours")
 
 
 def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:

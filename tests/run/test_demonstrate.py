@@ -10,7 +10,7 @@ from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
 from ship_trl.learn.replay import StateReplay
 from ship_trl.policies.demonstrations import write_demonstration
-from ship_trl.run.demonstrate import show_demonstrations
+from ship_trl.run.demonstrate import preload_replay
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -28,7 +28,7 @@ def test_every_step_is_in_the_replay_once(tmp_path: Path) -> None:
         run = make_run(to_config(compose("config", words)))
     replay = StateReplay(1000, 0.1, Generator().manual_seed(0), torch.device("cpu"))
     # Of three ships that sail the same, one is kept.
-    show_demonstrations(run, ShipEnv(case, world, 3), replay)
+    preload_replay(run, ShipEnv(case, world, 3), replay)
     assert len(replay) == 2 * len(plan.actions)
     rows = replay[:]
     assert rows["action"].tolist() == 2 * plan.actions

@@ -10,8 +10,9 @@ import pytest
 from ship_trl.files.result import Result, write_result
 from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment
-from ship_trl.run.folder import TakenError
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.folder import TakenError, find_result
+from ship_trl.run.plan import make_run
+from ship_trl.run.run import Run
 from tests.a_result import a_result
 from tests.config.test_config import composed
 
@@ -35,15 +36,15 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 def test_a_source_that_is_a_run_of_its_own_is_waited_for(tmp_path: Path, trained: list[Path]) -> None:
     run = make_run(composed("+pair=high", "layers=3", "profile=smoke", f"output={tmp_path}"))
     assert run.source is not None
-    asking = threading.Thread(target=find_source, args=(run, "1 of 1"))
+    asking = threading.Thread(target=find_source, args=(run.source, run.title, "1 of 1"))
     with run.source.lock():  # as `target=1 method=scratch` holds it while it trains
         asking.start()
         asking.join(0.5)
         assert asking.is_alive() and trained == []
     asking.join(10)
     assert trained == [run.source.folder]
-    entry = find_source(run, "1 of 1")
-    assert entry is not None and entry.policy.is_file() and len(trained) == 1
+    entry = find_source(run.source, run.title, "1 of 1")
+    assert entry.policy.is_file() and len(trained) == 1
 
 
 def test_a_run_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, trained: list[Path]) -> None:
@@ -54,7 +55,7 @@ def test_a_run_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, train
     write_result(one.folder, dataclasses.replace(a_result(), config_hash=one.config_hash))
     with pytest.raises(TakenError, match="a finished run of other settings"):
         run_experiment(other)
-    assert trained == [] and one.result() is not None
+    assert trained == [] and find_result(one) is not None
 
 
 def test_a_source_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, trained: list[Path]) -> None:
@@ -63,5 +64,5 @@ def test_a_source_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, tr
     run.source.folder.mkdir(parents=True)
     write_result(run.source.folder, dataclasses.replace(a_result(), config_hash="another"))
     with pytest.raises(TakenError):
-        find_source(run, "")
+        find_source(run.source, run.title, "")
     assert trained == []

@@ -17,14 +17,14 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.render import Rasteriser
 from ship_trl.transfer.casebase import CaseBase
 from ship_trl.transfer.layers import save_weights
-from ship_trl.view.curve import draw_curve
+from ship_trl.view.curves import draw_curve
 from ship_trl.view.film import write_gif
 from tests.a_result import a_result
 from tests.command import ship_trl
 from tests.config.test_config import composed
 from tests.learn.networks import network
 from tests.run.test_tracking import FINISHED
-from tests.view.sailing import sail
+from tests.view.episodes import run_actions
 
 
 @contextmanager
@@ -54,7 +54,8 @@ def picture(folder: Path) -> None:
 def film(folder: Path) -> None:
     world = load_world()
     case = load_case("1", world)
-    write_gif(folder / "episode.gif", case, world, sail(case, world, [3, 3, 3]), Rasteriser(case, world))
+    episode = run_actions(case, world, [3, 3, 3])
+    write_gif(folder / "episode.gif", case, world, episode, Rasteriser(case, world))
 
 
 def retain(folder: Path) -> None:

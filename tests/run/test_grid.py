@@ -7,6 +7,8 @@ import pytest
 
 from tests.command import files, ship_trl
 
+# In one process, which need not import torch anew.
+BASIC = "hydra/launcher=basic"
 SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
 
 
@@ -53,11 +55,11 @@ def test_without_a_cluster_its_launcher_is_refused(tmp_path: Path) -> None:
 
 
 def test_settings_of_a_grid_may_name_its_folders(tmp_path: Path) -> None:
-    ship_trl(*SCRATCH, "learn.tau=0.1,0.2", "output=runs/${learn.tau}", folder=tmp_path)
+    ship_trl(*SCRATCH, BASIC, "learn.tau=0.1,0.2", "output=runs/${learn.tau}", folder=tmp_path)
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("result.json")}
     assert found == {f"runs/{tau}/1/scratch/seed=0/result.json" for tau in ("0.1", "0.2")}
 
 
 def test_a_run_that_is_asked_for_twice_is_made_once(tmp_path: Path) -> None:
-    ship_trl(*SCRATCH, "seed=0,0", folder=tmp_path)
+    ship_trl(*SCRATCH, BASIC, "seed=0,0", folder=tmp_path)
     assert sum(name.endswith("result.json") for name in files(tmp_path)) == 1

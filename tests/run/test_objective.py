@@ -9,7 +9,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE, read_curve, split
 from ship_trl.files.result import read_result
 from ship_trl.run.objective import objective
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.plan import make_run
+from ship_trl.run.run import Run
 from tests.a_result import a_result, an_evaluation
 from tests.command import ship_trl
 from tests.config.test_config import composed
@@ -75,8 +76,8 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     assert f", late {max(values):.1f}; " in said.splitlines()[-1]
     # The same command tries the same values, and finds its trials there.
     assert ship_trl(*line, folder=tmp_path).stdout.count("holds this run already") == 2
-    # Other settings are refused in the place of the first, in one line, from other processes too.
-    other = (*line, "hydra/launcher=joblib", "learn.episodes=5")
+    # Other settings are refused in the place of the first, in one line.
+    other = (*line, "learn.episodes=5")
     refused = ship_trl(*other, folder=tmp_path, code=1).stderr
     assert f"ship_trl: output: {place.relative_to(tmp_path)}/trial=0/1/scratch/seed=0 holds a fin" in refused
     assert "Traceback" not in refused

@@ -8,7 +8,9 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.files.result import write_result
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.folder import find_result
+from ship_trl.run.plan import make_run
+from ship_trl.run.run import Run
 from tests.a_result import a_result
 from tests.command import ROOT
 from tests.config.test_config import HIGH, composed
@@ -119,7 +121,7 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
     first.folder.mkdir(parents=True)
     made = a_result(config_hash=first.config_hash)
     write_result(first.folder, made)
-    assert run("target=1", "method=scratch", f"output={tmp_path}").result() == made
+    assert find_result(run("target=1", "method=scratch", f"output={tmp_path}")) == made
     with pytest.raises(ConfigError, match=r"holds a finished run of other settings.*overwrite=true"):
         run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5")
     run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5", "overwrite=true")
@@ -145,7 +147,12 @@ def test_a_shipped_case_by_path_is_the_same_run() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "reason"), [("{}", "has no pair"), ('{"pair": "hi', "cannot be read"), ("", "cannot be read")]
+    ("text", "reason"),
+    [
+        ("{}", "cannot be used: pair: missing; .*"),
+        ('{"pair": "hi', "cannot be read"),
+        ("", "cannot be read"),
+    ],
 )
 def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text: str, reason: str) -> None:
     line = ("target=1", "method=scratch", f"output={tmp_path}")
@@ -159,7 +166,7 @@ def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text
     with pytest.raises(ConfigError, match=r"source would be trained, holds a damaged result\.json"):
         run("+pair=high", "layers=1", f"output={tmp_path}")
     assert damaged.read_text() == text
-    assert run(*line, "overwrite=true").result() is None
+    assert find_result(run(*line, "overwrite=true")) is None
 
 
 def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,7 +181,7 @@ def test_another_network_is_another_source_too(monkeypatch: pytest.MonkeyPatch) 
     assert five.source.config.network == five.config.network
     assert five.source.config_hash != paper.source.config_hash
     # Runs that were made before there were other networks keep their hash: nothing is said of the paper's.
-    monkeypatch.setattr("ship_trl.run.plan.others", lambda _: None)
+    monkeypatch.setattr("ship_trl.run.plan.non_default_network", lambda _: None)
     assert run(*HIGH).config_hash == run(*HIGH, "network=five").config_hash == paper.config_hash
 
 

@@ -87,7 +87,7 @@ def test_a_process_says_on_what_it_waits(
     place = tmp_path / "run.lock"
 
     def wait() -> None:
-        with console.held(FileLock(place), "case 1, scratch, seed 0"):
+        with console.hold(FileLock(place), "case 1, scratch, seed 0"):
             console.say("mine")
 
     waiting = threading.Thread(target=wait)
@@ -99,14 +99,14 @@ def test_a_process_says_on_what_it_waits(
     assert last == "mine" and len(lines) >= 2
     start = "waiting for another process that is at case 1, scratch, seed 0 (0 s so far; "
     assert all(line == f"{start}{place})" for line in lines)
-    with console.held(FileLock(place), "nothing"):  # free again
+    with console.hold(FileLock(place), "nothing"):  # free again
         assert capsys.readouterr().out == ""
 
 
 def test_a_study_without_a_terminal_says_lines(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(progress, "APART", 0.0)
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
     config = to_study([*SMALL, f"output={tmp_path}"])
     jobs = plan_jobs(config)
     with progress.Display(jobs, config, episodes=10) as display:

@@ -100,7 +100,7 @@ def test_a_run_is_uploaded(server: Server, tmp_path: Path) -> None:
 def test_a_server_that_dies_ends_no_training(server: Server, tmp_path: Path) -> None:
     server.lives = 1
     # In place of two minutes.
-    first = "from ship_trl.run import wandb_tracker; wandb_tracker.END = 2.0"
+    first = "from ship_trl.run import wandb_tracker; wandb_tracker.FINISH_TIMEOUT = 2.0"
     said = ship_trl(*LINE, folder=tmp_path, first=first).stdout
     assert server.begun and server.streamed == 1
     (folder,) = (tmp_path / "outputs/smoke/wandb").glob("run-*")

@@ -1,4 +1,4 @@
-"""Worlds, cases and courses that are right and otherwise arbitrary."""
+"""Hypothesis strategies for valid worlds, cases and actions."""
 
 import math
 from dataclasses import dataclass, replace
@@ -10,14 +10,14 @@ from ship_trl.sim.cases import Case, TargetShip, check_case
 
 tens = st.floats(-500, 500)
 degrees = st.floats(-180, 180)
-# To either side alike; a world that only goes astern reaches no goal.
+# m/s and rad/s. Speeds are positive, because a world that only goes astern reaches no goal.
 speeds, turns = st.floats(1, 20), st.floats(-0.15, 0.15)
 EDGE = 1.0
 
 
 @dataclass
 class Voyage:
-    """A case in a world, and what is done there, step by step; `also` is done by a second own ship."""
+    """A case in a world with the actions of one own ship, and those of a second one in `also`."""
 
     world: World
     case: Case
@@ -27,7 +27,7 @@ class Voyage:
 
 @st.composite
 def worlds(draw: st.DrawFn) -> World:
-    """Draw a world of sensible size: other actions, times, circles and reward."""
+    """Draw a world of realistic size, with random actions, step, radii and reward."""
     count = draw(st.integers(2, 8))
     weight = st.floats(-2, 2)
     return World(
@@ -42,7 +42,7 @@ def worlds(draw: st.DrawFn) -> World:
 
 @st.composite
 def voyages(draw: st.DrawFn, most_ships: int = 3) -> Voyage:
-    """Draw a voyage; the goal can be reached, and ships begin beyond the safe distance."""
+    """Draw a voyage whose goal can be reached and whose ships start outside the safe distance."""
     world = draw(worlds())
     reach = max(speed for speed, _ in world.actions) * world.dt * world.max_steps
     start, way, bearing = [draw(tens), draw(tens)], draw(st.floats(0.05, 0.95)), math.radians(draw(degrees))
@@ -64,7 +64,7 @@ def voyages(draw: st.DrawFn, most_ships: int = 3) -> Voyage:
 
 
 def mirrored(voyage: Voyage) -> Voyage:
-    """The same on the other side of the x axis: port is starboard."""
+    """Return the voyage mirrored about the x axis: port becomes starboard."""
     case, world = voyage.case, voyage.world
     ships = [replace(ship, y=-ship.y, heading=-ship.heading) for ship in case.target_ships]
     flip = lambda place: [place[0], -place[1]]  # noqa: E731

@@ -1,4 +1,4 @@
-"""The network's picture drawn the slow way: every shape at many points of every pixel."""
+"""The network's picture by supersampling: every shape at many points of every pixel."""
 
 import math
 
@@ -14,7 +14,7 @@ POINTS = 8
 
 
 def inside(right: Grid, ahead: Grid, corners: list[tuple[float, float]]) -> NDArray[np.bool_]:
-    """Where points lie in a convex polygon, counter-clockwise."""
+    """Return which points lie inside a convex polygon with counter-clockwise corners."""
     hit = np.ones(right.shape, dtype=bool)
     for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
         hit &= (bx - ax) * (ahead - ay) - (by - ay) * (right - ax) >= 0
@@ -22,7 +22,7 @@ def inside(right: Grid, ahead: Grid, corners: list[tuple[float, float]]) -> NDAr
 
 
 def picture(case: Case, world: World, state: list[float]) -> Grid:
-    """RGB [84, 84, 3] of a state (x, y, heading in rad, step), in metres of the heading-up frame."""
+    """Return the RGB picture [84, 84, 3] of a state (x, y in m, heading in rad, step), heading up."""
     x, y, heading, step = state
     count = scene.SIZE * POINTS
     axis = ((np.arange(count) + 0.5) / count - 0.5) * 2 * scene.WINDOW

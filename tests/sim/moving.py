@@ -1,4 +1,4 @@
-"""The same encounter elsewhere: cases and states turned and shifted as a whole."""
+"""Rotate and translate cases and states."""
 
 import math
 from dataclasses import replace
@@ -10,13 +10,13 @@ from ship_trl.sim.cases import Case
 
 
 def move(point: list[float], degrees: float, shift: tuple[float, float]) -> list[float]:
-    """A point turned about the origin, then shifted."""
+    """Return a point rotated about the origin, then translated."""
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return [point[0] * cos - point[1] * sin + shift[0], point[0] * sin + point[1] * cos + shift[1]]
 
 
 def moved_case(case: Case, degrees: float, shift: tuple[float, float]) -> Case:
-    """The case with everything in it turned and shifted."""
+    """Return the case with everything in it rotated about the origin, then translated."""
     ships = []
     for ship in case.target_ships:
         x, y = move([ship.x, ship.y], degrees, shift)
@@ -31,6 +31,6 @@ def moved_case(case: Case, degrees: float, shift: tuple[float, float]) -> Case:
 
 
 def moved_state(state: Tensor, degrees: float, shift: tuple[float, float]) -> Tensor:
-    """States [N, 4] turned and shifted."""
+    """Return states [N, 4] rotated about the origin, then translated."""
     places = torch.tensor([move([x, y], degrees, shift) for x, y in state[:, :2].double().tolist()])
     return torch.cat((places, state[:, 2:3] + math.radians(degrees), state[:, 3:]), dim=-1)

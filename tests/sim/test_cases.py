@@ -7,7 +7,7 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, in_place_of, load_case
+from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, load_case, shadowing_case
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 SHIPPED = [*PAPER, "ship"]
@@ -96,16 +96,22 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD + "name: other\n", "name"),
         (GOOD.replace("heading: 90.0", "heading: ${nothing}", 1), NO_INTERPOLATION),
         (GOOD.replace("heading: 90.0", "heading: ???", 1), "heading"),
-        (GOOD.replace("heading: 90.0", "heading: null", 1), "heading: has no value"),
-        (GOOD.replace("target_ships:\n" + SHIP, "target_ships:\n"), "target_ships: has no value; [] stands"),
+        (GOOD.replace("heading: 90.0", "heading: null", 1), "heading: must be a finite number, got null"),
+        (
+            GOOD.replace("target_ships:\n" + SHIP, "target_ships:\n"),
+            "target_ships: must be a list, as [A,B] or [], got null",
+        ),
         (GOOD.replace("heading: 90.0", "heading: true", 1), "heading"),
         (with_ship(x="'${nothing}'"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, SHIP + "  - {x: 1.0}\n"), "target_ships[1].y"),
         (GOOD.replace("target_ships:\n" + SHIP, "target_ships: ${nothing}\n"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, "  - ${nothing}\n"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, "  - ???\n"), "target_ships[0]"),
-        (GOOD.replace("start: [0.0, 0.0]", "start: [{}, 0.0]"), "start[0]: must be a single value, got {}"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: {0: 0.0, 1: 600.0}"), "goal: must be a list, got {0: 0.0"),
+        (GOOD.replace("start: [0.0, 0.0]", "start: [{}, 0.0]"), "start[0]: must be a finite number, got {}"),
+        (
+            GOOD.replace("goal: [0.0, 600.0]", "goal: {0: 0.0, 1: 600.0}"),
+            "goal: must be a list, as [A,B] or [], got {0: 0.0",
+        ),
         (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
         (GOOD.replace("90.0", "${heading}", 1), NO_INTERPOLATION),
         (GOOD.replace("[0.0, 600.0]", "${heading}"), NO_INTERPOLATION),
@@ -231,8 +237,8 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
     # It is told of a case that is another one than the shipped one of its name.
-    taken = {name for name in case_names() if in_place_of(name)}
-    assert taken == {"1"} and in_place_of("1") == Path("conf/case/1.yaml")
+    taken = {name for name in case_names() if shadowing_case(name)}
+    assert taken == {"1"} and shadowing_case("1") == Path("conf/case/1.yaml")
 
 
 def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:

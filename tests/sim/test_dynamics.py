@@ -1,4 +1,4 @@
-"""Table 1, one action after the other."""
+"""The motion of table 1, action by action."""
 
 import math
 
@@ -69,5 +69,5 @@ def test_target_ships_hold_course_and_speed() -> None:
     state[:, 3] = torch.tensor([0.0, 20.0])
     places = target_positions(state, start, velocity, 0.5)
     torch.testing.assert_close(places[0], start)
-    # Past own ship's start and on: a target ship does not stop.
+    # A target ship does not stop at own ship's start.
     torch.testing.assert_close(places[1], torch.tensor([[-50.0, 0.0], [30.0, 90.0]]))

@@ -1,4 +1,4 @@
-"""The environment: outcomes of the shipped cases, ends of episodes, TorchRL's rules."""
+"""The environment: outcomes of the bundled cases, ends of episodes, TorchRL's rules."""
 
 import math
 from collections.abc import Callable
@@ -19,14 +19,14 @@ CASES = ["1", "2", "3", "4", "5", "6", "new"]
 MakeCase = Callable[..., Case]
 
 
-def sail(env: ShipEnv, action: int, steps: int = 60) -> list[TensorDictBase]:
-    """Repeat one action until the first ship's episode ends."""
-    sailed: list[TensorDictBase] = []
+def repeat_action(env: ShipEnv, action: int, steps: int = 60) -> list[TensorDictBase]:
+    """Repeat one action until the first ship's episode ends; return the steps."""
+    episode: list[TensorDictBase] = []
     step = env.reset()
-    while len(sailed) < steps and not (sailed and bool(step["done"][0])):
+    while len(episode) < steps and not (episode and bool(step["done"][0])):
         step = env.step(step.set("action", torch.full(env.batch_size, action)))["next"]
-        sailed.append(step.clone())
-    return sailed
+        episode.append(step.clone())
+    return episode
 
 
 def ends(step: TensorDictBase) -> dict[str, bool]:
@@ -46,26 +46,26 @@ def test_torchrl_accepts_it(name: str, pixels: bool, world: World) -> None:
 
 @pytest.mark.parametrize(("name", "cpa"), [("1", math.inf), ("2", 106), ("new", 85)])
 def test_keeping_course_reaches_the_goal(name: str, cpa: float, world: World) -> None:
-    sailed = sail(ShipEnv(load_case(name, world), world), 3)
-    assert len(sailed) == 36 and ends(sailed[-1]) == GOAL
-    assert not any(bool(step["done"]) for step in sailed[:-1])
-    assert sum(float(step["reward"]) for step in sailed) == pytest.approx(83.9, abs=1e-3)
-    assert float(sailed[-1]["dcpa"]) == pytest.approx(cpa, abs=0.5)
+    episode = repeat_action(ShipEnv(load_case(name, world), world), 3)
+    assert len(episode) == 36 and ends(episode[-1]) == GOAL
+    assert not any(bool(step["done"]) for step in episode[:-1])
+    assert sum(float(step["reward"]) for step in episode) == pytest.approx(83.9, abs=1e-3)
+    assert float(episode[-1]["dcpa"]) == pytest.approx(cpa, abs=0.5)
 
 
 @pytest.mark.parametrize("name", ["3", "4", "5", "6"])
 def test_keeping_course_collides(name: str, world: World) -> None:
-    sailed = sail(ShipEnv(load_case(name, world), world), 3)
-    assert len(sailed) == 19 and ends(sailed[-1]) == COLLISION
-    assert float(sailed[-1]["state"][0, 1]) == pytest.approx(285.0)
-    assert float(sailed[-1]["dcpa"]) < world.safe_distance < float(sailed[-2]["dcpa"])
+    episode = repeat_action(ShipEnv(load_case(name, world), world), 3)
+    assert len(episode) == 19 and ends(episode[-1]) == COLLISION
+    assert float(episode[-1]["state"][0, 1]) == pytest.approx(285.0)
+    assert float(episode[-1]["dcpa"]) < world.safe_distance < float(episode[-2]["dcpa"])
 
 
 @pytest.mark.parametrize("name", ["4", "6"])
 def test_the_added_ship_alone_is_harmless(name: str, world: World) -> None:
     case = load_case(name, world)
     alone = replace(case, target_ships=case.target_ships[1:])
-    assert ends(sail(ShipEnv(alone, world), 3)[-1]) == GOAL
+    assert ends(repeat_action(ShipEnv(alone, world), 3)[-1]) == GOAL
 
 
 @pytest.mark.parametrize(
@@ -84,48 +84,48 @@ def test_what_a_random_policy_meets(name: str, goal: float, collision: float, wo
     count, generator = 4000, torch.Generator().manual_seed(0)
     env = ShipEnv(load_case(name, world), world, count)
     step = env.reset()
-    sailing = torch.ones(count, dtype=torch.bool)
+    running = torch.ones(count, dtype=torch.bool)
     goals = collisions = 0
     for _ in range(60):
         step = env.step(step.set("action", torch.randint(7, (count,), generator=generator)))["next"]
-        goals += int((sailing & step["goal"][:, 0]).sum())
-        collisions += int((sailing & step["collision"][:, 0]).sum())
-        sailing &= ~step["done"][:, 0]
-    assert not bool(sailing.any())
+        goals += int((running & step["goal"][:, 0]).sum())
+        collisions += int((running & step["collision"][:, 0]).sum())
+        running &= ~step["done"][:, 0]
+    assert not bool(running.any())
     # Three standard errors of 4,000 episodes, and the table's rounding.
     assert goals / count == pytest.approx(goal, abs=0.03)
     assert collisions / count == pytest.approx(collision, abs=0.03)
 
 
 def test_turning_in_circles_is_truncated_not_terminated(world: World) -> None:
-    sailed = sail(ShipEnv(load_case("1", world), world), 0)
-    assert len(sailed) == 60 and ends(sailed[-1]) == TIME
-    assert float(sailed[-1]["reward"]) > -20
+    episode = repeat_action(ShipEnv(load_case("1", world), world), 0)
+    assert len(episode) == 60 and ends(episode[-1]) == TIME
+    assert float(episode[-1]["reward"]) > -20
 
 
 @pytest.mark.parametrize(("limit", "outcome"), [(36, GOAL), (35, TIME)])
 def test_an_end_in_the_last_step_is_no_truncation(limit: int, outcome: dict[str, bool], world: World) -> None:
-    sailed = sail(ShipEnv(load_case("1", world), replace(world, max_steps=limit)), 3)
-    assert len(sailed) == limit and ends(sailed[-1]) == outcome
+    episode = repeat_action(ShipEnv(load_case("1", world), replace(world, max_steps=limit)), 3)
+    assert len(episode) == limit and ends(episode[-1]) == outcome
 
 
 def test_the_collision_wins_over_the_goal(world: World, make_case: MakeCase) -> None:
-    # 42 m off when own ship comes within 60 m of the goal, 54 m a step before.
-    sailed = sail(ShipEnv(make_case((30.0, 570.0, 0.0, 0.0)), world), 3)
-    assert len(sailed) == 36 and ends(sailed[-1]) == COLLISION
-    assert float(sailed[-1]["reward"]) == pytest.approx(-200.6)
+    # The ship is 42 m away when own ship comes within 60 m of the goal, and 54 m one step before.
+    episode = repeat_action(ShipEnv(make_case((30.0, 570.0, 0.0, 0.0)), world), 3)
+    assert len(episode) == 36 and ends(episode[-1]) == COLLISION
+    assert float(episode[-1]["reward"]) == pytest.approx(-200.6)
 
 
 def test_a_fast_ship_collides_between_two_frames(world: World, make_case: MakeCase) -> None:
     # 150 m to port after one second, 150 m to starboard after two, across the bow in between.
     env = ShipEnv(make_case((-450.0, 30.0, 0.0, 300.0)), world)
-    sailed = sail(env, 3)
-    assert len(sailed) == 2 and ends(sailed[-1]) == COLLISION
-    assert float(sailed[0]["dcpa"]) > 149 and float(sailed[1]["dcpa"]) < 10
+    episode = repeat_action(env, 3)
+    assert len(episode) == 2 and ends(episode[-1]) == COLLISION
+    assert float(episode[0]["dcpa"]) > 149 and float(episode[1]["dcpa"]) < 10
 
 
 def test_dcpa_is_the_least_so_far(world: World) -> None:
-    dcpa = [float(step["dcpa"]) for step in sail(ShipEnv(load_case("2", world), world), 3)]
+    dcpa = [float(step["dcpa"]) for step in repeat_action(ShipEnv(load_case("2", world), world), 3)]
     assert dcpa == sorted(dcpa, reverse=True) and dcpa[0] > 300 and dcpa[-5:] == [dcpa[-1]] * 5
 
 
@@ -135,7 +135,7 @@ def test_dcpa_is_the_least_so_far(world: World) -> None:
 def test_only_relative_places_matter(degrees: float, shift: tuple[float, float], world: World) -> None:
     case = load_case("2", world)
     here = ShipEnv(case, world), ShipEnv(moved_case(case, degrees, shift), world)
-    for one, other in zip(sail(here[0], 2), sail(here[1], 2), strict=True):
+    for one, other in zip(repeat_action(here[0], 2), repeat_action(here[1], 2), strict=True):
         torch.testing.assert_close(one["reward"], other["reward"], atol=1e-3, rtol=0)
         torch.testing.assert_close(one["dcpa"], other["dcpa"], atol=1e-2, rtol=0)
         assert ends(one) == ends(other)
@@ -185,12 +185,12 @@ def test_the_finished_step_keeps_its_own_end(world: World) -> None:
 
 def test_every_step_has_memory_of_its_own(world: World) -> None:
     env = ShipEnv(load_case("6", world), world, 2, from_pixels=True)
-    step, seen, copies = env.reset(), [], []
+    step, steps, copies = env.reset(), [], []
     for action in (0, 3, 6, 3):
         step = env.step(step.set("action", torch.full((2,), action)))["next"]
-        seen.append(step.select("state", "pixels", "dcpa", "reward", "done"))
-        copies.append(seen[-1].clone())
-    assert all(bool((one == copy).all()) for one, copy in zip(seen, copies, strict=True))
-    for key in seen[0].keys():  # noqa: SIM118
-        assert len({one[key].data_ptr() for one in seen}) == len(seen), key
+        steps.append(step.select("state", "pixels", "dcpa", "reward", "done"))
+        copies.append(steps[-1].clone())
+    assert all(bool((one == copy).all()) for one, copy in zip(steps, copies, strict=True))
+    for key in steps[0].keys():  # noqa: SIM118
+        assert len({one[key].data_ptr() for one in steps}) == len(steps), key
     assert env.reset()["state"].data_ptr() != env.reset()["state"].data_ptr()

@@ -32,7 +32,7 @@ def turned(point: Tensor, by: float) -> Tensor:
 
 
 def apart(one: float, other: float) -> float:
-    """Difference of two angles, whichever way round is shorter."""
+    """Return the absolute difference of two angles, the shorter way round."""
     return abs(math.remainder(one - other, 2 * math.pi))
 
 
@@ -103,7 +103,7 @@ def test_unit_vectors_point_along_the_heading(heading: float) -> None:
 
 
 @given(points, speeds, angles, st.floats(-500.0, 500.0))
-def test_nobody_comes_nearer_than_the_predicted_approach(
+def test_no_ship_comes_nearer_than_the_predicted_approach(
     away: tuple[float, float], speed: float, course: float, time: float
 ) -> None:
     place, way = exact(*away), speed * unit_vector(exact(course)[0])
@@ -122,7 +122,7 @@ def test_the_predicted_approach_knows_no_direction(
         assert float(one) == pytest.approx(float(other), abs=1e-5)
 
 
-def test_the_predicted_approach_of_whom_one_can_work_out() -> None:
+def test_the_predicted_approach_of_ships_worked_out_by_hand() -> None:
     away = exact(100.0, -30.0, 40.0, -100.0, 30.0, 40.0).reshape(3, 2)
     velocity = exact(-10.0, 0.0, 0.0, 10.0, 0.0, 0.0).reshape(3, 2)
     dcpa, tcpa = predicted_approach(away, velocity)

@@ -1,4 +1,4 @@
-"""What holds in any world: frames agree, mirrors mirror, only relative places count, batches are singles."""
+"""Invariants in any world: frames of reference, mirroring, rotation and translation, batching."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,21 +13,21 @@ from torch import Tensor
 
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.fast.compiled import CompiledStep
-from ship_trl.sim.reward import ROUNDING
+from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.transition import Transition
 from tests.sim.anywhere import Voyage, mirrored, voyages
 from tests.sim.moving import moved_case
 
 Places = NDArray[np.float64]
-# Metres: 40 steps in 32 bits, some hundred metres from the origin, and reckoned in 64.
-NEAR = 0.02
-# Levels of 256 by which pixels may differ whose places are rounded otherwise.
-ROUNDED = 2
+# Metres: error of 40 steps in float32, some hundred metres from the origin, against float64.
+MAX_POSITION_ERROR = 0.02
+# Maximum difference of pixel values, of 256, that rounding of positions may cause.
+MAX_PIXEL_ERROR = 2
 
 
 @dataclass
 class Moment:
-    """What one step led to."""
+    """Result of one step."""
 
     state: Tensor
     reward: float
@@ -36,8 +36,8 @@ class Moment:
     pixels: Tensor
 
 
-def sail(voyage: Voyage) -> list[Moment]:
-    """Sail in the environment to the episode's end."""
+def rollout(voyage: Voyage) -> list[Moment]:
+    """Roll out the actions in the environment until the episode ends."""
     env, found = ShipEnv(voyage.case, voyage.world, from_pixels=True), []
     step = env.reset()
     for action in voyage.actions:
@@ -54,7 +54,7 @@ def sail(voyage: Voyage) -> list[Moment]:
 
 
 @dataclass
-class Reckoned:
+class Distances:
     """Distances after a step in metres, and the goal's angle off the bow in radians."""
 
     place: Places
@@ -64,15 +64,15 @@ class Reckoned:
 
 
 def least(before: Places, after: Places) -> float:
-    """Least distance from the origin of points on their straight ways: [K, 2] each."""
+    """Return the least distance from the origin to points moving straight, [K, 2]; infinite if K is 0."""
     way = after - before
     square = (way * way).sum(-1)
     share = np.clip(-(before * way).sum(-1) / np.where(square > 0, square, 1), 0, 1)
     return float(np.hypot(*(before + share[:, None] * way).T).min(initial=math.inf))
 
 
-def absolute(voyage: Voyage) -> list[Reckoned]:
-    """Reckon in 64 bits on the chart: own ship and target ships each go their way."""
+def simulate_absolute(voyage: Voyage) -> list[Distances]:
+    """Simulate in float64 in fixed coordinates: own ship and target ships move."""
     case, world = voyage.case, voyage.world
     place, heading = np.array(case.start), math.radians(case.heading)
     ships = np.array([[s.x, s.y] for s in case.target_ships]).reshape(-1, 2)
@@ -87,13 +87,13 @@ def absolute(voyage: Voyage) -> list[Reckoned]:
         later = ships + velocity * world.dt
         sight = np.array(case.goal) - after
         off = math.remainder(math.atan2(sight[1], sight[0]) - heading, 2 * math.pi)
-        found.append(Reckoned(after, math.hypot(*sight), off, least(ships - place, later - after)))
+        found.append(Distances(after, math.hypot(*sight), off, least(ships - place, later - after)))
         place, ships = after, later
     return found
 
 
-def relative(voyage: Voyage) -> list[Reckoned]:
-    """Reckon in 64 bits on board: own ship lies still, ahead is x, and the world turns and comes nearer."""
+def simulate_relative(voyage: Voyage) -> list[Distances]:
+    """Simulate in float64 in own ship's coordinates: it stays at the origin, heading along x."""
     case, world = voyage.case, voyage.world
 
     def turned(points: Places, by: float) -> Places:
@@ -118,19 +118,19 @@ def relative(voyage: Voyage) -> list[Reckoned]:
         way = (speeds * world.dt)[:, None] * np.stack((np.cos(courses), np.sin(courses)), -1)
         goal, later = goal - own, ships + way - own
         off = math.atan2(goal[0, 1], goal[0, 0])
-        found.append(Reckoned(np.empty(0), math.hypot(*goal[0]), off, least(ships, later)))
+        found.append(Distances(np.empty(0), math.hypot(*goal[0]), off, least(ships, later)))
         ships = later
     return found
 
 
-def outcome_of(voyage: Voyage, step: int, now: Reckoned) -> str | None:
-    """Say how a step ends, or None where rounding decides."""
+def outcome_of(voyage: Voyage, step: int, now: Distances) -> str | None:
+    """Return how a step ends, or None if rounding decides."""
     world = voyage.world
-    if abs(now.apart - world.safe_distance) < NEAR:
+    if abs(now.apart - world.safe_distance) < MAX_POSITION_ERROR:
         return None
     if now.apart < world.safe_distance:
         return "collision"
-    if abs(now.to_goal - world.goal_distance - ROUNDING) < NEAR:
+    if abs(now.to_goal - world.goal_distance - POSITION_TOLERANCE) < MAX_POSITION_ERROR:
         return None
     if now.to_goal < world.goal_distance:
         return "goal"
@@ -139,15 +139,15 @@ def outcome_of(voyage: Voyage, step: int, now: Reckoned) -> str | None:
 
 @given(voyages())
 def test_frames_agree_with_each_other_and_with_the_environment(voyage: Voyage) -> None:
-    ended, nearest = sail(voyage), math.inf
+    ended, nearest = rollout(voyage), math.inf
     for step, (moment, chart, board) in enumerate(
-        zip(ended, absolute(voyage), relative(voyage), strict=False)
+        zip(ended, simulate_absolute(voyage), simulate_relative(voyage), strict=False)
     ):
         assert (board.to_goal, board.apart) == pytest.approx((chart.to_goal, chart.apart), abs=1e-6)
         assert abs(math.remainder(board.off_bow - chart.off_bow, 2 * math.pi)) < 1e-6
         nearest = min(nearest, chart.apart)
-        assert moment.state[:2].numpy() == pytest.approx(chart.place, abs=NEAR)
-        assert moment.dcpa == pytest.approx(nearest, abs=NEAR)
+        assert moment.state[:2].numpy() == pytest.approx(chart.place, abs=MAX_POSITION_ERROR)
+        assert moment.dcpa == pytest.approx(nearest, abs=MAX_POSITION_ERROR)
         wanted = outcome_of(voyage, step, board)
         if wanted is None:
             return
@@ -157,23 +157,23 @@ def test_frames_agree_with_each_other_and_with_the_environment(voyage: Voyage) -
             math.degrees(board.off_bow)
         )
         paid += {"goal": reward.w1 * reward.goal, "collision": reward.w2 * reward.collision}.get(wanted, 0.0)
-        # Near the goal a centimetre turns the line of sight.
-        turned = math.degrees(NEAR / max(chart.to_goal, NEAR))
-        slack = 4 * (NEAR + turned + 0.05)
+        # Near the goal, a centimetre turns the line of sight noticeably.
+        turned = math.degrees(MAX_POSITION_ERROR / max(chart.to_goal, MAX_POSITION_ERROR))
+        slack = 4 * (MAX_POSITION_ERROR + turned + 0.05)
         assert moment.reward == pytest.approx(paid, abs=slack, rel=1e-4)
 
 
 @given(voyages())
-def test_the_mirrored_world_is_sailed_alike_to_the_last_bit(voyage: Voyage) -> None:
-    """About the x axis, where cosines stay and sines change sign: nothing but the angle is rounded."""
-    here, there = sail(voyage), sail(mirrored(voyage))
+def test_the_mirrored_world_is_bit_identical(voyage: Voyage) -> None:
+    """Mirror about the x axis, where sines change sign exactly: only the angle is rounded."""
+    here, there = rollout(voyage), rollout(mirrored(voyage))
     assert [moment.outcome for moment in here] == [moment.outcome for moment in there]
     sign = torch.tensor([1.0, -1.0, -1.0, 1.0])
     for one, other in zip(here, there, strict=True):
         assert torch.equal(one.state * sign, other.state) and one.dcpa == other.dcpa
         assert other.reward == pytest.approx(one.reward, abs=1e-2, rel=1e-5)
-        # Port and starboard change sides; the picture's rotation has a quarter turn in it, which is rounded.
-        assert int((one.pixels.flip(-1).int() - other.pixels.int()).abs().max()) <= ROUNDED
+        # Port and starboard change sides; the picture is rotated by a quarter turn, which is rounded.
+        assert int((one.pixels.flip(-1).int() - other.pixels.int()).abs().max()) <= MAX_PIXEL_ERROR
 
 
 @given(voyages(), st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))
@@ -181,19 +181,21 @@ def test_the_turned_and_shifted_world_looks_and_pays_the_same(
     voyage: Voyage, degrees: float, shift: tuple[float, float]
 ) -> None:
     there = replace(voyage, case=moved_case(voyage.case, degrees, shift))
-    ways = sail(voyage), sail(there)
-    for step, (one, other, chart) in enumerate(zip(*ways, absolute(voyage), strict=False)):
+    ways = rollout(voyage), rollout(there)
+    for step, (one, other, chart) in enumerate(zip(*ways, simulate_absolute(voyage), strict=False)):
         if outcome_of(voyage, step, chart) is None:
             return
         assert one.outcome == other.outcome
-        assert other.dcpa == pytest.approx(one.dcpa, abs=2 * NEAR)
-        turned = math.degrees(NEAR / max(chart.to_goal, NEAR))
-        assert other.reward == pytest.approx(one.reward, abs=8 * (NEAR + turned + 0.05), rel=1e-4)
-        assert int((one.pixels.int() - other.pixels.int()).abs().max()) <= ROUNDED
+        assert other.dcpa == pytest.approx(one.dcpa, abs=2 * MAX_POSITION_ERROR)
+        turned = math.degrees(MAX_POSITION_ERROR / max(chart.to_goal, MAX_POSITION_ERROR))
+        assert other.reward == pytest.approx(
+            one.reward, abs=8 * (MAX_POSITION_ERROR + turned + 0.05), rel=1e-4
+        )
+        assert int((one.pixels.int() - other.pixels.int()).abs().max()) <= MAX_PIXEL_ERROR
 
 
 @given(voyages(), st.integers(2, 9))
-def test_a_batch_is_its_ships_one_by_one_to_the_last_bit(voyage: Voyage, count: int) -> None:
+def test_a_batch_is_bit_identical_to_its_ships_one_by_one(voyage: Voyage, count: int) -> None:
     env = ShipEnv(voyage.case, voyage.world, count, from_pixels=True, colour=True)
     single = ShipEnv(voyage.case, voyage.world, 1, from_pixels=True, colour=True)
     together, singles = env.reset(), [single.reset() for _ in range(count)]
@@ -227,9 +229,11 @@ def test_the_compiled_loops_are_the_reference_in_any_world(voyage: Voyage, seed:
     action = torch.randint(len(voyage.world.actions), (count,), generator=generator)
     wanted, got = reference(state, action), CompiledStep(reference)(state, action)
     torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=3e-4)
-    torch.testing.assert_close(got.apart, wanted.apart, rtol=1e-5, atol=2e-3)
-    on_edge = (wanted.apart - voyage.world.safe_distance).abs() < NEAR
-    on_edge |= (reference.goal_distance(wanted.state) - voyage.world.goal_distance - ROUNDING).abs() < NEAR
+    torch.testing.assert_close(got.min_distance, wanted.min_distance, rtol=1e-5, atol=2e-3)
+    on_edge = (wanted.min_distance - voyage.world.safe_distance).abs() < MAX_POSITION_ERROR
+    on_edge |= (
+        reference.goal_distance(wanted.state) - voyage.world.goal_distance - POSITION_TOLERANCE
+    ).abs() < MAX_POSITION_ERROR
     for flag in ("goal", "collision", "truncated"):
         assert torch.equal(getattr(got, flag)[~on_edge], getattr(wanted, flag)[~on_edge]), flag
     torch.testing.assert_close(got.reward[~on_edge], wanted.reward[~on_edge], rtol=1e-4, atol=5e-2)

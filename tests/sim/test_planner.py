@@ -1,4 +1,4 @@
-"""The best known returns, and plans that can be sailed."""
+"""The planner: returns of its plans, and their rollouts in the environment."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,8 +21,12 @@ CPU = torch.device("cpu")
 BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new": 83.89, "ship": 63.7}
 
 
-def sail(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
-    """Return of a plan in the environment, whether it ends with the last action, and at the goal."""
+def run_plan(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
+    """Roll out a plan in the environment.
+
+    Returns:
+        The return, whether the episode ends with the last action, and whether it ends at the goal.
+    """
     env = ShipEnv(case, world)
     step, total = env.reset(), 0.0
     for index, action in enumerate(plan.actions):
@@ -39,7 +43,7 @@ def test_the_best_known_returns(name: str, world: World) -> None:
     case = load_case(name, world)
     plan = best_plan(case, world)
     assert plan.episode_return >= BEST[name] and plan.goal
-    total, ended, goal = sail(case, world, plan)
+    total, ended, goal = run_plan(case, world, plan)
     assert total == pytest.approx(plan.episode_return, abs=1e-3) and ended and goal
 
 
@@ -55,11 +59,11 @@ def test_the_fastest_action_may_go_astern(world: World, make_case: MakeCase) -> 
 def test_case_ship_has_case_2s_ship_and_another_path(world: World) -> None:
     ship, second, third = (load_case(name, world) for name in ("ship", "2", "3"))
     assert ship.target_ships == [*second.target_ships, *third.target_ships]
-    # The straight course, best in case 2, collides; the best is case 3's curve.
+    # The straight course is best in case 2 and collides here. The best plan is that of case 3.
     straight = Plan(0.0, best_plan(second, world, beam=300).actions, True)
     assert set(straight.actions) == {3}
     with pytest.raises(AssertionError, match="over before action"):
-        sail(ship, world, straight)
+        run_plan(ship, world, straight)
     assert best_plan(ship, world).actions == best_plan(third, world).actions
     assert ship.ideal_path == third.ideal_path != second.ideal_path
 
@@ -76,7 +80,7 @@ def test_a_goal_out_of_reach_still_has_a_best_plan(world: World, make_case: Make
     assert plan.episode_return == pytest.approx(
         -0.01 * sum(1500 - 15 * step for step in range(1, 61)), abs=1e-2
     )
-    total, ended, goal = sail(case, world, plan)
+    total, ended, goal = run_plan(case, world, plan)
     assert total == pytest.approx(plan.episode_return, abs=1e-2) and ended and not goal
 
 
@@ -84,11 +88,11 @@ def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -
     case = make_case((0.0, 50.0, -90.0, 15.0))
     plan = best_plan(case, world, beam=500)
     assert not plan.goal and len(plan.actions) == 1
-    total, ended, _ = sail(case, world, plan)
+    total, ended, _ = run_plan(case, world, plan)
     assert ended and total == pytest.approx(plan.episode_return, abs=1e-3) and total < -200
 
 
-def test_it_sees_past_the_first_ship(world: World) -> None:
+def test_it_avoids_the_second_ship_too(world: World) -> None:
     one, two = (best_plan(load_case(name, world), world, beam=800) for name in ("3", "4"))
     # The best path of case 3 collides in case 4.
     env = ShipEnv(load_case("4", world), world)
@@ -100,7 +104,7 @@ def test_it_sees_past_the_first_ship(world: World) -> None:
     assert bool(step["collision"]) and one.episode_return > two.episode_return + 10
 
 
-def test_the_outlook_is_the_return_of_open_water(world: World, make_case: MakeCase) -> None:
+def test_the_bound_is_the_return_without_target_ships(world: World, make_case: MakeCase) -> None:
     case = make_case()
     bound = ValueBound(Transition(case, world, CPU))
     at = lambda *values: torch.tensor([values], dtype=torch.float32)  # noqa: E731
@@ -112,15 +116,15 @@ def test_the_outlook_is_the_return_of_open_water(world: World, make_case: MakeCa
     assert port == pytest.approx(starboard, abs=0.1) and away < port < 83.0
 
 
-def test_the_outlook_is_reached_by_turning_towards_the_goal(world: World, make_case: MakeCase) -> None:
+def test_the_bound_is_reached_by_turning_towards_the_goal(world: World, make_case: MakeCase) -> None:
     case = replace(make_case(), heading=10.0)
     plan = best_plan(case, world)
     bound = ValueBound(Transition(case, world, CPU))
     assert plan.goal and plan.actions[0] == 0
-    assert plan.episode_return == pytest.approx(float(bound(bound.step.start[None])), abs=bound.doubt)
+    assert plan.episode_return == pytest.approx(float(bound(bound.step.start[None])), abs=bound.max_error)
 
 
-# What is added to the paper's reward, from collided, nearest, speed and turn.
+# Terms added to the paper's reward, computed from collided, nearest, speed and turn.
 TERMS: dict[str, Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]] = {
     "none": lambda collided, nearest, speed, turn: 0.0 * nearest,
     "time": lambda collided, nearest, speed, turn: 0.0 * nearest - 20.0,
@@ -138,32 +142,32 @@ TERMS: dict[str, Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]] = {
 def test_no_episode_pays_more_than_its_bound(
     term: str, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def own(constants: tuple[float, ...], *seen: Tensor) -> Tensor:
-        _, _, _, collided, nearest, speed, turn = seen
-        return step_reward(constants, *seen) + TERMS[term](collided, nearest, speed, turn)
+    def own(constants: tuple[float, ...], *arguments: Tensor) -> Tensor:
+        _, _, _, collided, nearest, speed, turn = arguments
+        return step_reward(constants, *arguments) + TERMS[term](collided, nearest, speed, turn)
 
     for module in (transition, value_bound):
         monkeypatch.setattr(module, "step_reward", own)
     case = load_case("4", world)
     step, generator = Transition(case, world, CPU), torch.Generator().manual_seed(0)
     bound, count = ValueBound(step), 3000
-    # The best known way to sail, and others that stray from it more and more.
+    # The best known plan, and others with more and more random actions.
     best = torch.tensor(best_plan(case, world, beam=500).actions)
     stray = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
     wild = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
     plan = torch.where(stray, wild, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))
-    state, sailing = step.start.expand(count, -1), torch.ones(count, dtype=torch.bool)
+    state, running = step.start.expand(count, -1), torch.ones(count, dtype=torch.bool)
     paid, hoped = [], []
     for time in range(60):
         after = step(state, plan[:, time])
-        far = step.goal_distance(state) > 2 * world.goal_distance
-        hoped.append(torch.where(sailing & far, bound(state), torch.inf))
-        paid.append(after.reward * sailing)
-        sailing = sailing & ~(after.goal | after.collision | after.truncated)
+        is_far = step.goal_distance(state) > 2 * world.goal_distance
+        hoped.append(torch.where(running & is_far, bound(state), torch.inf))
+        paid.append(after.reward * running)
+        running = running & ~(after.goal | after.collision | after.truncated)
         state = after.state
     to_come = torch.stack(paid).flip(0).cumsum(0).flip(0)
-    assert (to_come - torch.stack(hoped)).max() <= bound.doubt
-    assert not sailing.any()
+    assert (to_come - torch.stack(hoped)).max() <= bound.max_error
+    assert not running.any()
 
 
 def test_the_passing_distance_of_steady_courses(world: World, make_case: MakeCase) -> None:

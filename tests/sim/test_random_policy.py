@@ -1,4 +1,4 @@
-"""The zero of a score."""
+"""The mean return of random actions."""
 
 import pytest
 import torch
@@ -15,13 +15,13 @@ WORLD = load_world()
 def test_it_is_the_mean_of_episodes_of_the_environment(name: str) -> None:
     case = load_case(name, WORLD)
     env, generator = ShipEnv(case, WORLD, 400), Generator().manual_seed(5)
-    current, total, sailing = env.reset(), torch.zeros(400), torch.ones(400, dtype=torch.bool)
+    current, total, running = env.reset(), torch.zeros(400), torch.ones(400, dtype=torch.bool)
     for _ in range(WORLD.max_steps):
         after = env.step(current.set("action", torch.randint(7, (400,), generator=generator)))["next"]
-        total += after["reward"][:, 0] * sailing
-        sailing &= ~after["done"][:, 0]
+        total += after["reward"][:, 0] * running
+        running &= ~after["done"][:, 0]
         current = after.exclude("reward")
-    assert not sailing.any()
+    assert not running.any()
     error = float(total.std()) / 20
     assert abs(random_return(case, WORLD, 1) - float(total.mean())) < 3.5 * error
 

@@ -1,4 +1,4 @@
-"""The best known plan: searched for once a case, believed only where it sails as it says."""
+"""The best known plan: one search per case, and a cached plan is used only if its return is reproduced."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ WORLD = load_world()
 
 @pytest.fixture
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the cases that were searched, in a process that knows none."""
+    """Return the list of searched cases, with empty caches."""
     found: list[str] = []
 
     def counted(case: Case, world: World) -> Plan:
@@ -24,7 +24,7 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return best_plan(case, world, beam=50)
 
     monkeypatch.setattr(reference, "_known", {})
-    monkeypatch.setattr(reference, "SHIPPED", Path("nothing"))
+    monkeypatch.setattr(reference, "BUNDLED_PLANS", Path("nothing"))
     monkeypatch.setattr(reference, "best_plan", counted)
     return found
 
@@ -64,11 +64,11 @@ def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Pat
     assert json.loads(path.read_text())["actions"] == first.actions
 
 
-def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_bundled_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [load_case(str(path), WORLD) for path in sorted((conf_dir() / "case").glob("*.yaml"))]
     names = {reference.plan_name(case, WORLD) for case in cases}
-    # Where this fails, `python -m ship_trl.sim.reference` searches for them anew.
-    assert {path.name for path in reference.SHIPPED.iterdir()} == names
+    # If this fails, run `python -m ship_trl.sim.reference`.
+    assert {path.name for path in reference.BUNDLED_PLANS.iterdir()} == names
     monkeypatch.setattr(reference, "_known", {})
     monkeypatch.delattr(reference, "best_plan")
     kept = {case.name: reference.best_known(case, WORLD) for case in cases}
@@ -77,11 +77,11 @@ def test_every_shipped_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> Non
         assert best_plan(load_case(name, WORLD), WORLD) == kept[name]
 
 
-def test_a_plan_sails_as_the_planner_says() -> None:
+def test_a_rollout_reproduces_the_plan() -> None:
     case = load_case("2", WORLD)
     plan = best_plan(case, WORLD, beam=50)
-    assert reference.sail(case, WORLD, plan.actions) == plan
-    assert reference.sail(case, WORLD, plan.actions[:3]) != plan
+    assert reference.follow_plan(case, WORLD, plan.actions) == plan
+    assert reference.follow_plan(case, WORLD, plan.actions[:3]) != plan
     assert isinstance(plan, Plan)
 
 

@@ -1,4 +1,4 @@
-"""Properties of the network's picture, and the picture itself against one drawn the slow way."""
+"""Properties of the network's picture, and the picture against one by supersampling."""
 
 import math
 from dataclasses import replace
@@ -36,12 +36,12 @@ def with_ship(x: float, y: float, heading: float) -> Case:
 
 
 def seen(case: Case, state: Tensor, colour: bool = False) -> Tensor:
-    """The picture as whole numbers [C, 84, 84]."""
+    """Return the picture as integers [C, 84, 84]."""
     return Rasteriser(case, WORLD, colour=colour)(state)[0].int()
 
 
 def pixel_of(state: Tensor, x: float, y: float) -> tuple[float, float]:
-    """Row and column (pixels, not rounded) of a place."""
+    """Return row and column of a position in pixels, not rounded."""
     own_x, own_y, heading, _ = state[0].tolist()
     east, north = x - own_x, y - own_y
     right = east * math.sin(heading) - north * math.cos(heading)
@@ -151,7 +151,7 @@ def test_a_ship_is_six_pixels_long(heading: float, x: float, y: float) -> None:
     rows, columns = (share > 0.5).nonzero().unbind(-1)
     ahead = columns * math.cos(heading) - rows * math.sin(heading)
     assert float(ahead.max() - ahead.min()) + 1 >= 6
-    # As much ink as the ship has area.
+    # The ink's area is the ship's area.
     area = 0.45 * 0.7 * (scene.TARGET_LENGTH * scene.PIXELS_PER_METRE) ** 2
     assert float(share[15:42, 50:75].clamp(min=0).sum()) == pytest.approx(area, rel=0.15)
 

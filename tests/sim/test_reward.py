@@ -11,11 +11,11 @@ from ship_trl.config.types import Reward
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.reward import FAR, reward_constants, step_reward
+from ship_trl.sim.reward import MAX_SHIP_DISTANCE, reward_constants, step_reward
 
 WEIGHTS = load_world().reward
 # No ship, full speed ahead.
-ALONE = FAR, 15.0, 0.0
+ALONE = MAX_SHIP_DISTANCE, 15.0, 0.0
 distances = st.floats(0.0, 2000.0)
 thetas = st.floats(-math.pi, math.pi)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ship_trl.config.arm import Arm, SourceWeights
 from ship_trl.files.result import write_result
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.config import to_study
@@ -18,7 +19,6 @@ from ship_trl.study.records.record import Episodes, Record
 from tests.a_result import a_result, an_evaluation
 
 BEST, RANDOM = 80.0, -320.0
-LAYERS = ("1", "2", "3", "4", "W")
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT1", "FT2", "FT3", "FT4", "FTW")
 
 
@@ -91,7 +91,10 @@ def write_planned(folder: Path, seeds: int, episodes: int = 600, *overrides: str
     jobs = plan_jobs(to_study(["profile=quick", f"seeds={seeds}", *overrides]))
     for k, job in enumerate(jobs):
         rng = np.random.default_rng([2022, k])
-        head_start = 0.0 if job.arm == "scratch" or "-" in job.arm else 0.5 + 0.1 * LAYERS.index(job.arm[2:])
+        arm = Arm.parse(job.arm)
+        is_ahead = not arm.is_scratch and arm.weights is SourceWeights.learned
+        # The whole network is ahead of all four conv layers.
+        head_start = 0.4 + 0.1 * arm.copied_layers(conv_layers=5) if is_ahead else 0.0
         low = job.values.get("learn", {}).get("epsilon_start", 1.0)
         epsilon = np.maximum(1e-4, low * (1 - np.arange(episodes) / (0.6 * episodes)))
         end = rng.normal(0.92, 0.02) * (0.4 if rng.random() < 0.2 * (1 - head_start) else 1.0)
@@ -124,8 +127,8 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     there = np.concatenate([[False], goal])
     greedy = Episodes(count, np.full(len(count), np.nan), judged, there, ~there, np.full(len(count), 50.0))
     return Record(
-        Path(part, pair, arm), part, pair, None, "2", arm, seed, "quick", "", BEST, RANDOM, RANDOM, RANDOM,
-        training, greedy,
+        Path(part, pair, arm), part, pair, None, "2", Arm.parse(arm), seed, "quick", "", BEST, RANDOM, RANDOM,
+        RANDOM, training, greedy,
         computed={},
     )  # fmt: skip
 

@@ -1,7 +1,10 @@
 """The confirmatory study's kept tables: whole seeds, by the plan; and what follows from them."""
 
 import csv
+import hashlib
 import math
+import re
+import subprocess
 from collections import defaultdict
 from datetime import datetime
 from pathlib import Path
@@ -11,7 +14,7 @@ import pytest
 from ship_trl.study.plan.manifest import read_manifest
 from ship_trl.study.records.layers import LAYERS, read_layers
 from ship_trl.study.records.tables import read_tables
-from ship_trl.study.rules import digest
+from ship_trl.study.rules import PLAN_TEXT
 from ship_trl.transfer.measured import PACKAGED, TABLE
 from tests.command import ROOT, ship_trl
 
@@ -40,7 +43,7 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
     for job in tables.plan["jobs"]:
         planned[job["seed"]].add((job["part"], job["label"], job["arm"]))
     for record, result, _ in tables.by_run():
-        kept[record.seed].add((record.part, record.pair, record.arm))
+        kept[record.seed].add((record.part, record.pair, record.arm.name))
         assert result.profile == "quick" and result.episodes == 600
     assert sorted(planned) == list(range(100, 115))
     # Seeds are run one after another.
@@ -50,12 +53,24 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
 
 
 def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
+    """The commit that the study names has the plan as registered; the page keeps its rules word for word."""
     plan = read_manifest(FOLDER)
     assert plan.seeds == tuple(range(100, 115))
-    rules = plan.rules
-    assert rules["digest"] == digest()
-    committed = rules["commit"].partition(" of ")[2]
-    assert datetime.fromisoformat(committed) < datetime.fromisoformat(rules["begun"])
+    commit, _, committed = plan.rules["commit"].partition(" of ")
+    assert datetime.fromisoformat(committed) < datetime.fromisoformat(plan.rules["begun"])
+    numbers = (ROOT / "conf/analysis.yaml").read_bytes()
+    shown = subprocess.run(["git", "show", f"{commit}:{PLAN_TEXT}"], cwd=ROOT, capture_output=True)
+    if shown.returncode:
+        pytest.skip("no git history")
+    assert hashlib.sha256(shown.stdout + numbers).hexdigest() == plan.rules["digest"]
+    registered, page = shown.stdout.decode(), (ROOT / PLAN_TEXT).read_text()
+    for heading in ("What is measured of a run", "The claims"):
+        (section,) = re.findall(rf"## {heading}\n.*?(?=\n## )", registered, re.DOTALL)
+        assert section in page, heading
+    judged = registered.partition("## From runs to a verdict\n")[2].partition("\n## ")[0]
+    # What measured the gains was a command; all else decides.
+    rest = re.sub(r" The gains are measured by\n.*?(?=6\. \*\*Looks)", "\n", judged, flags=re.DOTALL)
+    assert all(line in page for line in rest.splitlines())
 
 
 @pytest.fixture(scope="module")

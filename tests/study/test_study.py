@@ -3,16 +3,14 @@
 import json
 import random
 import shutil
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from ship_trl.study.launch.progress import last_episode
-from tests.command import KEYS, environment, files
+from tests.command import KEYS, files
+from tests.forked import Child
 from tests.study.commands import SMALL, learned, study
 
 
@@ -42,29 +40,21 @@ def test_started_again_it_trains_nothing(whole: Path) -> None:
 
 
 @pytest.mark.long
-def test_one_process_learns_the_same(whole: Path, tmp_path: Path) -> None:
-    done = study(*SMALL, "processes=1", folder=tmp_path)
-    assert ", 1 at once, by" in done.stdout
+@pytest.mark.parametrize("processes", ["1", "2"])
+def test_processes_of_their_own_learn_the_same(processes: str, whole: Path, tmp_path: Path) -> None:
+    done = study(*SMALL, f"processes={processes}", folder=tmp_path, new_process=True)
+    assert f", {processes} at once, by" in done.stdout
     assert learned(tmp_path) == learned(whole)
 
 
 def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
-    child = subprocess.Popen(
-        [sys.executable, "-m", "ship_trl", "study", *SMALL],
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.DEVNULL,
-    )
+    child = Child(("study", *SMALL), tmp_path)
     # While it trains, anywhere: the time is not important, and printed if it ever is.
     while not list(tmp_path.rglob("curve.csv")):
-        assert child.poll() is None
-        time.sleep(0.1)
-    after = random.uniform(0, 15)
-    try:
-        child.wait(after)
-    except subprocess.TimeoutExpired:
-        child.send_signal(signal.SIGKILL)
-        child.wait()
+        assert child.wait(0.1) is None
+    after = random.uniform(0, 10)
+    if child.wait(after) is None:
+        child.kill()
     study(*SMALL, folder=tmp_path)
     assert learned(tmp_path) == learned(whole), f"killed after {after} s"
 

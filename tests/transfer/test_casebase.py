@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 from filelock import Timeout
 
+from ship_trl.config.arm import Arm
 from ship_trl.config.network import load_network
-from ship_trl.config.types import Method, World, plain
+from ship_trl.config.types import World, plain
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
 from ship_trl.transfer.similarity import MEASURES, Measure
@@ -130,8 +131,8 @@ def test_ranking_by_a_measure_of_ones_own(world: World, monkeypatch: pytest.Monk
 
 def test_recommended_arm_follows_the_paper(world: World) -> None:
     cases = {name: load_case(name, world) for name in case_names()}
-    assert recommend(cases["1"], cases["2"]) == (Method.feature_extraction, 3)
-    assert recommend(cases["5"], cases["6"]) == (Method.finetune, 1)
+    assert recommend(cases["1"], cases["2"]) == Arm.parse("FE3")
+    assert recommend(cases["5"], cases["6"]) == Arm.parse("FT1")
 
 
 def test_a_lock_is_of_one_entry_and_leaves_the_others_free(tmp_path: Path, world: World) -> None:

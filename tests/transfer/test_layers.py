@@ -9,11 +9,12 @@ import torch
 from safetensors.torch import save_file
 from torch import Generator
 
+from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network, plain
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import Transfer, apply, load_weights, permuted, save_weights, saved_network
+from ship_trl.transfer.layers import copy_layers, load_weights, permuted, save_weights, saved_network
 
 FIVE = load_network("five")
 
@@ -29,34 +30,30 @@ def saved(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("frozen", [False, True])
-@pytest.mark.parametrize("layers", [1, 2, 3, 4, "all"])
-def test_just_the_first_layers_are_copied(saved: Path, layers: int | str, frozen: bool) -> None:
+@pytest.mark.parametrize(
+    ("arm", "count"), [("scratch", 0), ("FE1", 1), ("FE4", 4), ("FT2", 2), ("FT3", 3), ("FTW", 7)]
+)
+def test_just_the_first_layers_are_copied(saved: Path, arm: str, count: int) -> None:
     source, fresh, target = network(1), network(2), network(2)
-    apply(target, Transfer(load_weights(saved, target), layers, frozen))
-    names = ["conv1", "conv2", "conv3", "conv4", "shared", "value", "advantage"]
-    copied = names if layers == "all" else names[: int(layers)]
+    copy_layers(target, load_weights(saved, target), Arm.parse(arm))
+    copied = ["conv1", "conv2", "conv3", "conv4", "shared", "value", "advantage"][:count]
     for name, parameter in target.named_parameters():
         mine = name.split(".")[0] in copied
         wanted = dict((source if mine else fresh).named_parameters())[name]
         assert torch.equal(parameter, wanted)
-        assert parameter.requires_grad != (mine and frozen)
 
 
-@pytest.mark.parametrize("frozen", [False, True])
-@pytest.mark.parametrize("layers", [1, 4, 5, "all"])
-def test_a_network_of_five_layers_gives_up_to_five(layers: int | str, frozen: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("arm", "count"), [("FE1", 1), ("FT4", 4), ("FE5", 5), ("FTW", 8)])
+def test_a_network_of_five_layers_gives_up_to_five(arm: str, count: int, tmp_path: Path) -> None:
     path = tmp_path / "five.safetensors"
     save_weights(path, network(1, config=FIVE), {})
     target, weights = network(2, config=FIVE), load_weights(path, network(3, config=FIVE))
-    apply(target, Transfer(weights, layers, frozen))
-    names = [*(f"conv{n}" for n in range(1, 6)), "shared", "value", "advantage"]
-    copied = names if layers == "all" else names[: int(layers)]
+    copy_layers(target, weights, Arm.parse(arm))
+    copied = [*(f"conv{n}" for n in range(1, 6)), "shared", "value", "advantage"][:count]
     for name, parameter in target.named_parameters():
         mine = name.split(".")[0] in copied
         # Biases begin with zero everywhere.
         assert torch.equal(parameter, weights[name]) == (mine or name.endswith("bias")), name
-        assert parameter.requires_grad != (mine and frozen)
 
 
 def test_permuting_keeps_the_numbers_of_each_tensor_and_no_order() -> None:
@@ -73,7 +70,7 @@ def test_permuting_keeps_the_numbers_of_each_tensor_and_no_order() -> None:
 
 def test_saving_and_loading_keeps_every_bit_and_the_layout(saved: Path) -> None:
     source, target = network(1), network(2)
-    apply(target, Transfer(load_weights(saved, target), "all", False))
+    copy_layers(target, load_weights(saved, target), Arm.parse("FTW"))
     for a, b in zip(source.parameters(), target.parameters(), strict=True):
         assert torch.equal(a, b) and a.stride() == b.stride()
     assert [path.name for path in saved.parent.iterdir()] == [saved.name]
@@ -156,10 +153,16 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
-        ('{"network": 3}', "must hold conv and hidden"),
-        ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "must hold conv and hidden"),
+        ('{"network": 3}', "network: must be a group of conv, hidden, got 3"),
+        (
+            '{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}',
+            "got '${oc.env:HOME}'",
+        ),
         ('{"network": {"conv": [[32, 8, 4]]}}', "missing"),
-        ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "could not be converted"),
+        (
+            '{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}',
+            "network.hidden: must be a whole",
+        ),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),
         (json.dumps({"network": plain(FIVE)}), "conv4.weight is of another shape"),
         (json.dumps({"network": {**plain(load_network()), "hidden": 100}}), "shared.weight is of another"),

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 from PIL import Image
 
@@ -16,13 +15,12 @@ from ship_trl.view.contact_sheet import (
     GAP,
     HEAD,
     LABEL,
+    LEGEND,
     MARGIN,
     PICTURE,
     WIDTH,
-    keep_course,
     write_contact_sheet,
 )
-from ship_trl.view.legend import HEIGHT as LEGEND
 
 
 def test_every_case_has_a_row(world: World, tmp_path: Path) -> None:
@@ -31,7 +29,7 @@ def test_every_case_has_a_row(world: World, tmp_path: Path) -> None:
     write_contact_sheet(path, cases, world)
     assert [p.name for p in tmp_path.iterdir()] == ["cases.png"]
     with Image.open(path) as image:
-        assert image.size == (WIDTH, HEAD + len(cases) * (PICTURE + GAP) - GAP + MARGIN + LEGEND)
+        assert image.size == (WIDTH, HEAD + len(cases) * (PICTURE + GAP) + LEGEND)
         sheet = np.asarray(image.convert("RGB"))
     green = (sheet == scene.TARGET).all(-1)
     for row, case in enumerate(cases):
@@ -55,8 +53,3 @@ def test_the_networks_view_is_three_times_its_size(
     # One millimetre of rounding in the place may move a grey level by one.
     assert np.abs(shown[1::3, 1::3].astype(int) - seen).max() <= 1
     assert (shown.reshape(84, 3, 84, 3) == shown[1::3, 1::3][:, None, :, None]).all()
-
-
-def test_keep_course(world: World) -> None:
-    state = keep_course(torch.tensor([0.0, 0.0, np.pi / 2, 0.0]), world, 12)
-    assert state.tolist() == pytest.approx([0.0, 180.0, np.pi / 2, 12.0], abs=1e-3)

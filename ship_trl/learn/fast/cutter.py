@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ship_trl.config.network import WORD, Geometry, cut_by_words, linear_from
+from ship_trl.config.network import WORD, Geometry, linear_from, supports_incremental
 from ship_trl.learn.fast import incremental_kernels as kernels
 
 # oneDNN prepares a matrix product for each new shape; rounding the rows up keeps shapes few.
@@ -33,11 +33,11 @@ class Cutter:
     Args:
         background: frame that most frames resemble, uint8 [C, 84, 84].
         dtype: of the windows, whose values are 0 to 1.
-        geometry: of the network's conv layers, as `cut_by_words` says.
+        geometry: of the network's conv layers, as `supports_incremental` says.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
-        if not cut_by_words(geometry):
+        if not supports_incremental(geometry):
             raise ValueError(f"geometry: the first of several layers must be cut by words, got {geometry}")
         self.dtype = dtype
         # Layers that work on rows; after them each frame is one row.

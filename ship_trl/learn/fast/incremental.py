@@ -135,7 +135,7 @@ class Incremental:
     Args:
         background: frame that most frames resemble, uint8 [C, 84, 84].
         dtype: of the conv layers; weights and their gradients stay float32.
-        geometry: of the conv layers of every network that it will compute, as `cut_by_words` says.
+        geometry: of the conv layers of every network that it will compute, as `supports_incremental` says.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:

@@ -1,7 +1,7 @@
-"""One step of the world as a compiled loop for the CPU.
+"""One simulation step as a compiled loop for the CPU.
 
-It does what `transition.Transition` does in torch, which stays the reference and serves the GPU;
-tests hold them together. In torch a small batch is all operator overhead.
+It computes what `transition.Transition` computes in torch, but without torch's overhead per operator, which
+dominates in small batches. Tests compare the two; the torch code is the reference and runs on the GPU.
 """
 
 from __future__ import annotations
@@ -15,16 +15,19 @@ from numba import float32
 from ship_trl.jit import RELAXED, compiled
 
 Array = np.ndarray[Any, Any]
-# float32 where it is compiled; Python and NumPy disagree on what that is.
+# float32 in compiled code; the types of Python and NumPy differ there.
 Number = Any
 
-# Plain numbers would make every sum a float64.
+# A Python float would turn every sum into float64.
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
 
 @compiled(RELAXED)
-def closest(ax: Number, ay: Number, bx: Number, by: Number) -> Number:
-    """Least distance from the origin of a point that moves from a to b (`geometry.closest_approach`)."""
+def closest_approach(ax: Number, ay: Number, bx: Number, by: Number) -> Number:
+    """Return the least distance from the origin to a point that moves from a to b.
+
+    This is `geometry.closest_approach` for one point.
+    """
     tx, ty = bx - ax, by - ay
     length2 = tx * tx + ty * ty
     share = float32(0.0)
@@ -43,20 +46,25 @@ def step(
     velocity: Array,
     limits: Array,
     after: Array,
-    sight: Array,
+    to_goal: Array,
     flags: Array,
-    apart: Array,
+    min_distance: Array,
 ) -> None:
-    """One action of each of N ships (`transition.Transition`), written to the last four arguments.
+    """Take one action with each of N ships, and write the results into the last four arguments.
 
-    What it is paid is another loop's matter, `reward.pay`.
+    This is `transition.Transition` without the rewards, which `reward.write_rewards` computes.
 
-    Shapes: state, after [N, 4]; action [N]; actions [A, 2]; goal [2]; ships, velocity [K, 2];
-    limits [4]: dt, safe distance, goal distance, steps; sight float64 [2, N]: the goal's distance and its
-    angle off the bow (a float64, as `floor` gives an integer); flags [3, N]: goal, collision, truncated;
-    apart [N].
+    Shapes, float32 unless said otherwise:
+        Inputs: state [N, 4]; action int64 [N]; actions [A, 2] (m/s, rad/s); goal [2] (m); ships (m) and
+        velocity (m/s) of the target ships at the start, [K, 2]; limits [4]: dt (s), safe distance (m), goal
+        distance (m), maximum of steps.
+        Outputs: after [N, 4]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
+        bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
+
+    Raises:
+        IndexError: action index out of range.
     """
-    dt, safe, near, most = limits
+    dt, safe_distance, goal_distance, max_steps = limits
     for n in range(state.shape[0]):
         if action[n] < 0 or action[n] >= actions.shape[0]:
             raise IndexError("no such action")
@@ -65,21 +73,22 @@ def step(
         heading = heading + turn * dt
         new_x = x + speed * dt * math.cos(heading)
         new_y = y + speed * dt * math.sin(heading)
-        least = float32(np.inf)
+        nearest = float32(np.inf)
         for k in range(ships.shape[0]):
             before, now = count * dt, (count + ONE) * dt
             ax = ships[k, 0] + before * velocity[k, 0] - x
             ay = ships[k, 1] + before * velocity[k, 1] - y
             bx = ships[k, 0] + now * velocity[k, 0] - new_x
             by = ships[k, 1] + now * velocity[k, 1] - new_y
-            least = min(least, closest(ax, ay, bx, by))
+            nearest = min(nearest, closest_approach(ax, ay, bx, by))
         east, north = goal[0] - new_x, goal[1] - new_y
         distance = math.hypot(east, north)
+        # Becomes float64 below, because `floor` returns an integer.
         off_bow = math.atan2(north, east) - heading
         off_bow -= float32(2 * math.pi) * math.floor((off_bow + float32(math.pi)) / float32(2 * math.pi))
-        collided = least < safe
-        reached = distance <= near and not collided
+        collided = nearest < safe_distance
+        reached = distance <= goal_distance and not collided
         after[n, 0], after[n, 1], after[n, 2], after[n, 3] = new_x, new_y, heading, count + ONE
-        sight[0, n], sight[1, n], apart[n] = distance, off_bow, least
+        to_goal[0, n], to_goal[1, n], min_distance[n] = distance, off_bow, nearest
         flags[0, n], flags[1, n] = reached, collided
-        flags[2, n] = after[n, 3] >= most and not reached and not collided
+        flags[2, n] = after[n, 3] >= max_steps and not reached and not collided

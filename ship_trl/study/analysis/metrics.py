@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.files.curve import moving_mean
-from ship_trl.study.plan.arms import needs_source
 from ship_trl.study.plan.config import REUSED_CASE
 from ship_trl.study.plan.jobs import LOW, ONE
 from ship_trl.study.records.record import Record
@@ -116,7 +115,7 @@ def total_time(record: Record) -> float:
 
     The network that figure 9 reuses was trained twice: on case 1, then on case 2.
     """
-    trained = record.source is not None and needs_source(record.arm)
+    trained = record.source is not None and record.arm.has_trained_source
     trained_twice = record.part in (LOW, ONE) and record.source == REUSED_CASE
     return time_to_threshold(record) + trained + trained_twice
 

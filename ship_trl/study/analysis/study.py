@@ -140,7 +140,7 @@ def read_study(folder: Path) -> Study:
     """
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
-    records = share_random_return({(one.part, one.pair, one.arm, one.seed): one for one, _, _ in found})
+    records = share_random_return({(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found})
     plan = read_manifest(folder)
     return Study(records, broken, plan, layers=layers_of(folder, records, broken))
 

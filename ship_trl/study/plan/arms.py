@@ -1,34 +1,23 @@
-"""What the names of arms and of control pairs mean. No other file of the study takes a name apart."""
+"""The arms and control pairs of a study, by name. What a name means is read by `Arm` alone."""
 
 from __future__ import annotations
 
-SCRATCH, WHOLE = "scratch", "FTW"
-FE, FT = tuple(f"FE{n}" for n in range(1, 5)), tuple(f"FT{n}" for n in range(1, 5))
+from ship_trl.config import arm as arms
+from ship_trl.config.arm import ALL_LAYERS, Arm, Method, SourceWeights
+
+SCRATCH, WHOLE = arms.SCRATCH.name, Arm(Method.finetune, ALL_LAYERS).name
+FE = tuple(Arm(Method.feature_extraction, n).name for n in range(1, 5))
+FT = tuple(Arm(Method.finetune, n).name for n in range(1, 5))
 TRANSFERS = (*FE, *FT, WHOLE)
 # Kinds of controls: the frozen layers hold random weights, or the source's weights permuted within each
 # layer.
-RANDOM, PERMUTED = "random", "permuted"
+RANDOM, PERMUTED = SourceWeights.random.value, SourceWeights.permuted.value
 CONTROL_KINDS = (RANDOM, PERMUTED)
 
 
 def control_arm(arm: str, kind: str) -> str:
     """Return the name of an arm's control."""
-    return f"{arm}-{kind}"
-
-
-def is_control(arm: str) -> bool:
-    """Return whether the frozen layers of an arm hold no features of its source."""
-    return "-" in arm
-
-
-def control_kind(arm: str) -> str:
-    """Return the kind of a control; "" for other arms."""
-    return arm.partition("-")[2]
-
-
-def needs_source(arm: str) -> bool:
-    """Return whether an arm begins with a network that was trained."""
-    return arm != SCRATCH and control_kind(arm) != RANDOM
+    return Arm.parse(arm).with_weights(SourceWeights(kind)).name
 
 
 # Controls that run with every seed: arms on each pair, and pairs with their arms. Pair "self" transfers case

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import yaml
-from omegaconf import MISSING, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
-from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.shapes import check_shapes
+from ship_trl.config.schema import limit, read_as
 from ship_trl.config.types import Logger, WandbMode
 from ship_trl.run.launchers import check_slurm
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS, WHOLE
@@ -32,6 +33,8 @@ LAUNCHERS = {
     "ray_local": "hydra_ray_launcher",
     "ray_cluster": "hydra_ray_launcher",
 }
+# Differences within a seed need two.
+SeedCount = Annotated[int, limit(2)]
 # Keys that each job sets itself.
 JOB_KEYS = (
     *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
@@ -43,31 +46,31 @@ JOB_KEYS = (
 class StudyWandb:
     """The wandb project of a study."""
 
-    project: str = MISSING
-    mode: WandbMode = MISSING
-    entity: str | None = None
+    project: str
+    mode: WandbMode
+    entity: str | None
 
 
 @dataclass
 class StudyConfig:
     """The settings; conf/study.yaml holds and explains the values."""
 
-    profile: str = MISSING
-    seeds: int | None = None
-    first_seed: int = MISSING
-    block: int = MISSING
-    profile_seeds: dict[str, int] = MISSING
-    pairs: list[str] = MISSING
-    arms: list[str] = MISSING
-    reuse: bool = MISSING
-    controls: bool = MISSING
-    output: str | None = None
-    launcher: str = MISSING
-    processes: int | None = None
-    retries: int = MISSING
-    overrides: list[str] = field(default_factory=list)
-    logger: Logger = MISSING
-    wandb: StudyWandb = MISSING
+    profile: str
+    seeds: SeedCount | None
+    first_seed: Seed
+    block: Positive
+    profile_seeds: dict[str, SeedCount]
+    pairs: list[str]
+    arms: list[str]
+    reuse: bool
+    controls: bool
+    output: str | None
+    launcher: str
+    processes: Positive | None
+    retries: Annotated[int, limit(0)]
+    overrides: list[str]
+    logger: Logger
+    wandb: StudyWandb
 
     @property
     def count(self) -> int:
@@ -97,23 +100,13 @@ def to_study(overrides: list[str]) -> StudyConfig:
         ConfigError: an unknown key, a wrong value, an unknown name.
     """
     try:
-        values = OmegaConf.merge(
-            OmegaConf.structured(StudyConfig),
-            OmegaConf.load(conf_dir() / "study.yaml"),
-            OmegaConf.from_dotlist(overrides),
-        )
-        config: Any = OmegaConf.to_object(values)
-    except OmegaConfBaseException as error:
-        if "is not a ListConfig" in str(error.msg):
-            raise ConfigError(f"{error.full_key}: a list is written {error.full_key}=[ONE,OTHER]") from None
-        raise ConfigError(explain(error)) from None
-    except (yaml.YAMLError, LookupError, ValueError, ArithmeticError, TypeError, RecursionError):
-        # OmegaConf raises Python's own errors for a key with an unclosed bracket, or thousands of digits.
+        values = OmegaConf.merge(OmegaConf.load(conf_dir() / "study.yaml"), OmegaConf.from_dotlist(overrides))
+    except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
+        # OmegaConf raises Python's own errors for an unclosed bracket in a key, or thousands of digits.
         raise ConfigError(
             f"{' '.join(overrides)}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
-    # An interpolation can put a value of any type in any place.
-    check_shapes(StudyConfig, asdict(config))
+    config = read_as(StudyConfig, values)
     check(config)
     return config
 
@@ -124,7 +117,7 @@ def options(group: str) -> list[str]:
 
 
 def check(config: StudyConfig) -> None:
-    """Check names and counts."""
+    """Check names, the launcher, and what several keys say together."""
     check_names("profile", [config.profile], options("profile"))
     check_names("pairs", config.pairs, options("pair"))
     check_names("arms", config.arms, options("arm"))
@@ -133,11 +126,9 @@ def check(config: StudyConfig) -> None:
     plugin = LAUNCHERS[config.launcher]
     if find_spec(f"hydra_plugins.{plugin}") is None:
         extra = config.launcher.split("_")[0]
-        raise ConfigError(f"launcher: {config.launcher} is not installed; ship_trl[{extra}] brings it")
+        raise ConfigError(f"launcher: {missing_extra(config.launcher, extra)}")
     check_slurm(config.launcher, "launcher")
     check_overrides(config)
-    if config.profile_seeds is None:
-        raise ConfigError("profile_seeds: must be a number of seeds for each profile, got None")
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
     controls = {*CONTROL_PAIRS, *FIRST_BLOCK_PAIRS, *CONTROL_ARMS, *FIRST_BLOCK_ARMS}
@@ -145,24 +136,13 @@ def check(config: StudyConfig) -> None:
         for name in getattr(config, key):
             if config.controls and name in controls:
                 raise ConfigError(f"{key}: {name} is one of the controls; allowed: controls=false")
-    check_numbers(config)
+    if config.processes is not None and config.launcher != "joblib":
+        raise ConfigError(f"processes: must be left out with launcher={config.launcher}, which has its own")
     if config.reuse and (REUSED_PAIR not in config.pairs or REUSED_ARM not in config.arms):
         raise ConfigError(
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "
             "allowed: reuse=false"
         )
-
-
-def check_numbers(config: StudyConfig) -> None:
-    """Check all counts."""
-    if config.count < 2:
-        raise ConfigError(f"seeds: must be at least 2, got {config.count}")
-    for key, least in (("first_seed", 0), ("block", 1), ("processes", 1), ("retries", 0)):
-        value = getattr(config, key)
-        if value is not None and value < least:
-            raise ConfigError(f"{key}: must be at least {least}, got {value}")
-    if config.processes is not None and config.launcher != "joblib":
-        raise ConfigError(f"processes: must be left out with launcher={config.launcher}, which has its own")
 
 
 def check_overrides(config: StudyConfig) -> None:

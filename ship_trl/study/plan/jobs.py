@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ship_trl.config.arm import Arm
 from ship_trl.study.plan.arms import (
     CONTROL_ARMS,
     CONTROL_PAIRS,
@@ -15,7 +16,6 @@ from ship_trl.study.plan.arms import (
     SCRATCH,
     SCRATCH_PAIR,
     WHOLE,
-    needs_source,
 )
 from ship_trl.study.plan.config import (
     NEW_CASE,
@@ -55,6 +55,11 @@ class Job:
     seed: int
     values: dict[str, Any]
 
+    @property
+    def has_trained_source(self) -> bool:
+        """Whether the run begins with a network that was trained."""
+        return Arm.parse(self.arm).has_trained_source
+
     def folder(self, study: Path) -> Path:
         """Return the run's folder."""
         return run_folder(study, self.part, self.label, self.arm, self.seed)
@@ -78,7 +83,7 @@ def seed_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     known: set[str] = set()
     for group in groups:
         runs = list(group(config, seed))
-        needed = {str(run.values["source"]) for run in runs if needs_source(run.arm)}
+        needed = {str(run.values["source"]) for run in runs if run.has_trained_source}
         for case in sorted(needed - known):
             if source_place(config, case) == (SOURCES, case):
                 yield replace(scratch_job(SOURCES, case, seed), stage=stage)
@@ -96,7 +101,7 @@ def block_of(config: StudyConfig, seed: int) -> int:
 
 def source_folder(run: Job, config: StudyConfig) -> Path | None:
     """Return the folder of the run that trains a run's source, below the study's folder; None without one."""
-    if not needs_source(run.arm):
+    if not run.has_trained_source:
         return None
     if "source_file" in run.values:
         return Path(run.values["source_file"]).parent.relative_to(config.folder.absolute())

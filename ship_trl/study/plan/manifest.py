@@ -15,7 +15,7 @@ from hydra.core.global_hydra import GlobalHydra
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.hydra import explain_hydra
-from ship_trl.config.network import others
+from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Config, World, plain
 from ship_trl.files.disk import read_json, replacing
@@ -130,7 +130,7 @@ def settings_of(jobs: list[Job], config: StudyConfig, shared: Config) -> dict[st
         "world": plain(shared.world),
         "colour": shared.colour,
     }
-    if (network := others(shared.network)) is not None:
+    if (network := non_default_network(shared.network)) is not None:
         settings["network"] = network
     return settings
 

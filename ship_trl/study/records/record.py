@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ship_trl.config.arm import Arm
 from ship_trl.files.curve import CURVE, CurveError, read_curve, split
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.study.plan.jobs import PARTS
@@ -60,7 +61,7 @@ class Record:
     pair: str
     source: str | None
     target: str
-    arm: str
+    arm: Arm
     seed: int
     profile: str
     config_hash: str
@@ -89,6 +90,10 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         raise BrokenRunError(f"{RESULT} has no random_return")
     if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
+    try:
+        arm = Arm.parse(result.arm)
+    except ValueError as error:
+        raise BrokenRunError(f"{RESULT}: {error}") from None
     training, greedy = split(rows)
     check_curve(training, greedy, result.episodes)
     return Record(
@@ -97,7 +102,7 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         pair=result.pair,
         source=result.source,
         target=result.target,
-        arm=result.arm,
+        arm=arm,
         seed=result.seed,
         profile=result.profile,
         config_hash=result.config_hash,
@@ -178,7 +183,7 @@ def read_placed(folder: Path, part: str = "") -> tuple[Record, Result, pd.DataFr
     """
     result, rows = read_files(folder)
     record = make_record(result, rows, folder, part)
-    if folder.parts[-3:] != (record.pair, record.arm, f"seed={record.seed}"):
+    if folder.parts[-3:] != (record.pair, record.arm.name, f"seed={record.seed}"):
         raise BrokenRunError(f"{RESULT} is of another run")
     return record, result, rows
 

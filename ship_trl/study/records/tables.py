@@ -167,7 +167,9 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    runs = ((run[0].seed, run[0].part, run[0].pair, run[0].arm, run) for run in read_runs(folder, broken))
+    runs = (
+        (run[0].seed, run[0].part, run[0].pair, run[0].arm.name, run) for run in read_runs(folder, broken)
+    )
     whole = [run for *_, run in sorted(runs, key=lambda one: one[:4])]
     if not whole and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")

@@ -18,7 +18,7 @@ from ship_trl.files.curve import moving_mean
 from ship_trl.files.disk import replacing
 from ship_trl.study.analysis.contrasts import SEED
 from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
-from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, WHOLE, control_kind
+from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS, WHOLE, control_arm
 
 # Widths in inches. The page shows a figure at one of them, each at about the size that it is drawn at: the
 # page is 75 rem wide at most, and a screen of 380 pixels leaves 348 to a figure.
@@ -43,14 +43,14 @@ class Look:
 BLUE, VERMILION, GREEN, PINK = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#7f5539"
 DASHED, DOTTED, DASH_DOTTED = (0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1))
-# The look of every arm. Controls go by their kind, and the networks on the new case by their source.
+# The look of every arm. All controls of a kind look alike; networks on the new case go by their source.
 LOOKS = {
     SCRATCH: Look("#000000"),
     **{arm: Look(colour) for arm, colour in zip(FE, (BLUE, VERMILION, GREEN, PINK), strict=True)},
     **{arm: Look(colour, DASHED) for arm, colour in zip(FT, (BLUE, VERMILION, GREEN, PINK), strict=True)},
     WHOLE: Look(ORANGE, DASH_DOTTED),
-    RANDOM: Look(SKY, DOTTED),
-    PERMUTED: Look(BROWN, DASH_DOTTED),
+    **{control_arm(arm, RANDOM): Look(SKY, DOTTED) for arm in TRANSFERS},
+    **{control_arm(arm, PERMUTED): Look(BROWN, DASH_DOTTED) for arm in TRANSFERS},
     "reused, low": Look(ORANGE, DASH_DOTTED),
     "reused, 1": Look(ORANGE, DASH_DOTTED),
     "case 1": Look(BLUE),
@@ -64,7 +64,7 @@ LOOKS = {
 
 def look_of(arm: str) -> Look:
     """Return the look of an arm; an arm of an unknown name is grey."""
-    return LOOKS.get(control_kind(arm) or arm, Look(GREY, DASHED))
+    return LOOKS.get(arm, Look(GREY, DASHED))
 
 
 def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.errors import one_line
 from ship_trl.files.disk import replacing
 from ship_trl.files.table import Cells, read_table
@@ -20,7 +21,6 @@ from ship_trl.study.analysis.metrics import METRICS, has_reached, measure
 from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import Answer
-from ship_trl.study.plan.arms import SCRATCH, is_control
 from ship_trl.study.plan.config import REUSED_CASE, options, read_option
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, Place, scratch_place
 from ship_trl.study.records.record import Record
@@ -88,7 +88,7 @@ def estimate(values: Sequence[float]) -> Estimate | None:
 def transfer_ratio(study: Study, place: Place) -> Estimate | None:
     """Return how much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
     runs = study.matched({"arm": place, "scratch": scratch_place(*place[:2])})
-    if place[2] == SCRATCH or len(runs["arm"]) < MIN_SEEDS:
+    if Arm.parse(place[2]).is_scratch or len(runs["arm"]) < MIN_SEEDS:
         return None
     areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
 
@@ -109,9 +109,10 @@ def transfer_rows(study: Study) -> list[Row]:
     cases = study.plan.cases
     targets: dict[str, list[tuple[Place, Record]]] = defaultdict(list)
     for place in judged.places:
-        part, pair, arm = place
+        part, pair, _ = place
         runs = judged.matched({"arm": place, "scratch": scratch_place(part, pair)})["arm"]
-        if arm == SCRATCH or is_control(arm) or len(runs) < MIN_SEEDS:
+        arm = runs[0].arm if len(runs) >= MIN_SEEDS else SCRATCH
+        if arm.is_scratch or arm.weights is not SourceWeights.learned:
             continue
         trained_twice = part in (LOW, ONE) and runs[0].source == REUSED_CASE
         if not trained_twice and {runs[0].source, runs[0].target} <= set(cases):

@@ -26,7 +26,7 @@ DRAW = {
 
 
 def states(count: int, seed: int) -> torch.Tensor:
-    """Places all over the picture and beyond it, any heading, whole steps."""
+    """Return random states inside and outside the picture, with any heading and whole steps."""
     generator = torch.Generator().manual_seed(seed)
     spread = torch.tensor([1600.0, 1600.0, 4 * math.pi, 61.0])
     state = torch.rand(count, 4, generator=generator) * spread - torch.tensor(
@@ -39,7 +39,7 @@ def states(count: int, seed: int) -> torch.Tensor:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_step_is_the_reference_step(name: str) -> None:
     state = states(20_000, 1)
-    # Half of them near the target ships and the goal, where the outcome turns.
+    # Half of them near the target ships and the goal, where the outcome changes.
     ships = MOTION[name].away(state)[:10_000]
     if ships.shape[1]:
         state[:10_000, :2] += ships[:, 0] + torch.randn(10_000, 2) * 40
@@ -48,7 +48,7 @@ def test_a_step_is_the_reference_step(name: str) -> None:
     wanted, got = MOTION[name](state, action), COMPILED[name](state, action)
     torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=2e-4)
     torch.testing.assert_close(got.reward, wanted.reward, rtol=1e-5, atol=2e-3)
-    torch.testing.assert_close(got.apart, wanted.apart, rtol=1e-5, atol=1e-3)
+    torch.testing.assert_close(got.min_distance, wanted.min_distance, rtol=1e-5, atol=1e-3)
     # Where distance or angle lies on the edge itself, rounding may decide.
     for flag in ("goal", "collision", "truncated"):
         assert (getattr(got, flag) != getattr(wanted, flag)).sum() <= 2
@@ -91,12 +91,12 @@ def test_on_the_goal_itself_the_line_is_a_dot(off: float) -> None:
 
 @pytest.mark.parametrize("place", range(4))
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 2e9])
-def test_what_is_no_place_is_not_drawn(place: int, value: float) -> None:
+def test_a_state_that_is_not_finite_is_refused(place: int, value: float) -> None:
     state = torch.zeros(3, 4)
     state[1, place] = value
     with pytest.raises(ValueError, match="is not finite, or beyond 1e9"):
         DRAW["4", False](state)
-    # And nothing of the attempt is left.
+    # The failed call leaves no trace in the next picture.
     assert torch.equal(DRAW["4", False](state[:1]), DRAW["4", False](torch.zeros(1, 4)))
 
 
@@ -118,7 +118,7 @@ def test_a_ship_along_the_pictures_axes_ends_where_it_should(turn: float) -> Non
 
 
 @pytest.mark.parametrize("action", [-1, 7])
-def test_an_action_that_is_none_is_refused(action: int) -> None:
+def test_an_action_index_out_of_range_is_refused(action: int) -> None:
     with pytest.raises(IndexError, match="no such action"):
         COMPILED["1"](states(1, 0), torch.tensor([action]))
 

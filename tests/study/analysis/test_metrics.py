@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from ship_trl.config.arm import Arm
 from ship_trl.study.analysis import metrics
 from ship_trl.study.records.record import Record, read_run
 from tests.study.synthetic import make_record, returns_of, write_run
@@ -59,12 +60,12 @@ def test_who_never_gets_there_has_taken_all_the_time(tmp_path: Path) -> None:
 
 
 def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
-    run = replace(record(tmp_path, [0.9] * 100), arm="FE3")
+    run = replace(record(tmp_path, [0.9] * 100), arm=Arm.parse("FE3"))
     assert run.source == "1"
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
     reused = replace(run, part="reuse/epsilon_1", source="2")
     assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
-    for alone in (replace(run, source=None), replace(run, arm="FE3-random")):
+    for alone in (replace(run, source=None), replace(run, arm=Arm.parse("FE3-random"))):
         assert metrics.total_time(alone) == metrics.time_to_threshold(run)
 
 

@@ -223,7 +223,7 @@ HOSTILE = {
     "an arm that leads out": (in_runs(",FTW,", ",..,"), "no run of a study is named"),
     "a part that leads out": (in_runs("pairs,high", "../pairs,high"), "no run of a study is named"),
     "an absolute arm": (in_runs(",FTW,", ",/tmp/x,"), "no run of a study is named"),
-    "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "holds no whole number in seed"),
+    "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "seed: must be a whole number"),
     "a run twice": (in_runs(",FTW,1,", ",FTW,0,"), "has no run, or one twice"),
     "another program's table": (spoil("runs.csv", lambda d: b"step,loss\n1,2\n"), "runs.csv cannot be read"),
     "no table": (spoil("runs.csv", lambda d: b""), "runs.csv cannot be read"),

@@ -14,7 +14,7 @@ from tests.study.synthetic import learning, write_run
 def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
     record = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
-    assert (record.pair, record.arm, record.seed, record.part) == ("high", "FE3", 4, "pairs")
+    assert (record.pair, record.arm.name, record.seed, record.part) == ("high", "FE3", 4, "pairs")
     np.testing.assert_allclose(record.score(record.training.returns), scores, atol=2e-6)
     assert record.score(record.before) == pytest.approx(0.2) and record.score(record.scratch) == 0.0
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
@@ -36,7 +36,7 @@ def test_draws_before_training_are_read_and_an_older_run_has_none(tmp_path: Path
         ("curve.csv", None, "curve.csv is missing"),
         ("result.json", '{"pair": "hi', "result.json cannot be read"),
         ("result.json", "[1, 2]", "result.json is not a result of this program"),
-        ("result.json", '{"accuracy": 0.9}', "result.json has no pair"),
+        ("result.json", '{"accuracy": 0.9}', "result.json cannot be used: pair: missing"),
         ("result.json", "[" * 100_000, "result.json cannot be read"),
         ("curve.csv", "step,loss\n1,2\n", "curve.csv cannot be read"),
         ("curve.csv", "\x00\xff", "curve.csv cannot be read"),
@@ -66,16 +66,16 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
     [
         ({"episodes": 49}, "curve.csv has not the 49 episodes"),
         ({"episodes": 10**12}, "curve.csv has not the 1000000000000 episodes"),
-        ({"seed": "zero"}, "holds no whole number in seed"),
-        ({"best_known_return": float("nan")}, "holds no number in best_known_return"),
+        ({"seed": "zero"}, "seed: must be a whole number"),
+        ({"best_known_return": float("nan")}, "best_known_return: must be a finite number, got nan"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
-        ({"scratch": {}}, "has no scratch.return"),
-        ({"scratch": "return lost"}, "has no scratch"),
-        ({"before": ["return"]}, "has no before"),
-        ({"before": {"return": None}}, "holds no number in before.return"),
-        ({"draws": [1.0, None]}, "holds no list of numbers in draws"),
-        ({"draws": 3.0}, "holds no list of numbers in draws"),
-        ({"best_known_return": 10**400}, "holds no number in best_known_return"),
+        ({"scratch": {}}, "scratch.return: missing"),
+        ({"scratch": "return lost"}, "scratch: must be a group"),
+        ({"before": ["return"]}, "before: must be a group"),
+        ({"before": {"return": None}}, "before.return: must be a finite number, got null"),
+        ({"draws": [1.0, None]}, r"draws\[1\]: must be a finite number, got null"),
+        ({"draws": 3.0}, "draws: must be a list"),
+        ({"best_known_return": 10**400}, "best_known_return: must be at most"),
     ],
 )
 def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
@@ -107,3 +107,9 @@ def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: P
         ("pairs/low/FE1/seed=2", "pairs"),
         ("reuse/epsilon/high/scratch/seed=3", "reuse/epsilon"),
     ]
+
+
+def test_a_run_of_no_arm_is_broken(tmp_path: Path) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50), arm="FE3-demonstrations")
+    with pytest.raises(BrokenRunError, match=r"result.json: 'FE3-demonstrations' names no arm"):
+        read_run(place)

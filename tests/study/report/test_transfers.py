@@ -58,6 +58,7 @@ def test_each_transfer_is_there_once_by_what_its_cases_are(table: Path) -> None:
     )
 
 
+@pytest.mark.long
 def test_transfers_of_few_seeds_are_left_out(tmp_path: Path) -> None:
     config = to_study(["profile=quick", "seeds=4", f"output={tmp_path}"])
     write_plan(plan_jobs(config), config)

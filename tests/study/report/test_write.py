@@ -61,6 +61,7 @@ def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> Non
     assert files(tmp_path) == files(study / "report")
 
 
+@pytest.mark.long
 def test_the_first_seeds_are_shown_as_if_there_were_no_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,86 @@
+"""One run: its cases, its source, its folder, the hash of its settings and its random streams. No torch."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from filelock import FileLock
+
+from ship_trl.config.arm import Arm
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Config
+from ship_trl.policies.demonstrations import Demonstration
+from ship_trl.policies.pretrained import Pretrained
+from ship_trl.sim.cases import Case
+from ship_trl.transfer.casebase import LOCKS
+
+
+@dataclass(frozen=True)
+class Run:
+    """An arm on a target case with a seed, as `make_run` plans it.
+
+    Attributes:
+        config: all settings.
+        target: the case that it learns.
+        source: the run that trains the source network, None where none has to be trained.
+        folder: where everything about it is written.
+        config_hash: digest of everything that decides what is learned. The same hash gives the same network
+            on the same machine and backend.
+        pretrained: the bundled source network, if it is the source.
+        demonstrations: the episodes that fill the replay before training.
+    """
+
+    config: Config
+    target: Case
+    source: Run | None
+    folder: Path
+    config_hash: str
+    pretrained: Pretrained | None = None
+    demonstrations: tuple[Demonstration, ...] = ()
+
+    @property
+    def arm(self) -> Arm:
+        """Its arm."""
+        return self.config.arm
+
+    @property
+    def title(self) -> str:
+        """One line for people."""
+        config = self.config
+        start = "" if self.arm.is_scratch else f"case {config.source} -> "
+        return f"{start}case {config.target}, {config.arm_label}, seed {config.seed}"
+
+    @property
+    def entry_arm(self) -> str:
+        """Name of its network in the case base: the arm, and the case that it was transferred from."""
+        label = self.config.arm_label
+        return label if self.arm.is_scratch else f"{label}-from-{Path(str(self.config.source)).stem}"
+
+    def stream(self, purpose: str) -> int:
+        """Return the seed of the random numbers of one purpose.
+
+        It depends on source and target. Otherwise the fresh layers of a transfer would be drawn like those
+        that its source began with: layers that had already been trained together.
+        """
+        # By its name: a shipped case by name or by path is the same case.
+        source = "" if self.arm.is_scratch else self.config.source
+        source = Path(source).stem if source else source
+        words = (self.config.seed, source, self.target.fingerprint, purpose)
+        return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
+
+    def lock(self) -> FileLock:
+        """Return the lock to hold while the run's folder is written; its file below `.locks` is kept.
+
+        Raises:
+            ConfigError: the folder of the locks cannot be made.
+        """
+        locks = Path(self.config.output) / LOCKS
+        try:
+            locks.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"output: {locks} cannot be made: {error.strerror}") from None
+        config = self.config
+        return FileLock(locks / f"{config.label}-{config.arm_label}-{config.seed}.lock")

@@ -1,0 +1,59 @@
+"""The source network of a transfer: its weights, read once, and where they came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from torch import Generator
+
+from ship_trl.config.arm import SourceWeights
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.policies.pretrained import PRETRAINED
+from ship_trl.run.run import Run
+from ship_trl.transfer.casebase import Entry
+from ship_trl.transfer.layers import Weights, load_weights, permuted
+
+
+@dataclass(frozen=True)
+class Source:
+    """The weights that a transfer copies from, and their origin in words."""
+
+    weights: Weights
+    origin: str
+
+
+def read_source(run: Run, entry: Entry | None = None) -> Source | None:
+    """Read or draw the source's weights as the run's arm asks; return None for a run from scratch.
+
+    Args:
+        run: the run that transfers.
+        entry: the source network in the case base; None if it is bundled, a file, or random.
+
+    Raises:
+        ConfigError: the weights cannot be used.
+    """
+    if run.arm.is_scratch:
+        return None
+    config = run.config
+    channels = 3 if config.colour else 1
+    network = DuelingNetwork(channels, len(config.world.actions), Generator(), config.network)
+    if run.arm.weights is SourceWeights.random:
+        # A network like the target's before it learns, drawn from a stream of its own.
+        network.reset(Generator().manual_seed(run.stream("random source")))
+        return Source(network.state_dict(), SourceWeights.random.value)
+    path, key, origin = find_file(run, entry)
+    weights = load_weights(path, network, key)
+    if run.arm.weights is SourceWeights.permuted:
+        weights = permuted(weights, Generator().manual_seed(run.stream("permuted source")))
+    return Source(weights, origin)
+
+
+def find_file(run: Run, entry: Entry | None) -> tuple[Path, str, str]:
+    """Return the source network's file, the key to blame if it is refused, and the origin in words."""
+    if run.pretrained:
+        return run.pretrained.file, "source", f"{PRETRAINED}:{run.pretrained.case}"
+    if entry:
+        return entry.policy, "case_base", str(entry.policy)
+    path = str(run.config.source_file)
+    return Path(path), "source_file", path

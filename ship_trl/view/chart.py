@@ -1,0 +1,28 @@
+"""What all matplotlib charts share: their axes, and how they are saved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ship_trl.files.disk import replacing
+from ship_trl.view.palette import GRID
+
+
+def tidy(axes: Axes) -> None:
+    """Draw a grid behind the lines, and no frame above and right of them."""
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG beside its place and rename it.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    with replacing(path) as draft:
+        figure.savefig(draft, format="png")

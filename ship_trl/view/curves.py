@@ -1,0 +1,197 @@
+"""Learning curves: of one run, of a transfer beside runs from scratch, of many arms beside each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from numpy.typing import NDArray
+
+from ship_trl.files.curve import moving_mean
+from ship_trl.learn.train import Finished
+from ship_trl.view.chart import save, tidy
+from ship_trl.view.palette import (
+    BEST_KNOWN,
+    CHART_OUTCOMES,
+    CHART_SERIES,
+    EPSILON,
+    MUTED,
+    SCRATCH,
+    arm_styles,
+)
+from ship_trl.view.words import counted, number
+
+# Episodes in the moving mean of training returns.
+MEAN_OVER = 25
+# Collisions cost 300 and more; the greedy returns above this tell policies that reach the goal apart.
+LOWEST_GREEDY = -100.0
+# Of a comparison: inches of a panel with its legend, and panels in a row.
+PANEL_SIZE, COLUMNS = (5.2, 6.4), 3
+# Letters in a row of its legend, and those that an entry's line takes.
+LEGEND_LETTERS, SAMPLE_LETTERS = 84, 9
+
+Returns = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One run: returns of its training episodes [E], greedy returns [G] after `episodes` [G]."""
+
+    returns: Returns
+    episodes: NDArray[np.int64]
+    greedy: Returns
+
+
+Groups = Mapping[str, Sequence[Curve]]
+
+
+def draw_curve(
+    path: Path,
+    finished: Sequence[Finished],
+    evaluated: Sequence[tuple[int, float, str]],
+    best_return: float,
+    title: str,
+) -> None:
+    """Write the learning curve of one run as a PNG of 1200 x 800; returns are raw.
+
+    Args:
+        path: where it goes; written beside and renamed.
+        finished: training episodes in order.
+        evaluated: greedy evaluations in order: after how many episodes, return, outcome.
+        best_return: the best return known for the case.
+        title: one line above.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    # The title holds names of files; a dollar sign in one is no formula.
+    figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
+    _draw_returns(upper, finished, evaluated)
+    best = f"best known: {best_return:.1f}"
+    upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
+    episodes = [row.episode for row in finished]
+    for outcome, line in (("goal", "-"), ("collision", "-.")):
+        share = moving_mean([row.outcome == outcome for row in finished], MEAN_OVER)
+        style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
+        lower.plot(episodes, share, label=f"share of {outcome}s, last {MEAN_OVER}", **style)
+    epsilons = [row.epsilon for row in finished]
+    lower.plot(episodes, epsilons, color=EPSILON, linestyle=":", linewidth=2, label="exploration rate ε")
+    lower.set(ylim=(-0.04, 1.04), ylabel="share (0 to 1)", xlabel="training episodes")
+    for axes in (upper, lower):
+        tidy(axes)
+        axes.margins(x=0.01)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=10.5)
+    save(figure, path)
+
+
+def _draw_returns(
+    axes: Axes, finished: Sequence[Finished], evaluated: Sequence[tuple[int, float, str]]
+) -> None:
+    """Draw every training return and their mean, and every greedy return."""
+    for outcome, (colour, marker) in CHART_OUTCOMES.items():
+        style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
+        trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
+        # The legend lists an outcome that never happened, too.
+        label = f"training: {outcome} ({len(trained)})"
+        axes.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
+        greedy = [row[:2] for row in evaluated if row[2] == outcome]
+        if greedy:
+            # A cross has no face: its edge would be all of it.
+            edge = colour if marker == "x" else SCRATCH
+            label = f"greedy: {outcome} ({len(greedy)})"
+            axes.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
+    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
+    label = f"training: mean of {MEAN_OVER}"
+    axes.plot([row.episode for row in finished], mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
+    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
+    axes.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
+    axes.set_ylabel("return of an episode (undiscounted raw reward)")
+
+
+def draw_transfer(
+    path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float, title: str
+) -> None:
+    """Write raw training returns of a transfer [E] and of runs from scratch [S, E] as a PNG of 1200 x 750.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
+    axes = figure.subplots()
+    axes.set_title(f"{title}, beside learning from scratch", fontsize=15, loc="left", parse_math=False)
+    smooth = moving_mean(scratch, MEAN_OVER)
+    seeds = counted(len(scratch), "seed")
+    if len(scratch) > 1:
+        seeds += ", the middle one; band: from the worst to the best"
+    label = f"from scratch: {seeds}; mean of all episodes {number(scratch.mean(), '.0f')}"
+    episodes = np.arange(1, smooth.shape[1] + 1)
+    _draw_band(axes, episodes, smooth, label, {"color": SCRATCH, "linestyle": "--"}, 2.2)
+    mean = moving_mean(returns, MEAN_OVER)
+    label = f"{arm}, this run; mean of all episodes {number(float(np.mean(returns)), '.0f')}"
+    axes.plot(np.arange(1, len(mean) + 1), mean, color=CHART_SERIES[0], linewidth=2.8, label=label)
+    label = f"best known return: {best_return:.1f}"
+    axes.axhline(best_return, color=BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
+    axes.set_xlabel("training episodes", fontsize=12)
+    axes.set_ylabel(f"training return, mean of the last {MEAN_OVER} episodes", fontsize=12)
+    tidy(axes)
+    axes.margins(x=0.01)
+    figure.legend(loc="outside lower left", ncols=1, frameon=False, fontsize=12)
+    save(figure, path)
+
+
+def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float]) -> None:
+    """Write a PNG with a panel for each pair, `COLUMNS` in a row: training return above, greedy return below.
+
+    A panel has a title, and groups of runs by name, one run a seed; `best` is its best known return.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    columns = min(COLUMNS, len(panels))
+    rows = math.ceil(len(panels) / columns)
+    size = (PANEL_SIZE[0] * columns, PANEL_SIZE[1] * rows)
+    figure = Figure(figsize=size, dpi=100, layout="constrained")
+    places = figure.subfigures(rows, columns, squeeze=False).flat
+    for place, (title, groups) in zip(places, panels.items(), strict=False):
+        _draw_panel(place, title, groups, best[title])
+    save(figure, path)
+
+
+def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float) -> None:
+    upper, lower = place.subplots(2, 1, sharex=True)
+    upper.set_title(title, parse_math=False)
+    styles = arm_styles(list(groups))
+    for name, curves in groups.items():
+        length = min(len(curve.returns) for curve in curves)
+        smooth = moving_mean(np.stack([curve.returns[:length] for curve in curves]), MEAN_OVER)
+        label = f"{name} ({counted(len(curves), 'seed')})"
+        _draw_band(upper, np.arange(1, length + 1), smooth, label, styles[name], 1.8)
+        length = min(len(curve.greedy) for curve in curves)
+        greedy = np.stack([curve.greedy[:length] for curve in curves])
+        _draw_band(lower, curves[0].episodes[:length], greedy, name, styles[name], 1.8)
+    for axes in (upper, lower):
+        axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
+        tidy(axes)
+    lower.set_ylim(LOWEST_GREEDY, best + 15)
+    lower.set_xlabel("training episodes")
+    upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(middle seed; band: all)")
+    lower.set_ylabel("greedy return\n(middle seed; band: all)")
+    lines, names = upper.get_legend_handles_labels()
+    in_a_row = max(1, LEGEND_LETTERS // (max(map(len, names)) + SAMPLE_LETTERS))
+    place.legend(lines, names, loc="outside lower center", ncols=in_a_row, fontsize=8, frameon=False)
+
+
+def _draw_band(
+    axes: Axes, x: NDArray[np.int64], values: Returns, label: str, style: Mapping[str, Any], width: float
+) -> None:
+    """Draw the median over seeds as a line and all of them as a band: values [S, N]."""
+    axes.plot(x, np.median(values, axis=0), label=label, linewidth=width, **style)
+    axes.fill_between(x, values.min(axis=0), values.max(axis=0), color=style["color"], alpha=0.15, lw=0)

@@ -1,0 +1,191 @@
+"""A whole picture of one episode or two: header, scenes with their legends, panels, graphs, help.
+
+What changes only from step to step is drawn once a step and kept; at each frame only the ships and the
+marks in the graphs are drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import pygame
+
+from ship_trl.view import pen
+from ship_trl.view.episode_view import EpisodeView
+from ship_trl.view.graph import Graph, make_graphs
+from ship_trl.view.painter import absolute_frame, draw_legend, paint_scene
+from ship_trl.view.palette import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
+from ship_trl.view.panel import Panel
+
+Columns = tuple[tuple[Callable[[Panel], None], ...], ...]
+Views = tuple[EpisodeView, ...]
+Size = tuple[int, int]
+# What stands beside the scene, column by column: of one episode, of one in a narrow window or of each of
+# two, and of one in a picture too small for graphs.
+WIDE: Columns = (
+    (Panel.network_view, Panel.q_values),
+    (Panel.action, Panel.values, Panel.terms, Panel.ships),
+)
+NARROW: Columns = ((Panel.network_view, Panel.q_values, Panel.ships),)
+SMALL: Columns = ((Panel.network_view, Panel.values), (Panel.action, Panel.q_values, Panel.ships))
+# The sizes for which they are laid out; other windows have the same, larger or smaller.
+WIDE_SIZE, NARROW_SIZE, SMALL_SIZE = (1600, 900), (800, 900), (920, 520)
+# A window narrower than this many times its height is narrow; one below this share of the wide size is small.
+NARROW_SHAPE, SMALL_SHARE = 1.3, 0.6
+
+
+@dataclass(frozen=True)
+class Look:
+    """How it is shown: the frame, hulls to scale, where the network looks."""
+
+    absolute: bool = False
+    to_scale: bool = False
+    saliency: bool = False
+
+
+class Layout:
+    """Divides a window between `count` episodes: a lane for each, and a strip of graphs where there is room.
+
+    `unit` is the scale of everything: 1 in a window of the size for which its columns are laid out.
+    """
+
+    def __init__(self, size: Size, count: int) -> None:
+        is_narrow = count > 1 or size[0] < NARROW_SHAPE * size[1]
+        share = min(size[0] / WIDE_SIZE[0], size[1] / WIDE_SIZE[1])
+        is_small = not is_narrow and share < SMALL_SHARE
+        self.columns = NARROW if is_narrow else SMALL if is_small else WIDE
+        whole = NARROW_SIZE if is_narrow else SMALL_SIZE if is_small else WIDE_SIZE
+        self.unit = unit = max(0.3, min(size[0] / whole[0] / count, size[1] / whole[1]))
+        self.pad, head, graphs = round(14 * unit), round(46 * unit), 0 if is_small else round(166 * unit)
+        self.title = round(30 * unit) if count > 1 else 0
+        self.legend = round((66 if is_narrow or unit < 0.75 else 44) * unit)
+        # In a narrow layout values stand in a row below the legend.
+        self.values = round(58 * unit) if is_narrow else 0
+        least = round((284 if is_narrow else 446 if is_small else 840) * unit)
+        self.width = (size[0] - self.pad * (count + 1)) // count
+        self.top = head + self.title
+        bottom = size[1] - graphs - self.pad // 2
+        self.strip = pygame.Rect(self.pad, bottom, size[0] - 2 * self.pad, graphs)
+        room = bottom - self.top - self.legend - self.values - self.pad
+        self.side = min(room, self.width - least - self.pad)
+
+    def scene(self, lane: int) -> pygame.Rect:
+        """Find the place of a scene; its legend is below."""
+        return pygame.Rect(self.pad + lane * (self.width + self.pad), self.top, self.side, self.side)
+
+    def panel(self, lane: int) -> pygame.Rect:
+        """Find the place of what stands beside a scene."""
+        left, width = self.scene(lane).right + self.pad, self.width - self.side - self.pad
+        return pygame.Rect(left, self.top, width, self.strip.top - self.pad - self.top)
+
+
+def draw_dashboard(
+    surface: pygame.Surface,
+    views: Sequence[EpisodeView],
+    position: float,
+    look: Look,
+    status: str = "",
+    help_lines: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Draw one episode, or two of the same case, over all of a surface.
+
+    `position` is in steps from the start, whole or between two; `status` is a line at the top right, and
+    `help_lines` are keys and what they do, drawn over everything.
+    """
+    size, some = surface.get_size(), tuple(views)
+    layout = Layout(size, len(some))
+    # Positions are sums of fractions: a step that has begun counts as begun.
+    steps = tuple(min(int(position + 1e-9), view.telemetry.steps) for view in some)
+    surface.blit(_draw_still(size, some, steps, look, status), (0, 0))
+    telemetries = [view.telemetry for view in some]
+    for k, telemetry in enumerate(telemetries):
+        frame = absolute_frame(telemetries, layout.side) if look.absolute else None
+        paint_scene(surface.subsurface(layout.scene(k)), telemetry, position, frame, look.to_scale)
+    for graph, corner in _make_graphs(size, some):
+        graph.draw(surface, corner, position)
+    if help_lines:
+        draw_help(surface, help_lines, layout.unit)
+
+
+def step_at(size: Size, views: Sequence[EpisodeView], place: tuple[int, int]) -> int | None:
+    """Find the step that a place in a graph stands for; None outside the graphs."""
+    for graph, corner in _make_graphs(size, tuple(views)):
+        across, down = place[0] - corner[0], place[1] - corner[1]
+        if 0 <= across < graph.size[0] and graph.room.top <= down < graph.size[1]:
+            return graph.step_at(across)
+    return None
+
+
+@lru_cache(1)
+def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, status: str) -> pygame.Surface:
+    """Draw all but the scenes and the graphs."""
+    surface, layout = pen.new_surface(*size), Layout(size, len(views))
+    unit = layout.unit
+    surface.fill(BACKGROUND)
+    draw_header(surface, views, status, unit)
+    for k, (view, step) in enumerate(zip(views, steps, strict=True)):
+        scene, beside, letters = layout.scene(k), layout.panel(k), round(19 * unit)
+        if len(views) > 1:
+            words = pen.cut(f"{'AB'[k]}  {view.title}", layout.width, letters, True)
+            pen.write(surface, words, (scene.left, scene.top - layout.title / 2), PAIR[k], letters, True)
+        legend = pygame.Rect(scene.bottomleft, (layout.side, layout.legend))
+        draw_legend(surface, legend, view.telemetry.world, max(9, round(13 * unit)), look.to_scale)
+        if layout.values:
+            row = pygame.Rect(legend.bottomleft, (layout.side, layout.values))
+            Panel(surface, row, unit, view, step, look.saliency).values()
+        gap, count = round(28 * unit), len(layout.columns)
+        width = (beside.width - gap * (count - 1)) // count
+        for column, sections in enumerate(layout.columns):
+            room = pygame.Rect(beside.left + column * (width + gap), beside.top, width, beside.height)
+            panel = Panel(surface, room, unit, view, step, look.saliency)
+            for draw in sections:
+                draw(panel)
+    return surface
+
+
+@lru_cache(1)
+def _make_graphs(size: Size, views: Views) -> list[tuple[Graph, tuple[int, int]]]:
+    """Make the graphs and find their places; none in a small picture."""
+    layout = Layout(size, len(views))
+    strip, unit = layout.strip, layout.unit
+    if not strip.height:
+        return []
+    width = (strip.width - round(24 * unit)) // 2
+    graphs = make_graphs(views, (width, strip.height), max(9, round(12 * unit)))
+    return list(zip(graphs, (strip.topleft, (strip.right - width, strip.top)), strict=True))
+
+
+def draw_header(surface: pygame.Surface, views: Views, status: str, unit: float) -> None:
+    """Write case, title and ideal path at the top left, and the status at the top right."""
+    case, middle, size, small = views[0].telemetry.case, 24 * unit, round(19 * unit), round(15 * unit)
+    right = surface.get_width() - 14 * unit
+    pen.write(surface, status, (right, middle), CHOSEN, small, True, across=1)
+    edge = right - 14 * unit - pen.width_of(status, small, True)
+    x = pen.write(surface, f"case {case.name}", (14 * unit, middle), TEXT, size, True) + 16 * unit
+    if len(views) == 1:
+        title = pen.cut(views[0].title, 0.7 * (edge - x), size, True)
+        x = pen.write(surface, title, (x, middle), CHOSEN, size, True) + 16 * unit
+    path = pen.cut(f"ideal path: {case.ideal_path}", edge - x, round(14 * unit))
+    pen.write(surface, path, (x, middle), FAINT, round(14 * unit))
+
+
+def draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: float) -> None:
+    """List the keys in a box over everything."""
+    size, pitch = max(10, round(17 * unit)), 28 * unit
+    left = max(pen.width_of(key, size, True) for key, _ in lines)
+    width = left + max(pen.width_of(what, size) for _, what in lines) + 80 * unit
+    box = pygame.Rect(0, 0, width, (len(lines) + 1) * pitch + 24 * unit)
+    box.center = surface.get_rect().center
+    shade = pygame.Surface(surface.get_size(), pygame.SRCALPHA)
+    shade.fill((0, 0, 0, 150))
+    surface.blit(shade, (0, 0))
+    pygame.draw.rect(surface, BACKGROUND, box, border_radius=round(10 * unit))
+    pygame.draw.rect(surface, CHOSEN, box, 2, border_radius=round(10 * unit))
+    y = box.top + 12 * unit + pitch / 2
+    pen.write(surface, "Keys", (box.left + 28 * unit, y), TEXT, round(19 * unit), True)
+    for key, what in lines:
+        y += pitch
+        pen.write(surface, key, (box.left + 28 * unit, y), CHOSEN, size, True)
+        pen.write(surface, what, (box.left + 52 * unit + left, y), TEXT, size)

@@ -1,0 +1,300 @@
+"""The painter of scenes: own ship in the middle and heading up (figure 2b), or north up (figure 2a).
+
+Sizes, colours and the order of drawing are those of `sim/scene.py` and the network's rasteriser. The drawing
+itself shares no code with the rasteriser: a test compares the two pictures, so each checks the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pygame
+import torch
+from torch import Tensor
+
+from ship_trl.config.types import World
+from ship_trl.sim import scene
+from ship_trl.sim.cases import Case
+from ship_trl.sim.dynamics import HEADING, X, Y
+from ship_trl.view import pen
+from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
+from ship_trl.view.pen import Point
+from ship_trl.view.telemetry import Numbers, Telemetry, measure
+from ship_trl.view.words import TRUE_LENGTH, circle_names, hull_lengths, number
+
+RINGS = (200.0, 400.0, 600.0)
+FAINT_TEXT, GRID = blend(scene.OUTSIDE, scene.DISC, 0.8), blend(scene.OUTSIDE, scene.DISC, 0.22)
+SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
+# In the absolute frame: metres around everything, and what the width is rounded up to.
+MARGIN, WIDTH_STEP = 90.0, 100.0
+# Metres of the legend's scale bar; between the lines of a grid, or of the scene's scale bar.
+SCALE_BAR = 200.0
+LENGTHS = (50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5)
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Metres to pixels: (x, y) is in the middle, and the direction `up` (rad) points up."""
+
+    x: float
+    y: float
+    up: float
+    side: int
+    scale: float
+
+    def points(self, places: Numbers) -> Numbers:
+        """Project places [..., 2] in metres to pixels [..., 2]."""
+        east, north = places[..., 0] - self.x, places[..., 1] - self.y
+        cos, sin = math.cos(math.pi / 2 - self.up), math.sin(math.pi / 2 - self.up)
+        right, ahead = east * cos - north * sin, east * sin + north * cos
+        return np.stack((self.side / 2 + right * self.scale, self.side / 2 - ahead * self.scale), -1)
+
+    def point(self, x: float, y: float) -> Point:
+        """Project one place."""
+        right, down = self.points(np.array([x, y])).tolist()
+        return right, down
+
+    def hull(self, pose: Numbers, length: float) -> list[Point]:
+        """Project the corners of a ship at x, y (m), heading (rad)."""
+        cos, sin = math.cos(pose[HEADING]), math.sin(pose[HEADING])
+        corners = np.array(scene.ship_outline(length)) @ np.array([[cos, sin], [-sin, cos]]) + pose[[X, Y]]
+        return [(right, down) for right, down in self.points(corners).tolist()]
+
+
+def relative_frame(own: Numbers, side: int) -> Projection:
+    """Project as the network sees it, own ship (x, y, heading) in the middle and its bow up."""
+    return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.WINDOW))
+
+
+def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
+    """Project north up, with start, goal, the target ships' starts and all own tracks in the picture."""
+    case = telemetries[0].case
+    places = [np.array([case.start, case.goal]), telemetries[0].ships[0]]
+    places += [telemetry.states[:, [X, Y]] for telemetry in telemetries]
+    low, high = np.concatenate(places).min(0), np.concatenate(places).max(0)
+    # In whole hundreds of metres, so that a growing episode seldom changes the scale.
+    width = WIDTH_STEP * math.ceil((float((high - low).max()) + 2 * MARGIN) / WIDTH_STEP)
+    x, y = ((low + high) / 2).tolist()
+    return Projection(x, y, math.pi / 2, side, side / width)
+
+
+def draw_scene(case: Case, world: World, state: Tensor, size: int = 600) -> pygame.Surface:
+    """Draw one state (x, y, heading, step) as the network sees it, `size` pixels on a side."""
+    picture = pen.new_surface(size, size)
+    telemetry = measure(case, world, state[None], torch.zeros(0, dtype=torch.int64))
+    paint_scene(picture, telemetry, 0.0, plain=True)
+    return picture
+
+
+def paint_scene(
+    picture: pygame.Surface,
+    telemetry: Telemetry,
+    position: float,
+    absolute: Projection | None = None,
+    to_scale: bool = False,
+    plain: bool = False,
+) -> None:
+    """Fill a square surface with the scene at a step or between two.
+
+    In the frame `absolute` all ships move (figure 2a); without it own ship stays in the middle (2b). With
+    `to_scale` hulls are as long as ships are, inside the outline that the network sees. A `plain` picture has
+    only what the network sees; otherwise people also get tracks, numbers, scale and north arrow.
+    """
+    world, side = telemetry.world, picture.get_width()
+    own, ships = telemetry.at(position)
+    frame = absolute or relative_frame(own, side)
+    distances = ((world.goal_distance, scene.GOAL_CIRCLE), (world.safe_distance, scene.SAFE_CIRCLE))
+    picture.blit(_grid(frame) if absolute else _disc(side, distances, plain), (0, 0))
+    middle = frame.point(*own[:2])
+    if absolute:
+        _draw_places(picture, telemetry, frame)
+        for radius, colour in distances:
+            pen.circle(picture, colour, middle, radius * frame.scale)
+    if not plain:
+        _draw_tracks(picture, telemetry, math.ceil(position), frame)
+    _draw_hull(picture, frame, own, scene.OWN, scene.OWN_LENGTH, to_scale)
+    width = scene.LINE_WIDTH * side / scene.SIZE if plain else max(2, side // 220)
+    pen.strip(picture, scene.LINE, middle, frame.point(*telemetry.case.goal), width)
+    for k, (ship, place) in enumerate(zip(telemetry.case.target_ships, ships, strict=True), 1):
+        pose = np.array([*place, math.radians(ship.heading)])
+        _draw_hull(picture, frame, pose, scene.TARGET, scene.TARGET_LENGTH, to_scale)
+        if not plain:
+            _draw_number(picture, frame, pose, k)
+    if not plain:
+        _draw_north(picture, frame)
+        _draw_scale(picture, frame)
+        if telemetry.outcome and position >= telemetry.steps:
+            _draw_outcome(picture, telemetry.outcome)
+
+
+@lru_cache(4)
+def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -> pygame.Surface:
+    """Draw what stays where it is in the relative frame; for people with rings of distance."""
+    picture = pen.new_surface(side, side)
+    picture.fill(scene.OUTSIDE)
+    middle, scale, size = (side / 2, side / 2), side / (2 * scene.WINDOW), text_size(side, 15)
+    pen.circle(picture, scene.DISC, middle, scene.WINDOW * scale)
+    for radius in () if plain else RINGS:
+        pen.circle(picture, GRID, middle, radius * scale, 1)
+        at = (side / 2 + 0.6 * radius * scale, side / 2 + 0.8 * radius * scale)
+        pen.write(picture, f"{radius:.0f} m", at, FAINT_TEXT, size, across=1.1)
+    for radius, colour in distances:
+        pen.circle(picture, colour, middle, radius * scale)
+    return picture
+
+
+@lru_cache(4)
+def _grid(frame: Projection) -> pygame.Surface:
+    """Draw what stays where it is in the absolute frame: water with a grid, and what its lines are."""
+    side = frame.side
+    picture = pen.new_surface(side, side)
+    picture.fill(scene.DISC)
+    half = side / frame.scale / 2
+    step = next((step for step in LENGTHS if half / step < 6), 10**9)
+    size = text_size(side, 15)
+    for value in range(math.ceil((frame.x - half) / step) * step, math.ceil(frame.x + half), step):
+        right = frame.point(value, 0)[0]
+        pen.line(picture, GRID, (right, 0), (right, side))
+        # The scale bar leaves no room for a number.
+        if right > 0.16 * side:
+            pen.write(picture, number(value, "g"), (right + 4, side - size), FAINT_TEXT, size)
+    for value in range(math.ceil((frame.y - half) / step) * step, math.ceil(frame.y + half), step):
+        down = frame.point(0, value)[1]
+        pen.line(picture, GRID, (0, down), (side, down))
+        if down < side - 2.5 * size:
+            pen.write(picture, number(value, "g"), (side - 6, down - size / 1.5), FAINT_TEXT, size, across=1)
+    return picture
+
+
+def text_size(side: int, at_900: int) -> int:
+    """Scale the size of letters to a picture of `side` pixels."""
+    return max(12, round(at_900 * side / 900))
+
+
+def _draw_places(picture: pygame.Surface, telemetry: Telemetry, frame: Projection) -> None:
+    """Mark start and goal."""
+    case, size = telemetry.case, text_size(frame.side, 18)
+    goal, start = frame.point(*case.goal), frame.point(*case.start)
+    pen.circle(picture, scene.GOAL_CIRCLE, goal, telemetry.world.goal_distance * frame.scale, 2)
+    pen.circle(picture, TEXT, goal, size / 4)
+    pen.write(picture, "goal", (goal[0] + size, goal[1] - size * 0.8), TEXT, size)
+    pen.circle(picture, TEXT, start, size / 3, 2)
+    pen.write(picture, "start", (start[0] + size, start[1] + size), TEXT, size)
+
+
+def _draw_tracks(picture: pygame.Surface, telemetry: Telemetry, count: int, frame: Projection) -> None:
+    """Draw a dot for each step past, a larger one every ten."""
+    radius = max(1.5, frame.side / 400)
+    own, ships = telemetry.states[:, None, [X, Y]], telemetry.ships
+    for places, colour in ((ships, SHIP_TRACK), (own, OWN_TRACK)):
+        for step, row in enumerate(frame.points(places[:count]).tolist()):
+            for place in row:
+                pen.circle(picture, colour, place, radius * (1.7 if step % 10 == 0 else 1))
+
+
+def _draw_hull(
+    picture: pygame.Surface, frame: Projection, pose: Numbers, colour: Colour, length: float, to_scale: bool
+) -> None:
+    drawn = frame.hull(pose, length)
+    if to_scale:
+        pen.polygon(picture, blend(colour, scene.DISC, 0.6), drawn, 1.2)
+        drawn = frame.hull(pose, TRUE_LENGTH)
+    pen.polygon(picture, colour, drawn)
+
+
+def _draw_number(picture: pygame.Surface, frame: Projection, pose: Numbers, number: int) -> None:
+    """Write a ship's number abeam of it, on a ground of its own so that no line crosses it."""
+    right, down = frame.point(*pose[:2])
+    ahead, size = pose[HEADING] - frame.up + math.pi / 2, text_size(frame.side, 20)
+    reach = scene.TARGET_LENGTH * frame.scale * 0.28 + size * 0.75
+    at = (right + reach * math.sin(ahead), down + reach * math.cos(ahead))
+    pen.circle(picture, BACKGROUND, at, size * 0.72)
+    pen.write(picture, str(number), (at[0], at[1]), scene.TARGET, size, True, across=0.5)
+
+
+def _draw_north(picture: pygame.Surface, frame: Projection) -> None:
+    """Draw an arrow to the north, top left."""
+    reach = max(16.0, frame.side / 28)
+    compass = Projection(0.0, 0.0, frame.up, round(3.5 * reach), reach)
+    middle = compass.point(0, 0)
+    pen.circle(picture, BACKGROUND, middle, reach * 1.45)
+    pen.circle(picture, TEXT, middle, reach * 1.45, 1)
+    arrow = [compass.point(x, y) for x, y in ((0, 0.6), (0.5, -0.9), (0, -0.55), (-0.5, -0.9))]
+    pen.polygon(picture, TEXT, arrow)
+    pen.write(picture, "N", compass.point(0, 0.98), TEXT, text_size(frame.side, 17), True, across=0.5)
+
+
+def _draw_scale(picture: pygame.Surface, frame: Projection) -> None:
+    """Draw a bar of known length, bottom left."""
+    metres = next(metres for metres in LENGTHS if metres * frame.scale > 45)
+    size, left = text_size(frame.side, 16), frame.side * 0.022
+    down, length = frame.side * 0.978, metres * frame.scale
+    width = max(length, pen.width_of(f"{metres} m", size))
+    ground = pygame.Rect(0, 0, width + 2 * left, frame.side - down + 8 + 1.7 * size)
+    ground.bottomleft = (0, frame.side)
+    pygame.draw.rect(picture, BACKGROUND, ground, border_top_right_radius=6)
+    pen.scale_bar(picture, TEXT, (left, down), length)
+    pen.write(picture, f"{metres} m", (left, down - 6 - size * 0.75), TEXT, size)
+
+
+def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
+    """Say how the episode ended, at the top."""
+    size = text_size(picture.get_width(), 30)
+    ground = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
+    ground.midtop = (picture.get_width() // 2, round(size * 0.5))
+    pygame.draw.rect(picture, BACKGROUND, ground, border_radius=round(size / 2))
+    pygame.draw.rect(picture, OUTCOMES[outcome], ground, 2, border_radius=round(size / 2))
+    pen.write(picture, outcome.upper(), ground.center, OUTCOMES[outcome], size, True, across=0.5)
+
+
+def draw_legend(
+    surface: pygame.Surface,
+    room: pygame.Rect,
+    world: World,
+    size: int,
+    to_scale: bool = False,
+    scale: float = 0.0,
+) -> None:
+    """Draw what is what from the top left of a room, in as many lines as it needs.
+
+    `scale` is the pixels per metre of pictures without scale bar and tracks, 0 where they have them.
+    """
+    circles = zip((scene.GOAL_CIRCLE, scene.SAFE_CIRCLE), circle_names(world), strict=True)
+    items = [
+        (scene.OWN, "ship", "own ship"),
+        (scene.TARGET, "ship", "target ship"),
+        *((colour, "disc", name) for colour, name in circles),
+        (scene.LINE, "line", "to the goal"),
+        (TEXT, "bar", f"{SCALE_BAR:g} m") if scale else (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
+        (CHOSEN, "", hull_lengths(to_scale)),
+    ]
+    x, y = float(room.left), room.top + 0.95 * size
+    for colour, shape, words in items:
+        sample = SCALE_BAR * scale + 0.7 * size if shape == "bar" else 1.9 * size if shape else 0.0
+        if x > room.left and x + sample + pen.width_of(words, size) > room.right:
+            x, y = float(room.left), y + 1.5 * size
+        if shape == "bar":
+            pen.scale_bar(surface, colour, (x, y + 4), SCALE_BAR * scale)
+        elif shape:
+            _draw_sample(surface, colour, shape, (x + 0.7 * size, y), size)
+        text = pen.cut(words, room.right - x - sample, size)
+        x = pen.write(surface, text, (x + sample, y), TEXT if shape else colour, size) + 1.1 * size
+
+
+def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: pen.Point, size: int) -> None:
+    """Draw a thing of the scene small."""
+    x, y = at
+    if shape == "ship":
+        pen.polygon(surface, colour, [(x - v, y - u) for u, v in scene.ship_outline(1.15 * size)])
+    elif shape == "disc":
+        pen.circle(surface, RULE, at, 0.55 * size + 1)
+        pen.circle(surface, colour, at, 0.55 * size)
+    elif shape == "line":
+        pen.line(surface, colour, (x - 0.6 * size, y + 0.4 * size), (x + 0.6 * size, y - 0.4 * size), 2)
+    else:
+        for k in (-1, 0, 1):
+            pen.circle(surface, colour, (x + 0.5 * k * size, y), 0.13 * size)

@@ -1,0 +1,1 @@
+"""The interactive window: watching policies and steering a ship."""

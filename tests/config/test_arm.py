@@ -1,0 +1,80 @@
+"""Arms: their names, their order, and which layers they copy and freeze."""
+
+import pytest
+
+from ship_trl.config.arm import SCRATCH, Arm, Method, SourceWeights
+from ship_trl.config.paths import conf_dir
+from tests.config.test_config import composed
+
+FIGURES = "scratch FE1 FE2 FE3 FE4 FE3-random FE3-permuted FT1 FT2 FT3 FT4 FTW FT3-pretrained FTW-permuted"
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (conf_dir() / "arm").glob("*.yaml")))
+def test_each_shipped_arm_is_what_its_name_says(name: str) -> None:
+    config = composed("+pair=high", f"+arm={name}")
+    assert config.arm == Arm.parse(name) and str(config.arm) == config.arm_label == name
+
+
+def test_arms_sort_as_figures_list_them() -> None:
+    arms = [Arm.parse(name) for name in FIGURES.split()]
+    backwards = [*reversed(arms)]
+    assert sorted(backwards) == arms
+    assert len(set(arms)) == len(arms)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("", "FE", "FE0", "FE-1", "FE03", "FE٣", "FEW", "FE1-", "FE1-learned", "FE1-other", "fe1", "FT1 "),
+        *("scratch-random", "FT", "FTall", "FE3-random-demonstrations", "XX3", "all", "-random"),
+    ],
+)
+def test_what_names_no_arm_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="names no arm"):
+        Arm.parse(name)
+
+
+@pytest.mark.parametrize(
+    ("method", "layers", "weights"),
+    [
+        (Method.scratch, 1, SourceWeights.learned),
+        (Method.scratch, None, SourceWeights.random),
+        (Method.feature_extraction, "all", SourceWeights.learned),
+        (Method.feature_extraction, None, SourceWeights.learned),
+        (Method.finetune, 0, SourceWeights.learned),
+        (Method.finetune, True, SourceWeights.learned),
+        (Method.finetune, "3", SourceWeights.learned),
+    ],
+)
+def test_an_impossible_arm_is_not_made(method: Method, layers: int | str, weights: SourceWeights) -> None:
+    with pytest.raises(ValueError, match="no arm has"):
+        Arm(method, layers, weights)
+
+
+@pytest.mark.parametrize(
+    ("name", "copied", "frozen", "trained"),
+    [
+        ("scratch", 0, 0, False),
+        ("FE3", 3, 3, True),
+        ("FE5-permuted", 5, 5, True),
+        ("FE2-random", 2, 2, False),
+        ("FT3", 3, 0, True),
+        ("FTW", 4, 0, True),
+    ],
+)
+def test_an_arm_alone_says_what_is_copied_and_frozen(
+    name: str, copied: int, frozen: int, trained: bool
+) -> None:
+    arm = Arm.parse(name)
+    assert (arm.copied_layers(4), arm.frozen_layers, arm.has_trained_source) == (copied, frozen, trained)
+
+
+def test_a_control_is_the_arm_with_other_weights() -> None:
+    assert Arm.parse("FE3").with_weights(SourceWeights.random) == Arm.parse("FE3-random")
+    with pytest.raises(ValueError, match="no arm has"):
+        SCRATCH.with_weights(SourceWeights.random)
+
+
+def test_demonstrations_are_of_the_label_and_not_of_the_arm() -> None:
+    config = composed("+pair=high", "+arm=FE3", "demonstrations=demos")
+    assert config.arm == Arm.parse("FE3") and config.arm_label == "FE3-demonstrations"

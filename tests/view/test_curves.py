@@ -1,0 +1,127 @@
+"""Learning curves: of one run, beside runs from scratch, of many arms beside each other."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from PIL import Image
+
+from ship_trl.learn.train import Finished
+from ship_trl.view.curves import Curve, draw_comparison, draw_curve, draw_transfer
+from ship_trl.view.palette import CHART_SERIES, SCRATCH, arm_styles
+
+OUTCOMES = ("collision", "timeout", "goal")
+ROWS = [
+    Finished(k, 30 * k, 1 - k / 100, 3.0 * k - 300, 30, OUTCOMES[k % 3], 60.0, None) for k in range(1, 101)
+]
+GREEDY = [(0, -320.0, "collision"), (50, -500.0, "timeout"), (100, 60.0, "goal")]
+
+
+def read(path: Path) -> NDArray[np.uint8]:
+    with Image.open(path) as image:
+        return np.asarray(image.convert("RGB"))
+
+
+def pixels_of(picture: NDArray[np.uint8], colour: str) -> NDArray[np.int64]:
+    """Rows and columns of a colour, [N, 2]."""
+    return np.argwhere((picture == tuple(bytes.fromhex(colour[1:]))).all(-1))
+
+
+def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
+    path = tmp_path / "curve.png"
+    draw_curve(path, ROWS, GREEDY, 63.7, "case 3 -> case 4, FT3, seed 0")
+    assert [p.name for p in tmp_path.iterdir()] == ["curve.png"]
+    picture = read(path)
+    assert picture.shape == (800, 1200, 3)
+    blue = pixels_of(picture[:, :850], CHART_SERIES[0])
+    left, right = (blue[:, 1] < np.quantile(blue[:, 1], 0.2)), (blue[:, 1] > np.quantile(blue[:, 1], 0.8))
+    assert blue[left, 0].mean() > blue[right, 0].mean() + 100
+
+
+@pytest.mark.parametrize(
+    ("rows", "greedy"), [([], [GREEDY[0]]), (ROWS[:2], GREEDY[:1])], ids=["no episode", "two episodes"]
+)
+def test_hardly_anything_to_show(
+    tmp_path: Path, rows: list[Finished], greedy: list[tuple[int, float, str]]
+) -> None:
+    # A dollar sign in a title is no formula.
+    draw_curve(tmp_path / "curve.png", rows, greedy, 83.9, "case $mine{$_1, scratch, seed 0")
+    assert read(tmp_path / "curve.png").shape == (800, 1200, 3)
+
+
+def test_a_failed_drawing_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fill_the_disk(figure: Figure, path: Path, **_: object) -> None:
+        path.write_bytes(b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Figure, "savefig", fill_the_disk)
+    path = tmp_path / "curve.png"
+    path.write_bytes(b"old")
+    with pytest.raises(OSError, match="disk full"):
+        draw_curve(path, ROWS, GREEDY, 63.7, "case 3, scratch, seed 0")
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["curve.png"]
+
+
+@pytest.mark.parametrize("seeds", [1, 5])
+def test_a_transfer_and_scratch_have_their_lines_at_their_heights(tmp_path: Path, seeds: int) -> None:
+    """The line of scratch is black as letters are, but long and inside the axes; the better line is above."""
+    path = tmp_path / "transfer.png"
+    scratch = np.full((seeds, 100), -200.0) + np.linspace(0.0, 4.0, seeds)[:, None]
+    draw_transfer(path, "FT3", [50.0] * 120, scratch, 83.9, "case $1 -> case 2_")
+    picture = read(path)
+    assert picture.shape == (750, 1200, 3)
+    axes = picture[60:600, 120:1100]
+    run, black = pixels_of(axes, CHART_SERIES[0]), pixels_of(axes, SCRATCH)
+    assert len(set(run[:, 1])) > 900 and len(set(black[:, 1])) > 400
+    assert np.ptp(black[:, 0]) < 10 and np.ptp(run[:, 0]) < 10
+    assert black[:, 0].min() > run[:, 0].max() + 200
+
+
+def curve(level: float, episodes: int = 60) -> Curve:
+    return Curve(np.full(episodes, level), np.arange(0, episodes + 1, 10), np.full(7, level))
+
+
+def test_every_arm_has_its_line_at_its_height(tmp_path: Path) -> None:
+    path = tmp_path / "curves.png"
+    groups = {"FE3": [curve(0.0), curve(10.0), curve(5.0)], "FT3": [curve(50.0), curve(50.0, 55)]}
+    draw_comparison(path, {"case 4": groups, "case 2": groups}, {"case 4": 60.0, "case 2": 60.0})
+    assert [p.name for p in tmp_path.iterdir()] == ["curves.png"]
+    picture = read(path)
+    assert picture.shape == (640, 1040, 3)
+    # The lower half of the first panel, without its legend.
+    heights = [np.median(pixels_of(picture[300:560, :520], colour)[:, 0]) for colour in CHART_SERIES[:2]]
+    assert heights[0] > heights[1] + 50
+
+
+def test_scratch_is_black_and_every_arm_has_a_style_of_its_own() -> None:
+    names = [f"arm {k}" for k in range(23)]
+    styles = arm_styles([*names[:5], "scratch", *names[5:]])
+    assert styles["scratch"] == {"color": "#000000", "linestyle": "-"}
+    assert len({tuple(style.values()) for style in styles.values()}) == 24
+    assert styles[names[0]] == arm_styles(names)[names[0]]
+
+
+def test_many_panels_stand_in_rows_of_three(tmp_path: Path) -> None:
+    path = tmp_path / "curves.png"
+    names = [f"case {k}" for k in range(5)]
+    groups = {f"arm {k}": [curve(float(k))] for k in range(6)}
+    draw_comparison(path, dict.fromkeys(names, groups), dict.fromkeys(names, 60.0))
+    picture = read(path)
+    high, wide = picture.shape[0] // 2, picture.shape[1] // 3
+    assert wide <= 540 and high <= 700
+    places = picture[: 2 * high, : 3 * wide].reshape(2, high, 3, wide, 3)
+    assert (places < 128).any((1, 3, 4)).tolist() == [[True] * 3, [True, True, False]]
+
+
+def test_the_legend_covers_no_line(tmp_path: Path) -> None:
+    path = tmp_path / "curves.png"
+    falling = Curve(np.linspace(60, -300, 60), np.arange(0, 61, 10), np.linspace(60, -90, 7))
+    draw_comparison(path, {"case 4": {"falling": [falling]}}, {"case 4": 60.0})
+    line = pixels_of(read(path), CHART_SERIES[0])
+    # In both halves it goes on to the right end of the axes without a gap.
+    for top, bottom in ((0, 300), (300, 570)):
+        columns = np.unique(line[(line[:, 0] >= top) & (line[:, 0] < bottom), 1])
+        assert columns[0] < 130 and columns[-1] > 490 and np.diff(columns).max() <= 3

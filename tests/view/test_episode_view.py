@@ -1,0 +1,57 @@
+"""On which pixels Q depends."""
+
+import torch
+from torch import Generator
+
+from ship_trl.config.types import World
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.policies.entry import sail
+from ship_trl.policies.named import network_of
+from ship_trl.view.episode_view import saliency
+from tests.view.episodes import entry
+
+
+def network(channels: int = 1) -> DuelingNetwork:
+    return DuelingNetwork(channels, 7, Generator().manual_seed(1))
+
+
+def test_it_is_where_a_change_of_the_picture_changes_q() -> None:
+    made = network()
+    pixels = torch.randint(0, 256, (1, 84, 84), generator=Generator().manual_seed(2), dtype=torch.uint8)
+    heat = torch.from_numpy(saliency(made, pixels))
+    assert heat.shape == (84, 84) and float(heat.max()) == 1.0 and float(heat.min()) >= 0
+    with torch.no_grad():
+        q = made(pixels[None])
+        best = int(q.argmax())
+
+        def change(block: torch.Tensor) -> float:
+            moved = pixels.float()
+            moved[0, block] += 1.0
+            return abs(float(made.dueling(made.convolve(moved[None]))[0, best] - q[0, best]))
+
+        # Single pixels cancel; a bright patch has more effect than a dark one in the mean.
+        order = heat.flatten().argsort()
+        effects = []
+        for pick in (order[:400], order[-400:]):
+            one = []
+            for place in pick[::8]:
+                block = torch.zeros(84 * 84, dtype=torch.bool)
+                block[place] = True
+                one.append(change(block.view(84, 84)))
+            effects.append(sum(one) / len(one))
+    assert effects[1] > 2 * effects[0]
+
+
+def test_a_network_that_sees_nothing_looks_nowhere() -> None:
+    made = network(3)
+    with torch.no_grad():
+        made.convs[0].weight.zero_()
+    assert not saliency(made, torch.full((3, 84, 84), 100, dtype=torch.uint8)).any()
+
+
+def test_it_is_of_networks_alone(world: World) -> None:
+    made = network()
+    assert network_of(greedy_policy(made, lambda state: state)) is made
+    env, policy, _ = sail(entry())
+    assert env.batch_size == (1,) and network_of(policy) is None

@@ -1,0 +1,121 @@
+"""Numbers of an episode, whole or so far."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ship_trl.config.types import World
+from ship_trl.learn.rollout import Episode
+from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.view.telemetry import measure, measure_episode, split_q
+from tests.view.episodes import run_actions
+
+PLANS = st.lists(st.integers(0, 6), min_size=1, max_size=12)
+NAMES = st.sampled_from(["1", "2", "4", "6"])
+
+
+def sailed(name: str, plan: list[int]) -> tuple[Case, World, Episode]:
+    world = load_world()
+    case = load_case(name, world)
+    return case, world, run_actions(case, world, plan)
+
+
+@settings(max_examples=12)
+@given(NAMES, PLANS)
+def test_the_terms_sum_up_to_the_return(name: str, plan: list[int]) -> None:
+    case, world, episode = sailed(name, plan)
+    numbers = measure_episode(case, world, episode)
+    assert numbers.total[-1] == pytest.approx(episode.episode_return, abs=1e-3)
+    assert np.diff(numbers.total) == pytest.approx(episode.rewards.numpy(), abs=1e-4)
+    assert sum(numbers.terms.values()) == pytest.approx(numbers.total, abs=1e-3)
+    assert set(numbers.terms) == {"goal", "collision", "distance", "deviation"}
+    assert (numbers.terms["goal"][-1] > 0) == episode.goal
+    assert (numbers.terms["collision"][-1] < 0) == episode.collision
+
+
+@settings(max_examples=12)
+@given(NAMES, PLANS)
+def test_outcome_and_closest_approach_are_the_environments(name: str, plan: list[int]) -> None:
+    case, world, episode = sailed(name, plan)
+    numbers = measure_episode(case, world, episode)
+    assert numbers.outcome == episode.outcome and numbers.steps == episode.length
+    if case.target_ships:
+        assert numbers.closest[-1].min() == pytest.approx(episode.dcpa, abs=1e-3)
+        assert (numbers.closest <= numbers.apart + 1e-6).all()
+
+
+@settings(max_examples=8)
+@given(PLANS, st.integers(0, 60))
+def test_an_episode_so_far_has_the_numbers_of_the_whole_one(plan: list[int], steps: int) -> None:
+    case, world, episode = sailed("4", plan)
+    steps = min(steps, episode.length - 1)
+    whole = measure_episode(case, world, episode)
+    so_far = measure(case, world, episode.states[: steps + 1], episode.actions[:steps])
+    assert so_far.outcome is None and so_far.action(steps) is None and so_far.q(0) is None
+    assert so_far.total == pytest.approx(whole.total[: steps + 1])
+    # Of the start the first action is not known yet.
+    known = slice(1 if steps == 0 else 0, steps + 1)
+    assert so_far.dcpa[known] == pytest.approx(whole.dcpa[known])
+    assert so_far.tcpa[known] == pytest.approx(whole.tcpa[known])
+
+
+def test_dcpa_comes_true_where_all_keep_course() -> None:
+    case, world, episode = sailed("2", [3])
+    numbers = measure_episode(case, world, episode)
+    predicted = numbers.dcpa[0, 0]
+    when = numbers.tcpa[0, 0]
+    assert 0 < when < episode.length * world.dt
+    assert numbers.dcpa[:, 0] == pytest.approx(predicted, abs=0.05)
+    assert numbers.closest[-1, 0] == pytest.approx(predicted, abs=0.05)
+    assert numbers.tcpa[:, 0] == pytest.approx(when - np.arange(episode.length + 1) * world.dt, abs=0.05)
+
+
+def test_whoever_heads_for_the_safe_circle_is_a_danger(make_case: Callable[..., Case], world: World) -> None:
+    # Head on; far abeam on the same course; astern and slower.
+    case = make_case((0.0, 900.0, 270.0, 5.0), (400.0, 0.0, 90.0, 15.0), (0.0, -100.0, 90.0, 1.0))
+    numbers = measure_episode(case, world, run_actions(case, world, [3]))
+    assert [numbers.is_danger(1, k) for k in range(3)] == [True, False, False]
+
+
+def test_between_two_steps_everybody_is_between_two_places() -> None:
+    case, world, episode = sailed("4", [0, 3, 6])
+    numbers = measure_episode(case, world, episode)
+    for step in (0, 3, numbers.steps):
+        own, ships = numbers.at(step)
+        assert own == pytest.approx(numbers.states[step, :3]) and ships == pytest.approx(numbers.ships[step])
+    own, ships = numbers.at(2.25)
+    assert own == pytest.approx(0.75 * numbers.states[2, :3] + 0.25 * numbers.states[3, :3])
+    assert ships == pytest.approx(0.75 * numbers.ships[2] + 0.25 * numbers.ships[3])
+    for outside, end in ((-1.0, 0), (1e9, numbers.steps)):
+        assert numbers.at(outside)[0] == pytest.approx(numbers.states[end, :3])
+
+
+@given(st.lists(st.floats(-100, 100), min_size=2, max_size=7))
+def test_value_and_advantage_are_those_of_the_dueling_network(q: list[float]) -> None:
+    value, advantage = split_q(np.array(q))
+    assert value + advantage == pytest.approx(np.array(q))
+    assert advantage.mean() == pytest.approx(0, abs=1e-9)
+
+
+def test_an_episode_that_has_not_begun() -> None:
+    world = load_world()
+    case = load_case("4", world)
+    state = run_actions(case, world, [3]).states[:1]
+    numbers = measure(case, world, state, torch.zeros(0, dtype=torch.int64))
+    assert numbers.steps == 0 and numbers.outcome is None and numbers.total.tolist() == [0.0]
+    assert numbers.at(0.0)[0] == pytest.approx(numbers.states[0, :3])
+
+
+def test_the_closest_approach_is_within_steps_too(make_case: Callable[..., Case], world: World) -> None:
+    """At 215 m/s a ship is 104 m away before and after the second step, and 60 m abeam in between."""
+    case = make_case((60.0, 300.0, 270.0, 200.0))
+    numbers = measure_episode(case, world, run_actions(case, world, [3]))
+    assert numbers.closest[1:4, 0] == pytest.approx([104.04, 60.0, 60.0], abs=0.01)
+    found = numbers.closest_places()
+    assert found is not None and np.linalg.norm(found[0] - found[1]) == pytest.approx(60.0, abs=1.0)
+    alone = measure_episode(make_case(), world, run_actions(make_case(), world, [3]))
+    assert alone.closest_places() is None

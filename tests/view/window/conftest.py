@@ -1,0 +1,14 @@
+"""A window of SDL's that shows nothing, for every test of this folder."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from ship_trl.view.window.display import open_window
+
+
+@pytest.fixture
+def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    with open_window((1120, 630), "test"):
+        yield

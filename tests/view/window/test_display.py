@@ -1,0 +1,85 @@
+"""A window where there is no screen, and a real one on a virtual screen with real keys."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pygame
+import pytest
+
+from ship_trl.view.window.display import NoScreenError, open_window
+from tests.command import environment
+
+PROGRAMS = ("Xvfb", "xdotool")
+# A busy machine takes its time to start Python.
+PATIENCE = 90.0
+
+
+def test_without_a_screen_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(NoScreenError, match="DISPLAY"), open_window((640, 360), "test"):
+        pass
+    # One that is named and not there.
+    monkeypatch.setenv("DISPLAY", ":4711")
+    with pytest.raises(NoScreenError), open_window((640, 360), "test"):
+        pass
+    assert "SDL_VIDEODRIVER" not in os.environ
+
+
+def test_a_driver_that_was_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    with open_window((640, 360), "test"):
+        assert pygame.display.get_window_size() == (640, 360)
+
+
+@pytest.fixture
+def screen() -> Iterator[str]:
+    """A virtual screen of its own."""
+    read, write = os.pipe()
+    options = ["-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    line = ["Xvfb", "-displayfd", str(write), *options]
+    server = subprocess.Popen(line, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    try:
+        with os.fdopen(read) as number:
+            yield f":{number.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+@pytest.mark.skipif(not all(map(shutil.which, PROGRAMS)), reason=f"needs {' and '.join(PROGRAMS)}")
+def test_real_keys_in_a_real_window(screen: str, tmp_path: Path) -> None:
+    there = environment() | {"DISPLAY": screen}
+    there.pop("SDL_VIDEODRIVER", None)
+    line = [sys.executable, "-m", "ship_trl", "watch", "keep_course", "target=4", "--size", "960x540"]
+    with (tmp_path / "said").open("w") as said:
+        watching = subprocess.Popen(line, cwd=tmp_path, env=there, stdout=said, stderr=said)
+    saved, end = tmp_path / "outputs" / "watch", time.monotonic() + PATIENCE
+
+    def press(*keys: str) -> None:
+        subprocess.run(["xdotool", "key", "--delay", "100", *keys], env=there, check=True)
+
+    def press_until(pattern: str, *keys: str) -> None:
+        """Press keys until a picture of this name is saved: before the window is open they are lost."""
+        while not list(saved.glob(pattern)) and watching.poll() is None and time.monotonic() < end:
+            press(*keys)
+            time.sleep(0.5)
+
+    try:
+        press_until("*-step19.png", "End", "i")
+        press_until("*-step18.png", "End", "Left", "i")
+        last, before = (next(saved.glob(f"*-step{step}.png")) for step in (19, 18))
+        assert last.read_bytes() != before.read_bytes()
+        press("q")
+        assert watching.wait(PATIENCE) == 0
+    finally:
+        watching.kill()
+        watching.wait()
+    assert (tmp_path / "said").read_text() == ""

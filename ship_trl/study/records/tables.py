@@ -14,7 +14,7 @@ import io
 import json
 import lzma
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ from ship_trl.files.disk import read_file, replacing, writing
 from ship_trl.files.result import Result, ResultError, from_json
 from ship_trl.files.untrusted import Bounded
 from ship_trl.study.plan.jobs import PARTS, run_folder
-from ship_trl.study.plan.manifest import JOB_FIELDS, PLAN, read_plan
+from ship_trl.study.plan.manifest import PLAN, PlannedJob, read_plan
 from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
 
 if TYPE_CHECKING:
@@ -176,7 +176,8 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if not whole:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
-    plan["jobs"] = [{key: job[key] for key in JOB_FIELDS} for job in plan["jobs"]]
+    names = [one.name for one in fields(PlannedJob)]
+    plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
     try:
         copy.mkdir(parents=True, exist_ok=True)
         runs = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in whole])

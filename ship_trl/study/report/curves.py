@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -15,7 +16,7 @@ from ship_trl.study.analysis.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.arms import SCRATCH
 from ship_trl.study.plan.jobs import Place
-from ship_trl.study.records.record import Record
+from ship_trl.study.records.record import Episodes, Record
 from ship_trl.study.report.panels import (
     REUSE_TITLE,
     Arm,
@@ -99,8 +100,8 @@ def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
     # The levels are the same for all arms; the exploration rate is the arm's, or else that of scratch.
     run = found[min(1, len(found) - 1)][0][0]
     ranges = []
-    for axis, read in zip(drawn.axes, (training, greedy), strict=True):
-        values = [draw_curves(axis, *read(runs), look) for runs, look in found]
+    for axis, kind in zip(drawn.axes, (attrgetter("training"), attrgetter("greedy")), strict=True):
+        values = [draw_curves(axis, *moving_returns([*map(kind, runs)]), look) for runs, look in found]
         for level, dashes in ((run.best_known, BEST_DASHES), (run.random, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
@@ -114,19 +115,12 @@ def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
     return ranges
 
 
-def training(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Return episodes [T] and moving training returns [S, T], up to the shortest run."""
-    length = min(len(run.training.returns) for run in runs)
+def moving_returns(episodes: Sequence[Episodes]) -> tuple[np.ndarray, np.ndarray]:
+    """Return numbers of episodes [T] and moving returns of runs [S, T], up to the shortest run."""
+    length = min(len(run.returns) for run in episodes)
     shown = points(length)
-    return shown + 1, smoothed(np.stack([run.training.returns[:length] for run in runs]))[:, shown]
-
-
-def greedy(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Return episodes [T] and moving greedy returns [S, T], up to the shortest run."""
-    count = min(len(run.greedy.returns) for run in runs)
-    shown = points(count)
-    values = smoothed(np.stack([run.greedy.returns[:count] for run in runs]))
-    return runs[0].greedy.episode[:count][shown], values[:, shown]
+    values = smoothed(np.stack([run.returns[:length] for run in episodes]))
+    return episodes[0].episode[shown], values[:, shown]
 
 
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
@@ -151,8 +145,7 @@ def differences(study: Study, place: Place, scratch: Place) -> tuple[np.ndarray,
     if not length:
         return np.empty(0), np.empty((0, 0))
     one, two = (
-        smoothed(np.stack([run.score(run.training.returns[:length]) for run in runs[name]]))
-        for name in ("arm", "scratch")
+        smoothed(np.stack([run.scores[:length] for run in runs[name]])) for name in ("arm", "scratch")
     )
     shown = points(length)
     return shown + 1, (one - two)[:, shown]

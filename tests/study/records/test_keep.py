@@ -196,7 +196,7 @@ HOSTILE = {
     ),
     "columns without end": (
         spoil("runs.csv", lambda d: b"run," * 100_000 + d),
-        "runs.csv cannot be read: its first line is too long",
+        "runs.csv cannot be read: it has a column twice",
     ),
     "curves cut short": (spoil(FILES[0], lambda d: d[:-40], signed=False), "curves.csv.xz is not the file"),
     "curves cut short, and signed": (spoil(FILES[0], lambda d: d[:-40]), "curves.csv.xz cannot be read"),

@@ -87,17 +87,6 @@ def test_a_claim_of_no_more_is_supported_within_the_margin() -> None:
     assert verdict("FE3", "FE1") is Verdict.contradicted
 
 
-def test_collapses_of_some_seeds_decide_no_level() -> None:
-    study = make_study(high(FE1=0.7, FE2=0.7))
-    for seed in (1, 6, 12):
-        key = ("pairs", "high", "FE2", seed)
-        fallen = study.records[key]
-        totals = np.where(np.arange(120) > 60, -320.0, fallen.training.returns)
-        study.records[key] = replace(fallen, training=replace(fallen.training, returns=totals))
-    (found,) = judge(study, [claim("A", ("FE1", "FE2"))], 15, 0.025)
-    assert found.verdict is not Verdict.supported and abs(found.findings[0].estimate.value) < 0.02
-
-
 def test_what_is_sure_early_is_decided_early_and_stays_so() -> None:
     study = make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), sd=0.01)
     sure, none = claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))

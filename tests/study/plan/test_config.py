@@ -7,7 +7,6 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS
 from ship_trl.study.plan.config import (
-    StudyConfig,
     options,
     to_study,
 )
@@ -99,11 +98,7 @@ def test_every_control_composes_and_says_what_it_is() -> None:
         assert set(arms) <= set(options("arm")) and pair in options("pair")
 
 
-def test_the_folder_follows_the_profile() -> None:
+def test_what_follows_from_the_settings() -> None:
     assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
-    config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
-    assert config.folder == Path("elsewhere")
-
-
-def test_epsilon_may_be_overridden_without_reuse() -> None:
+    assert to_study(["profile=quick", "output=elsewhere"]).folder == Path("elsewhere")
     assert to_study(["reuse=false", "overrides=[learn.epsilon_start=0.5]"]).overrides

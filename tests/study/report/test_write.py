@@ -39,11 +39,6 @@ def test_figures_of_an_earlier_report_go_and_other_files_stay(odd: Odd) -> None:
     assert not left & set(GONE) and {*STAYING, "pair_high.png", "times.pdf"} <= left
 
 
-def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> None:
-    main([str(study), "--output", str(tmp_path)])
-    assert files(tmp_path) == files(study / "report")
-
-
 @pytest.mark.long
 def test_the_first_seeds_are_shown_as_if_there_were_no_others(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

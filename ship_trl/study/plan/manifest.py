@@ -22,7 +22,7 @@ from ship_trl.config.types import Config, World, plain
 from ship_trl.files.disk import read_json, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import PAIRS, Job, run_folder
+from ship_trl.study.plan.jobs import PAIRS, Job, PlannedJob
 from ship_trl.study.rules import stamp
 
 PLAN = "study.json"
@@ -32,18 +32,6 @@ Stamp = Annotated[
     dict[str, Any], Rule("a group of digest, commit, begun", lambda rules: not rules or rules.keys() >= STAMP)
 ]
 Seeds = Annotated[list[int], Rule("a list of seeds", bool)]
-
-
-@dataclass(frozen=True)
-class PlannedJob:
-    """What every study.json says of a job."""
-
-    name: str
-    stage: int
-    part: str
-    label: str
-    arm: str
-    seed: int
 
 
 @dataclass(frozen=True)
@@ -194,7 +182,7 @@ def read_manifest(folder: Path) -> Manifest:
         plan.rules,
         plan.cases,
         warmup_episodes(plan.settings),
-        {run_folder(folder, job.part, job.label, job.arm, job.seed): job.seed for job in plan.jobs},
+        {job.folder(folder): job.seed for job in plan.jobs},
     )
 
 

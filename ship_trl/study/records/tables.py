@@ -26,8 +26,8 @@ from ship_trl.files.disk import read_file, replacing, writing
 from ship_trl.files.result import Result, ResultError, from_json
 from ship_trl.files.table import rows
 from ship_trl.files.untrusted import Bounded
-from ship_trl.study.plan.jobs import PARTS, run_folder
-from ship_trl.study.plan.manifest import PLAN, PlannedJob, read_plan
+from ship_trl.study.plan.jobs import PARTS, PlannedJob, run_folder
+from ship_trl.study.plan.manifest import PLAN, read_plan
 from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
 
 if TYPE_CHECKING:

@@ -28,7 +28,6 @@ from ship_trl.study.report.panels import (
     reuse_panels,
 )
 from ship_trl.study.report.style import (
-    FONT,
     GREY,
     NARROW,
     PALE,
@@ -67,15 +66,13 @@ def draw(study: Study, sections: Sequence[Section], width: float, columns: int) 
         return None
     counts = sorted({len(study.arm(*panel.scratch)) for section in sections for panel in section.panels})
     handles = legend(f"scratch ({' or '.join(map(str, counts))})", has_warmup=study.plan.warmup > 0)
-    heights = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
+    training, greedy = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
+    heights = {"training return": training, "greedy return": greedy}
     figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
     panels = [one for section in drawn for one in section]
     ranges = [draw_panel(study, one) for one in panels]
-    for row, (label, below) in enumerate((("training return", STRIP), ("greedy return", 0.0))):
+    for row, below in enumerate((STRIP, 0.0)):
         set_range([one.axes[row] for one in panels], [each[row] for each in ranges], below)
-        for one in panels:
-            if one.is_first:
-                one.axes[row].set_ylabel(label, fontsize=FONT, labelpad=2)
     return figure
 
 
@@ -162,8 +159,8 @@ def draw_differences(study: Study, width: float) -> Figure | None:
     }
     if not any(len(curves) for _, curves in found.values()):
         return None
-    height = NARROW_HEIGHT if width == NARROW else HEIGHT
-    figure, drawn = lay_out(width, sections, COLUMNS, [height], "training episodes")
+    heights = {"above scratch": NARROW_HEIGHT if width == NARROW else HEIGHT}
+    figure, drawn = lay_out(width, sections, COLUMNS, heights, "training episodes")
     for section in drawn:
         # The range of a section holds zero.
         ranges = [(0.0, 0.0)]
@@ -177,8 +174,6 @@ def draw_differences(study: Study, width: float) -> Figure | None:
                     set_episodes(axis, x[-1])
             names = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in one.panel.arms]
             legend_above(axis, names)
-            if one.is_first:
-                axis.set_ylabel("above scratch", fontsize=FONT, labelpad=2)
         set_range([one.axes[0] for one in section], ranges)
     return figure
 
@@ -199,8 +194,8 @@ def draw_times(study: Study, width: float) -> Figure | None:
     if not sections:
         return None
     label = f"share of the episodes until the moving score is at {THRESHOLDS[0]:g}"
-    height = NARROW_HEIGHT if width == NARROW else HEIGHT
-    figure, drawn = lay_out(width, sections, COLUMNS, [height], label, names=1)
+    heights = {"share of the runs": NARROW_HEIGHT if width == NARROW else HEIGHT}
+    figure, drawn = lay_out(width, sections, COLUMNS, heights, label, names=1)
     for one in (panel for section in drawn for panel in section):
         (axis,) = one.axes
         names = []
@@ -216,6 +211,4 @@ def draw_times(study: Study, width: float) -> Figure | None:
         # A step at 1 stays clear of the names above it.
         axis.set_ylim(0, 1.06)
         axis.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
-        if one.is_first:
-            axis.set_ylabel("share of the runs", fontsize=FONT, labelpad=2)
     return figure

@@ -157,13 +157,8 @@ def lay_out(
     drawn: list[list[Drawn]] = []
     for part, section, count in zip(parts, sections, counts, strict=True):
         part.suptitle(section.heading, x=0.005, ha="left", fontsize=FONT + 1, weight="bold")
-        grid = part.subplots(
-            count * len(heights),
-            columns,
-            squeeze=False,
-            height_ratios=[*heights.values()] * count,
-            sharex=True,
-        )
+        ratios = [*heights.values()] * count
+        grid = part.subplots(count * len(heights), columns, squeeze=False, height_ratios=ratios, sharex=True)
         drawn.append([])
         for k in range(count * columns):
             row, column = divmod(k, columns)

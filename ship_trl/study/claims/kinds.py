@@ -9,10 +9,9 @@ from ship_trl.study.analysis.contrasts import Claimed, Finding, measure_levels, 
 from ship_trl.study.analysis.metrics import METRICS, TIMES
 from ship_trl.study.analysis.study import REUSED, Places, Study
 from ship_trl.study.plan.arms import SCRATCH, control_arm
-from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, options
+from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE
 from ship_trl.study.plan.jobs import CONTROLS, PAIRS
 
-ARMS = options("arm")
 Test = Callable[[Study, str], list[Finding]]
 
 
@@ -60,13 +59,10 @@ def weighted(
     """Test a weighted sum of arms, with the opposite sign for times, of which less is better.
 
     Raises:
-        ValueError: there is no such metric or arm.
+        ValueError: there is no such metric.
     """
     if metric not in METRICS:
         raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
-    for _, _, arm in (places[name] for name in weights):
-        if arm not in ARMS:
-            raise ValueError(f"{where}, {what}: no arm {arm}; allowed: {', '.join(ARMS)}")
     sign = -1.0 if metric in TIMES else 1.0
     signed = {name: sign * weight for name, weight in weights.items()}
     compared, words = {name: places[name] for name in weights}, f"{where}: {what}"

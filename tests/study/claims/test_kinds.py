@@ -96,5 +96,3 @@ def test_what_has_one_seed_or_none_is_not_measured() -> None:
 def test_what_no_study_measures_is_refused() -> None:
     with pytest.raises(ValueError, match="no metric worth; allowed: area,"):
         beats("high", "FE3", "scratch", "worth")
-    with pytest.raises(ValueError, match="no arm FTX; allowed: FE1,"):
-        beats("high", "FTX", "scratch")

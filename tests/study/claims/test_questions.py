@@ -65,12 +65,6 @@ def test_an_arm_of_elsewhere_may_be_one_of_many(study: Study) -> None:
     assert [one.what for one in every][:1] == ["2 to 2: FE1 above scratch of high (area)"]
 
 
-def test_an_arm_that_no_claim_knows_is_refused() -> None:
-    own = make_study({("pairs", "high", arm): 0.9 for arm in ("scratch", "FE5")}, seeds=2)
-    with pytest.raises(ConfigError, match=r"^question: .*no arm FE5; allowed: "):
-        ask(own, "high: FE5 above scratch")
-
-
 def test_a_study_without_pairs_says_so() -> None:
     alone = make_study({("reuse/epsilon_1", "new", "scratch"): 0.9}, seeds=2)
     with pytest.raises(ConfigError, match="the study has no pair; allowed: new"):

@@ -24,7 +24,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.study.analysis.contrasts import Finding
-from ship_trl.study.analysis.statistics import LEVEL, Estimate
+from ship_trl.study.analysis.statistics import LEVEL
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.questions import ask
 
@@ -73,14 +73,9 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
 def row(finding: Finding) -> list[str]:
     """Format a contrast, with the number of seeds above zero."""
     above = f"{sum(value > 0 for value in finding.differences)} of {finding.seeds}"
-    beside = ", ".join(f"{name} {one.value:+.3f} ({interval(one)})" for name, one in finding.beside.items())
+    beside = ", ".join(f"{name} {one.value:+.3f} ({one.interval()})" for name, one in finding.beside.items())
     estimate = finding.estimate
-    return [finding.what, f"{estimate.value:+.3f}", interval(estimate), str(finding.seeds), above, beside]
-
-
-def interval(one: Estimate) -> str:
-    """Format the ends of an interval."""
-    return f"{one.low:+.3f} to {one.high:+.3f}"
+    return [finding.what, f"{estimate.value:+.3f}", estimate.interval(), str(finding.seeds), above, beside]
 
 
 if __name__ == "__main__":

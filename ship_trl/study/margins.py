@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import yaml
-from omegaconf import MISSING, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.config.errors import ConfigError, explain
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
+from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.study.analysis.metrics import METRICS
+
+PositiveNumber = Annotated[float, limit(above=0)]
+Gains = Annotated[
+    dict[str, PositiveNumber],
+    Rule(f"gains of {', '.join(METRICS)}", lambda gains: gains.keys() <= METRICS.keys()),
+]
 
 
 @dataclass
 class Margins:
     """The margin as a share of the possible gain, and the possible gains by target case and metric."""
 
-    margin: float = MISSING
-    gains: dict[str, dict[str, float]] = field(default_factory=dict)
+    margin: PositiveNumber
+    gains: dict[str, Gains] = field(default_factory=dict)
 
 
 def read_margins(path: Path) -> Margins:
@@ -32,22 +38,10 @@ def read_margins(path: Path) -> Margins:
         ConfigError: an unknown key or metric, or a number that is not above 0.
     """
     try:
-        merged = OmegaConf.merge(OmegaConf.structured(Margins), OmegaConf.load(path))
-        found: Any = OmegaConf.to_object(merged)
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"{path.name}: {explain(error)}") from None
-    except (yaml.YAMLError, OSError) as error:
+        values = OmegaConf.load(path)
+    except (yaml.YAMLError, OSError, OmegaConfBaseException) as error:
         raise ConfigError(f"{path.name}: cannot be read: {' '.join(str(error).split())}") from None
-    numbers = {"margin": found.margin}
-    for case, gains in found.gains.items():
-        numbers |= {f"gains.{case}.{metric}": gain for metric, gain in gains.items()}
-        if unknown := sorted(gains.keys() - METRICS.keys()):
-            allowed = ", ".join(METRICS)
-            raise ConfigError(f"{path.name}: gains.{case}: no metric {unknown[0]}; allowed: {allowed}")
-    for key, value in numbers.items():
-        if not (math.isfinite(value) and value > 0):
-            raise ConfigError(f"{path.name}: {key}: must be above 0, got {value}")
-    return Margins(found.margin, found.gains)
+    return read_as(Margins, values, f"{path.name}: ")
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,72 +25,37 @@ FALLEN_EPISODES = 10
 CURVE_POINTS = 100
 
 
-def count_share(record: Record, share: float) -> int:
-    """Return a share of the number of training episodes, at least one."""
-    return max(1, round(share * len(record.training.returns)))
+def first(values: NDArray[Any], share: float) -> NDArray[Any]:
+    """Return a share of some episodes from the first on, at least one."""
+    return values[: count_share(values, share)]
 
 
-def area(record: Record) -> float:
-    """Return the area under the learning curve: the mean score of all training episodes."""
-    return float(np.mean(record.score(record.training.returns)))
+def last(values: NDArray[Any], share: float = LAST) -> NDArray[Any]:
+    """Return a share of some episodes up to the last one, at least one."""
+    return values[-count_share(values, share) :]
 
 
-def early_area(record: Record) -> float:
-    """Return the mean score of the first fifth of the training episodes."""
-    return float(np.mean(record.score(record.training.returns[: count_share(record, EARLY)])))
+def count_share(values: NDArray[Any], share: float) -> int:
+    """Return how many episodes are a share of them, at least one."""
+    return max(1, round(share * len(values)))
 
 
-def asymptote(record: Record) -> float:
-    """Return the mean score of the last tenth of the training episodes."""
-    return float(np.mean(record.score(record.training.returns[-count_share(record, LAST) :])))
+def mean(values: NDArray[Any]) -> float:
+    """Return the mean of some numbers, or the share of what is true."""
+    return float(np.mean(values))
 
 
-def greedy_area(record: Record) -> float:
-    """Return the mean score of all greedy evaluations."""
-    return float(np.mean(record.score(record.greedy.returns)))
-
-
-def greedy_asymptote(record: Record) -> float:
-    """Return the mean score of the last tenth of the greedy evaluations."""
-    count = max(1, round(LAST * len(record.greedy.returns)))
-    return float(np.mean(record.score(record.greedy.returns[-count:])))
-
-
-def start(record: Record) -> float:
-    """Return the mean greedy score before training, over draws of the layers that are not copied."""
+def start_scores(record: Record) -> NDArray[np.float64]:
+    """Return the greedy scores before training, one a draw of the layers that are not copied."""
     draws = record.draws if len(record.draws) else np.array([record.before])
-    return float(np.mean(record.score(draws)))
-
-
-def best(record: Record) -> float:
-    """Return the score of the best greedy evaluation."""
-    return float(np.max(record.score(record.greedy.returns)))
-
-
-def success(record: Record) -> float:
-    """Return the share of the last tenth of the training episodes that end at the goal."""
-    return float(np.mean(record.training.goal[-count_share(record, LAST) :]))
-
-
-def collisions(record: Record) -> float:
-    """Return the share of all training episodes that end in a collision."""
-    return float(np.mean(record.training.collision))
-
-
-def early_collisions(record: Record) -> float:
-    """Return the share of the first fifth of the training episodes that end in a collision."""
-    return float(np.mean(record.training.collision[: count_share(record, EARLY)]))
-
-
-def smallest_dcpa(record: Record) -> float:
-    """Return the least distance (m) to a target ship in the last greedy episode; NaN without ships."""
-    return float(record.greedy.dcpa[-1])
+    scores: NDArray[np.float64] = record.score(draws)
+    return scores
 
 
 def moving_scores(record: Record) -> NDArray[np.float64]:
     """Return the moving mean of the training scores, [E - window + 1]."""
-    window = count_share(record, WINDOW)
-    return moving_mean(record.score(record.training.returns), window)[window - 1 :]
+    window = count_share(record.scores, WINDOW)
+    return moving_mean(record.scores, window)[window - 1 :]
 
 
 def curve(record: Record) -> NDArray[np.float64]:
@@ -124,7 +90,7 @@ def around_exploration_end(record: Record) -> tuple[slice, slice]:
     """Return the tenth of the episodes before exploration ends, and the tenth after."""
     count = len(record.training.returns)
     ended = np.flatnonzero(record.training.epsilon <= record.training.epsilon.min())
-    end, tenth = int(ended[0]) if ended.size else count, count_share(record, LAST)
+    end, tenth = int(ended[0]) if ended.size else count, count_share(record.scores, LAST)
     return slice(max(0, end - tenth), max(1, end)), slice(min(end, count - 1), min(end + tenth, count))
 
 
@@ -134,8 +100,8 @@ def dip(record: Record) -> float:
     The score moves over a fortieth of the episodes, from two tenths before that end to two tenths after.
     Chance alone makes falls, so a dip is compared with scratch and not with zero.
     """
-    scores = record.score(record.training.returns)
-    tenth, width = count_share(record, LAST), count_share(record, LAST / 4)
+    scores = record.scores
+    tenth, width = count_share(scores, LAST), count_share(scores, LAST / 4)
     end = around_exploration_end(record)[0].stop
     near = scores[max(0, end - 2 * tenth) : end + 2 * tenth]
     means = moving_mean(near, width)[width - 1 :]
@@ -145,7 +111,7 @@ def dip(record: Record) -> float:
 def collision_rise(record: Record) -> float:
     """Return the rise of the share of collisions from the tenth before exploration ends to the one after."""
     before, after = around_exploration_end(record)
-    return float(np.mean(record.training.collision[after]) - np.mean(record.training.collision[before]))
+    return mean(record.training.collision[after]) - mean(record.training.collision[before])
 
 
 def after_exploration(record: Record) -> slice:
@@ -155,7 +121,7 @@ def after_exploration(record: Record) -> slice:
 
 def misses(record: Record) -> float:
     """Return the share of the training episodes after exploration that do not end at the goal."""
-    return float(np.mean(~record.training.goal[after_exploration(record)]))
+    return mean(~record.training.goal[after_exploration(record)])
 
 
 def fell(record: Record) -> float:
@@ -172,24 +138,28 @@ def fell(record: Record) -> float:
 
 # Every number of a run, by its name in the report.
 METRICS: dict[str, Callable[[Record], float]] = {
-    "area": area,
+    # The mean score of all training episodes: the area under the learning curve.
+    "area": lambda run: mean(run.scores),
     "time": time_to_threshold,
     **{f"time to {level}": partial(time_to_threshold, threshold=level) for level in sorted(THRESHOLDS[1:])},
     "total time": total_time,
-    "asymptote": asymptote,
-    "early area": early_area,
-    "start": start,
-    "greedy area": greedy_area,
-    "greedy asymptote": greedy_asymptote,
-    "best": best,
+    "asymptote": lambda run: mean(last(run.scores)),
+    "early area": lambda run: mean(first(run.scores, EARLY)),
+    "start": lambda run: mean(start_scores(run)),
+    "greedy area": lambda run: mean(run.score(run.greedy.returns)),
+    "greedy asymptote": lambda run: mean(run.score(last(run.greedy.returns))),
+    # Of the best greedy evaluation.
+    "best": lambda run: float(np.max(run.score(run.greedy.returns))),
     "fell": fell,
     "misses": misses,
-    "success": success,
-    "collisions": collisions,
-    "early collisions": early_collisions,
+    # The share of the last tenth of the training episodes that end at the goal.
+    "success": lambda run: mean(last(run.training.goal)),
+    "collisions": lambda run: mean(run.training.collision),
+    "early collisions": lambda run: mean(first(run.training.collision, EARLY)),
     "dip": dip,
     "collision rise": collision_rise,
-    "DCPA": smallest_dcpa,
+    # The least distance (m) to a target ship in the last greedy episode; NaN without ships.
+    "DCPA": lambda run: float(run.greedy.dcpa[-1]),
 }
 # Metrics of which less is better.
 TIMES = ("time", "time to 0.5", "time to 0.8", "total time")

@@ -12,7 +12,7 @@ import gc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,11 @@ class Estimate:
     value: float
     low: float
     high: float
+
+    def interval(self) -> str:
+        """Format the ends of the interval."""
+        is_bounded = isfinite(self.low) and isfinite(self.high)
+        return f"{self.low:+.3f} to {self.high:+.3f}" if is_bounded else "unbounded"
 
 
 def interquartile_mean(values: Sample, axis: int = -1) -> Any:

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING
 from ship_trl.study.plan.arms import SCRATCH, SCRATCH_PAIR
@@ -140,7 +138,7 @@ def read_study(folder: Path) -> Study:
     """
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
-    records = share_random_return({(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found})
+    records = {(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found}
     plan = read_manifest(folder)
     return Study(records, broken, plan, layers=layers_of(folder, records, broken))
 
@@ -183,14 +181,6 @@ def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) ->
     if missing := len(rows) - len(kept):
         broken.append((path, f"{missing} of {len(rows)} rows are of runs that are not there"))
     return kept
-
-
-def share_random_return(records: Records) -> Records:
-    """Give all runs of a case the same random return: in older runs each drew its own."""
-    drawn: dict[str, list[float]] = {}
-    for record in records.values():
-        drawn.setdefault(record.target, []).append(record.random)
-    return {key: replace(r, random=float(np.median(drawn[r.target]))) for key, r in records.items()}
 
 
 def pairs(study: Study) -> list[str]:

@@ -9,10 +9,9 @@ from ship_trl.study.analysis.contrasts import Claimed, Finding, measure_levels, 
 from ship_trl.study.analysis.metrics import METRICS, TIMES
 from ship_trl.study.analysis.study import REUSED, Places, Study
 from ship_trl.study.plan.arms import SCRATCH, control_arm
-from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE, options
-from ship_trl.study.plan.jobs import CONTROLS, PAIRS, Place
+from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE
+from ship_trl.study.plan.jobs import CONTROLS, PAIRS
 
-ARMS = options("arm")
 Test = Callable[[Study, str], list[Finding]]
 
 
@@ -60,35 +59,32 @@ def weighted(
     """Test a weighted sum of arms, with the opposite sign for times, of which less is better.
 
     Raises:
-        ValueError: there is no such metric or arm.
+        ValueError: there is no such metric.
     """
     if metric not in METRICS:
         raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
-    for _, _, arm in (places[name] for name in weights):
-        if arm not in ARMS:
-            raise ValueError(f"{where}, {what}: no arm {arm}; allowed: {', '.join(ARMS)}")
     sign = -1.0 if metric in TIMES else 1.0
     signed = {name: sign * weight for name, weight in weights.items()}
     compared, words = {name: places[name] for name in weights}, f"{where}: {what}"
     return lambda study, claim: measure_levels(study, claim, words, compared, signed, metric, claimed)
 
 
-def at(where: str, places: Places, better: str, worse: str, metric: str = "area") -> Test:
-    """Test that one arm is better than another, wherever they lie."""
-    what = f"{better} {comparative(metric)} {worse}"
-    return weighted(where, what, places, {better: 1.0, worse: -1.0}, metric)
+def compare(
+    where: str, places: Places, better: Sequence[str], worse: Sequence[str], metric: str = "area"
+) -> Test:
+    """Test that the mean of some arms is better than the mean of others, wherever they lie."""
+    what = f"{joined(better)} {comparative(metric)} {joined(worse)}"
+    return weighted(where, what, places, mean_difference(better, worse), metric)
+
+
+def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
+    """Test that the mean of some arms of a pair is better than the mean of others."""
+    return compare(pair, of(pair, *better, *worse), better, worse, metric)
 
 
 def beats(pair: str, better: str, worse: str, metric: str = "area") -> Test:
     """Test that one arm of a pair is better than another."""
-    return at(pair, of(pair, better, worse), better, worse, metric)
-
-
-def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
-    """Test that the mean of some arms is better than the mean of others."""
-    weights = mean_difference(better, worse)
-    what = f"{joined(better)} {comparative(metric)} {joined(worse)}"
-    return weighted(pair, what, of(pair, *weights), weights, metric)
+    return means(pair, (better,), (worse,), metric)
 
 
 def no_more(pair: str, arms: Sequence[str], others: Sequence[str], metric: str = "area") -> Test:
@@ -114,16 +110,15 @@ def steady(pair: str, arm: str, other: str) -> Test:
 def control(pair: str, arm: str, kind: str, metric: str = "area") -> Test:
     """Test that an arm is better than its control."""
     other = control_arm(arm, kind)
-    return at(pair, {arm: (PAIRS, pair, arm), other: (CONTROLS, pair, other)}, arm, other, metric)
+    places = {arm: (PAIRS, pair, arm), other: (CONTROLS, pair, other)}
+    return compare(pair, places, (arm,), (other,), metric)
 
 
 def itself(case: str, scratch_pair: str, label: str, better: str, worse: str) -> Test:
     """Test that an arm of a case's transfer to itself is better than another arm of it, or than scratch."""
-
-    def place(arm: str) -> Place:
-        return (PAIRS, scratch_pair, arm) if arm == SCRATCH else (CONTROLS, label, arm)
-
-    return at(f"{case} to {case}", {arm: place(arm) for arm in (better, worse)}, better, worse)
+    places: Places = {arm: (CONTROLS, label, arm) for arm in (better, worse)}
+    places = {**places, SCRATCH: (PAIRS, scratch_pair, SCRATCH)}
+    return compare(f"{case} to {case}", places, (better,), (worse,))
 
 
 def self_dips(case: str = "2", pair: str = "high", label: str = "self") -> list[Test]:
@@ -148,15 +143,16 @@ def interaction(metric: str) -> Test:
 
 def confounded(metric: str) -> Test:
     """Test the paper's comparison, which changes network and epsilon at once."""
-    return at(NEW_CASE, REUSED, "reused, low", "scratch, 1", metric)
+    return compare(NEW_CASE, REUSED, ("reused, low",), ("scratch, 1",), metric)
 
 
 def best_source(other: str) -> Test:
     """Test that case 2 is a better source than another case."""
-    return at(NEW_CASE, REUSED, f"case {REUSED_CASE}", f"case {other}")
+    return compare(NEW_CASE, REUSED, (f"case {REUSED_CASE}",), (f"case {other}",))
 
 
 def by_path(arm: str, metric: str) -> Test:
     """Test that a source with the target's path is better than one with the target's ship."""
     path, ship = "same path (1 to 2)", "same ship (ship to 2)"
-    return at(arm, {path: (PAIRS, "high", arm), ship: (CONTROLS, "ship", arm)}, path, ship, metric)
+    places = {path: (PAIRS, "high", arm), ship: (CONTROLS, "ship", arm)}
+    return compare(arm, places, (path,), (ship,), metric)

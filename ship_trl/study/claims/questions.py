@@ -66,11 +66,7 @@ def tests_of(
         elif metric in TIMES:
             # `weighted` changes the sign of times, and a level must keep its own.
             weights = {arm: -weight for arm, weight in weights.items()}
-        try:
-            yield weighted(where, what, {**arms, **others}, weights, metric)
-        except ValueError as error:
-            # The study has an arm that conf/arm does not have.
-            raise ConfigError(f"question: {error}") from None
+        yield weighted(where, what, {**arms, **others}, weights, metric)
 
 
 def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, Place]:

@@ -40,11 +40,11 @@ Place = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
-class Job:
-    """One run of a study.
+class PlannedJob:
+    """What every study.json says of a run.
 
-    Jobs of one `stage` may run at once; a job's source comes from an earlier stage. `values` are set in the
-    run's configuration. `name` also names the file that starts the run alone.
+    Jobs of one `stage` may run at once; a job's source comes from an earlier stage. `name` also names the
+    file that starts the run alone.
     """
 
     name: str
@@ -53,16 +53,22 @@ class Job:
     label: str
     arm: str
     seed: int
+
+    def folder(self, study: Path) -> Path:
+        """Return the run's folder."""
+        return run_folder(study, self.part, self.label, self.arm, self.seed)
+
+
+@dataclass(frozen=True)
+class Job(PlannedJob):
+    """One run of a study; `values` are set in its configuration."""
+
     values: dict[str, Any]
 
     @property
     def has_trained_source(self) -> bool:
         """Whether the run begins with a network that was trained."""
         return Arm.parse(self.arm).has_trained_source
-
-    def folder(self, study: Path) -> Path:
-        """Return the run's folder."""
-        return run_folder(study, self.part, self.label, self.arm, self.seed)
 
 
 def run_folder(study: Path, part: str, label: str, arm: str, seed: int) -> Path:

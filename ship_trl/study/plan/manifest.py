@@ -7,7 +7,7 @@ import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
@@ -17,16 +17,32 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
+from ship_trl.config.schema import Rule, read_as
 from ship_trl.config.types import Config, World, plain
 from ship_trl.files.disk import read_json, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import PAIRS, Job, run_folder
+from ship_trl.study.plan.jobs import PAIRS, Job, PlannedJob
 from ship_trl.study.rules import stamp
 
 PLAN = "study.json"
-# The fields of a job that every study.json has.
-JOB_FIELDS = ("name", "stage", "part", "label", "arm", "seed")
+# The rules that a study was begun with (`rules.stamp`); old studies have none.
+STAMP = {"digest", "commit", "begun"}
+Stamp = Annotated[
+    dict[str, Any], Rule("a group of digest, commit, begun", lambda rules: not rules or rules.keys() >= STAMP)
+]
+Seeds = Annotated[list[int], Rule("a list of seeds", bool)]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The parts of a study.json that are read again; old ones have neither judged seeds nor rules."""
+
+    settings: dict[str, Any]
+    cases: dict[str, str]
+    jobs: list[PlannedJob]
+    judged: Seeds = field(default_factory=list)
+    rules: Stamp = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -77,20 +93,13 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     settings = settings_of(jobs, config, shared)
     cases = fingerprints(jobs, shared.world)
     path = config.folder / PLAN
-    try:
-        begun = read_json(path)
-        before, known = begun["settings"], begun.get("cases", {})
-        if not isinstance(before, dict) or not isinstance(known, dict):
-            raise TypeError
-    except FileNotFoundError:
-        before, known, begun = None, {}, {}
-    except (OSError, ValueError, KeyError, TypeError):
-        raise ConfigError(f"output: {path} is not a study's plan; allowed: another output=FOLDER") from None
-    changed = [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
-    if before is not None and (before != settings or changed):
-        keys = sorted(settings.keys() | before.keys())
-        differ = ", ".join([key for key in keys if settings.get(key) != before.get(key)] + changed)
-        holds = f"output: {config.folder} holds a study of other settings ({differ})"
+    begun = read_plan(path, "output") if path.exists() else {}
+    before, known = begun.get("settings", settings), begun.get("cases", {})
+    keys = sorted(settings.keys() | before.keys())
+    differ = [key for key in keys if settings.get(key) != before.get(key)]
+    differ += [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
+    if differ:
+        holds = f"output: {config.folder} holds a study of other settings ({', '.join(differ)})"
         raise ConfigError(f"{holds}; allowed: another output=FOLDER")
     plan = {
         "settings": settings,
@@ -146,17 +155,13 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
         ConfigError: there is no file, or it is not a study's plan.
     """
     try:
-        plan = read_json(path)
-        jobs = [[job[name] for name in JOB_FIELDS] for job in plan["jobs"]]
-        if not isinstance(plan["settings"], dict) or not isinstance(plan["cases"], dict):
-            raise TypeError
-        if not all(list(map(type, job)) == [str, int, str, str, str, int] for job in jobs):
-            raise TypeError
+        plan: dict[str, Any] = read_json(path)
     except FileNotFoundError:
         raise ConfigError(f"{key}: no {path}, the plan that a study has") from None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError):
         raise ConfigError(f"{key}: {path} is not a study's plan") from None
-    return dict(plan)
+    read_as(Plan, plan, f"{key}: {path} is not a study's plan: ", from_json=True)
+    return plan
 
 
 def read_manifest(folder: Path) -> Manifest:
@@ -168,25 +173,17 @@ def read_manifest(folder: Path) -> Manifest:
     path = folder / PLAN
     if not path.exists():
         return Manifest()
-    try:
-        plan = read_plan(path, "folder")
-        seeds = plan.get("judged", [job["seed"] for job in plan["jobs"] if job["part"] == PAIRS])
-        if type(seeds) is not list or not seeds or any(type(seed) is not int for seed in seeds):
-            raise TypeError
-        rules = plan.get("rules", {})
-        return Manifest(
-            tuple(sorted(set(seeds))),
-            {name: rules[name] for name in ("digest", "commit", "begun")} if rules else {},
-            {str(name): str(fingerprint) for name, fingerprint in plan["cases"].items()},
-            warmup_episodes(plan["settings"]),
-            {
-                run_folder(folder, job["part"], job["label"], job["arm"], job["seed"]): job["seed"]
-                for job in plan["jobs"]
-            },
-        )
-    except (ConfigError, KeyError, TypeError):
-        wanted = "allowed: the file that the study was begun with, or none, to judge all its seeds at once"
-        raise ConfigError(f"folder: {path} is not a study's plan; {wanted}") from None
+    plan = read_as(Plan, read_plan(path, "folder"), from_json=True)
+    seeds = plan.judged or [job.seed for job in plan.jobs if job.part == PAIRS]
+    if not seeds:
+        raise ConfigError(f"folder: {path} is not a study's plan: it has no seed")
+    return Manifest(
+        tuple(sorted(set(seeds))),
+        plan.rules,
+        plan.cases,
+        warmup_episodes(plan.settings),
+        {job.folder(folder): job.seed for job in plan.jobs},
+    )
 
 
 def warmup_episodes(settings: dict[str, Any]) -> int:

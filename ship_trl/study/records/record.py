@@ -75,6 +75,12 @@ class Record:
     draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
+    @property
+    def scores(self) -> NDArray[np.float64]:
+        """The scores of the training episodes."""
+        found: NDArray[np.float64] = self.score(self.training.returns)
+        return found
+
     def score(self, values: Any) -> Any:
         """Scale returns to scores: 0 is random actions, 1 the best known return."""
         return (values - self.random) / (self.best_known - self.random)

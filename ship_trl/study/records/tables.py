@@ -14,7 +14,7 @@ import io
 import json
 import lzma
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,9 +24,10 @@ from ship_trl.config.paths import is_name
 from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES
 from ship_trl.files.disk import read_file, replacing, writing
 from ship_trl.files.result import Result, ResultError, from_json
+from ship_trl.files.table import rows
 from ship_trl.files.untrusted import Bounded
-from ship_trl.study.plan.jobs import PARTS, run_folder
-from ship_trl.study.plan.manifest import JOB_FIELDS, PLAN, read_plan
+from ship_trl.study.plan.jobs import PARTS, PlannedJob, run_folder
+from ship_trl.study.plan.manifest import PLAN, read_plan
 from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
 # The strongest preset that takes less than 100 MB of memory.
 PRESET = 6 | lzma.PRESET_EXTREME
-# Bytes of the first line of a table: pandas takes minutes for one with many columns.
-MAX_HEADING_BYTES = 10_000
 # A source network's last path components, from its study's folder on; the ones above name a machine.
 SOURCE_PATH_PARTS = 5
 # Bytes of uncompressed curves: a study of a thousand runs of 5,000 episodes has 0.4 GB.
@@ -68,9 +67,9 @@ class Tables:
         if list(groups) != list(range(len(self.runs))):
             raise unreadable(self.key, self.folder / CURVES, "its runs are not those of " + RUNS)
         for number, (part, bare) in enumerate(self.runs):
-            rows = groups[number]
-            is_draw = rows["kind"] == DRAW
-            result, curve = replace(bare, draws=rows["return"][is_draw].tolist()), rows[~is_draw]
+            group = groups[number]
+            is_draw = group["kind"] == DRAW
+            result, curve = replace(bare, draws=group["return"][is_draw].tolist()), group[~is_draw]
             try:
                 record = make_record(result, curve, self.folder / place_of(part, result), part)
             except BrokenRunError as error:
@@ -121,13 +120,7 @@ def read_results(path: Path) -> list[tuple[str, Result]]:
     Raises:
         OSError, ValueError, KeyError, TypeError, ResultError: the table is damaged.
     """
-    import pandas as pd
-
-    data = read_file(path)
-    if len(data.partition(b"\n")[0]) > MAX_HEADING_BYTES:
-        raise ValueError("its first line is too long")
-    rows = pd.read_csv(io.BytesIO(data), dtype=str, keep_default_na=False)
-    return [from_cells({str(key): cell for key, cell in row.items()}) for row in rows.to_dict("records")]
+    return [from_cells(cells) for cells in rows(read_file(path), ("part",))]
 
 
 def read_curves(path: Path) -> pd.DataFrame:
@@ -167,16 +160,16 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    runs = (
-        (run[0].seed, run[0].part, run[0].pair, run[0].arm.name, run) for run in read_runs(folder, broken)
+    whole = sorted(
+        read_runs(folder, broken), key=lambda run: (run[0].seed, run[0].part, run[0].pair, run[0].arm.name)
     )
-    whole = [run for *_, run in sorted(runs, key=lambda one: one[:4])]
     if not whole and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not whole:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
-    plan["jobs"] = [{key: job[key] for key in JOB_FIELDS} for job in plan["jobs"]]
+    names = [one.name for one in fields(PlannedJob)]
+    plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
     try:
         copy.mkdir(parents=True, exist_ok=True)
         runs = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in whole])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -15,7 +16,7 @@ from ship_trl.study.analysis.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.arms import SCRATCH
 from ship_trl.study.plan.jobs import Place
-from ship_trl.study.records.record import Record
+from ship_trl.study.records.record import Episodes, Record
 from ship_trl.study.report.panels import (
     REUSE_TITLE,
     Arm,
@@ -27,7 +28,6 @@ from ship_trl.study.report.panels import (
     reuse_panels,
 )
 from ship_trl.study.report.style import (
-    FONT,
     GREY,
     NARROW,
     PALE,
@@ -66,15 +66,13 @@ def draw(study: Study, sections: Sequence[Section], width: float, columns: int) 
         return None
     counts = sorted({len(study.arm(*panel.scratch)) for section in sections for panel in section.panels})
     handles = legend(f"scratch ({' or '.join(map(str, counts))})", has_warmup=study.plan.warmup > 0)
-    heights = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
+    training, greedy = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
+    heights = {"training return": training, "greedy return": greedy}
     figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
     panels = [one for section in drawn for one in section]
     ranges = [draw_panel(study, one) for one in panels]
-    for row, (label, below) in enumerate((("training return", STRIP), ("greedy return", 0.0))):
+    for row, below in enumerate((STRIP, 0.0)):
         set_range([one.axes[row] for one in panels], [each[row] for each in ranges], below)
-        for one in panels:
-            if one.is_first:
-                one.axes[row].set_ylabel(label, fontsize=FONT, labelpad=2)
     return figure
 
 
@@ -99,8 +97,8 @@ def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
     # The levels are the same for all arms; the exploration rate is the arm's, or else that of scratch.
     run = found[min(1, len(found) - 1)][0][0]
     ranges = []
-    for axis, read in zip(drawn.axes, (training, greedy), strict=True):
-        values = [draw_curves(axis, *read(runs), look) for runs, look in found]
+    for axis, kind in zip(drawn.axes, (attrgetter("training"), attrgetter("greedy")), strict=True):
+        values = [draw_curves(axis, *moving_returns([*map(kind, runs)]), look) for runs, look in found]
         for level, dashes in ((run.best_known, BEST_DASHES), (run.random, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
@@ -114,19 +112,12 @@ def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
     return ranges
 
 
-def training(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Return episodes [T] and moving training returns [S, T], up to the shortest run."""
-    length = min(len(run.training.returns) for run in runs)
+def moving_returns(episodes: Sequence[Episodes]) -> tuple[np.ndarray, np.ndarray]:
+    """Return numbers of episodes [T] and moving returns of runs [S, T], up to the shortest run."""
+    length = min(len(run.returns) for run in episodes)
     shown = points(length)
-    return shown + 1, smoothed(np.stack([run.training.returns[:length] for run in runs]))[:, shown]
-
-
-def greedy(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
-    """Return episodes [T] and moving greedy returns [S, T], up to the shortest run."""
-    count = min(len(run.greedy.returns) for run in runs)
-    shown = points(count)
-    values = smoothed(np.stack([run.greedy.returns[:count] for run in runs]))
-    return runs[0].greedy.episode[:count][shown], values[:, shown]
+    values = smoothed(np.stack([run.returns[:length] for run in episodes]))
+    return episodes[0].episode[shown], values[:, shown]
 
 
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
@@ -151,8 +142,7 @@ def differences(study: Study, place: Place, scratch: Place) -> tuple[np.ndarray,
     if not length:
         return np.empty(0), np.empty((0, 0))
     one, two = (
-        smoothed(np.stack([run.score(run.training.returns[:length]) for run in runs[name]]))
-        for name in ("arm", "scratch")
+        smoothed(np.stack([run.scores[:length] for run in runs[name]])) for name in ("arm", "scratch")
     )
     shown = points(length)
     return shown + 1, (one - two)[:, shown]
@@ -169,8 +159,8 @@ def draw_differences(study: Study, width: float) -> Figure | None:
     }
     if not any(len(curves) for _, curves in found.values()):
         return None
-    height = NARROW_HEIGHT if width == NARROW else HEIGHT
-    figure, drawn = lay_out(width, sections, COLUMNS, [height], "training episodes")
+    heights = {"above scratch": NARROW_HEIGHT if width == NARROW else HEIGHT}
+    figure, drawn = lay_out(width, sections, COLUMNS, heights, "training episodes")
     for section in drawn:
         # The range of a section holds zero.
         ranges = [(0.0, 0.0)]
@@ -184,8 +174,6 @@ def draw_differences(study: Study, width: float) -> Figure | None:
                     set_episodes(axis, x[-1])
             names = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in one.panel.arms]
             legend_above(axis, names)
-            if one.is_first:
-                axis.set_ylabel("above scratch", fontsize=FONT, labelpad=2)
         set_range([one.axes[0] for one in section], ranges)
     return figure
 
@@ -206,8 +194,8 @@ def draw_times(study: Study, width: float) -> Figure | None:
     if not sections:
         return None
     label = f"share of the episodes until the moving score is at {THRESHOLDS[0]:g}"
-    height = NARROW_HEIGHT if width == NARROW else HEIGHT
-    figure, drawn = lay_out(width, sections, COLUMNS, [height], label, names=1)
+    heights = {"share of the runs": NARROW_HEIGHT if width == NARROW else HEIGHT}
+    figure, drawn = lay_out(width, sections, COLUMNS, heights, label, names=1)
     for one in (panel for section in drawn for panel in section):
         (axis,) = one.axes
         names = []
@@ -223,6 +211,4 @@ def draw_times(study: Study, width: float) -> Figure | None:
         # A step at 1 stays clear of the names above it.
         axis.set_ylim(0, 1.06)
         axis.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
-        if one.is_first:
-            axis.set_ylabel("share of the runs", fontsize=FONT, labelpad=2)
     return figure

@@ -13,7 +13,7 @@ import jinja2
 
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, SPREAD, Finding, Verdict
 from ship_trl.study.analysis.metrics import THRESHOLDS
-from ship_trl.study.analysis.statistics import Estimate, look_level, min_detectable_effect
+from ship_trl.study.analysis.statistics import look_level, min_detectable_effect
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import EXPLORATORY
 from ship_trl.study.claims.hypotheses import FIGURE as CONCLUSIONS
@@ -41,12 +41,6 @@ class Scale:
         """Return where a value lies, from 0 to 100."""
         inside = min(max(value, self.low), self.high)
         return round(100 * (inside - self.low) / (self.high - self.low), 2)
-
-
-def interval(found: Estimate) -> str:
-    """Format the ends of an interval."""
-    bounded = isfinite(found.low) and isfinite(found.high)
-    return f"{found.low:+.3f} to {found.high:+.3f}" if bounded else "unbounded"
 
 
 def unit(finding: Finding) -> str:
@@ -82,7 +76,7 @@ def in_a_sentence(answer: Answer) -> str:
         return "No runs."
     if len(findings) == 1:
         (one,) = findings
-        words = f"{one.what}: {one.estimate.value:+.3f} ({interval(one.estimate)}), p {one.p:.3f}"
+        words = f"{one.what}: {one.estimate.value:+.3f} ({one.estimate.interval()}), p {one.p:.3f}"
     else:
         found = Counter(finding.verdict.value for finding in findings)
         counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
@@ -185,8 +179,8 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"interval": interval, "unit": unit, "isfinite": isfinite}
-    environment.filters["describe"] = partial(describe_claim, earlier=earlier)
+    describe = partial(describe_claim, earlier=earlier)
+    environment.filters |= {"unit": unit, "isfinite": isfinite, "describe": describe}
     levels = [(count, look_level(k, len(study.looks))) for k, count in enumerate(study.looks, 1)]
     return environment.get_template("page.html").render(
         runs=len(records),

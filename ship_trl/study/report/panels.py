@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from matplotlib.artist import Artist
@@ -48,11 +48,10 @@ class Section:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A panel with its axes from top to bottom, and whether it is the first of its row."""
+    """A panel with its axes from top to bottom."""
 
     panel: Panel
     axes: Sequence[Axes]
-    is_first: bool
 
 
 def pair_title(study: Study, pair: str) -> str:
@@ -123,7 +122,7 @@ def lay_out(
     width: float,
     sections: Sequence[Section],
     columns: int,
-    heights: Sequence[float],
+    heights: Mapping[str, float],
     label: str,
     handles: Sequence[Artist] = (),
     names: int = 0,
@@ -134,7 +133,7 @@ def lay_out(
         width: in inches; a narrow figure has two columns.
         sections: the panels; each section begins a row under its heading.
         columns: at most so many panels in a row of a wide figure.
-        heights: of each panel's axes, from top to bottom, in inches.
+        heights: of each panel's axes in inches, from top to bottom, by what is drawn in them.
         label: of the horizontal axes.
         handles: of a legend below all panels.
         names: lines of a panel's legend beside those of its arms.
@@ -147,7 +146,7 @@ def lay_out(
     lines = [max(len(panel.arms) for panel in section.panels) + names for section in sections]
     # Beside the axes: a heading, and in each row numbers and a legend.
     tall = [
-        0.1 + 0.16 * len(section.heading.splitlines()) + count * (sum(heights) + 0.3 + 0.15 * line)
+        0.1 + 0.16 * len(section.heading.splitlines()) + count * (sum(heights.values()) + 0.3 + 0.15 * line)
         for section, count, line in zip(sections, counts, lines, strict=True)
     ]
     legend_columns = 2 if width == NARROW else max(1, len(handles))
@@ -158,9 +157,8 @@ def lay_out(
     drawn: list[list[Drawn]] = []
     for part, section, count in zip(parts, sections, counts, strict=True):
         part.suptitle(section.heading, x=0.005, ha="left", fontsize=FONT + 1, weight="bold")
-        grid = part.subplots(
-            count * len(heights), columns, squeeze=False, height_ratios=[*heights] * count, sharex=True
-        )
+        ratios = [*heights.values()] * count
+        grid = part.subplots(count * len(heights), columns, squeeze=False, height_ratios=ratios, sharex=True)
         drawn.append([])
         for k in range(count * columns):
             row, column = divmod(k, columns)
@@ -169,10 +167,12 @@ def lay_out(
                 for axis in axes:
                     axis.remove()
                 continue
-            for axis in axes:
+            for axis, name in zip(axes, heights, strict=True):
                 style_axis(axis)
                 axis.tick_params(labelleft=column == 0, labelbottom=axis is axes[-1])
-            drawn[-1].append(Drawn(section.panels[k], axes, column == 0))
+                if column == 0:
+                    axis.set_ylabel(name, fontsize=FONT, labelpad=2)
+            drawn[-1].append(Drawn(section.panels[k], axes))
     # Of the last part, because a label of the figure would lie upon the legend.
     parts[-1].supxlabel(label, fontsize=FONT)
     if handles:

@@ -19,6 +19,7 @@ from ship_trl.files.disk import replacing
 from ship_trl.study.analysis.contrasts import SEED
 from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
 from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS, WHOLE, control_arm
+from ship_trl.view.palette import CHART_SERIES
 
 # Widths in inches. The page shows a figure at one of them, each at about the size that it is drawn at: the
 # page is 75 rem wide at most, and a screen of 380 pixels leaves 348 to a figure.
@@ -39,9 +40,9 @@ class Look:
     dashes: Any = "-"
 
 
-# Colours of Okabe and Ito, which people without colour vision tell apart; in print the dashes do it.
-BLUE, VERMILION, GREEN, PINK = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
-ORANGE, SKY, BROWN = "#E69F00", "#56B4E9", "#7f5539"
+# Colours that people without colour vision tell apart; in print the dashes do it.
+BLUE, VERMILION, GREEN, PINK, ORANGE, SKY = CHART_SERIES
+BROWN = "#7f5539"
 DASHED, DOTTED, DASH_DOTTED = (0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1))
 # The look of every arm. All controls of a kind look alike; networks on the new case go by their source.
 LOOKS = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-from pathlib import Path
 from typing import Any, Literal
 
 from ship_trl.config.errors import ConfigError
@@ -42,6 +41,8 @@ def log_summary(config: StudyConfig) -> None:
     import pandas as pd
     import wandb
 
+    from ship_trl.study.report.tables import read_verdicts
+
     folder = config.folder / REPORT
     mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
     tables = {path.stem: pd.read_csv(path) for name in TABLES if (path := folder / f"{name}.csv").exists()}
@@ -64,19 +65,9 @@ def log_summary(config: StudyConfig) -> None:
             logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}
             logged |= {name: wandb.Table(dataframe=table) for name, table in tables.items()}
             run.log(logged | {"page": wandb.Html(str(folder / "index.html"), inject=False)})
-            run.summary.update(verdicts(folder / "claims.csv"))
+            verdicts = read_verdicts(folder / "claims.csv")
+            run.summary.update({f"verdict/{name}": verdict for name, (verdict, _) in verdicts.items()})
     except (wandb.Error, OSError) as error:
         raise ConfigError(
             f"wandb: {' '.join(str(error).split())}; wandb.mode=offline needs no account"
         ) from None
-
-
-def verdicts(path: Path) -> dict[str, str]:
-    """Return the verdict on each claim of a claims.csv, as "verdict/C1"."""
-    import pandas as pd
-
-    rows = pd.read_csv(path, dtype=str)
-    return {
-        f"verdict/{name}": verdict
-        for name, verdict in zip(rows["claim"], rows["claim's verdict"], strict=True)
-    }

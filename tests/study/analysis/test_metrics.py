@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ship_trl.config.arm import Arm
 from ship_trl.study.analysis import metrics
+from ship_trl.study.analysis.metrics import measure
 from ship_trl.study.records.record import Record, read_run
 from tests.study.synthetic import make_record, returns_of, write_run
 
@@ -21,27 +22,27 @@ def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int 
 
 def test_areas_and_ends(tmp_path: Path) -> None:
     rise = record(tmp_path, [k / 100 for k in range(100)])
-    assert metrics.area(rise) == pytest.approx(0.495)
-    assert metrics.early_area(rise) == pytest.approx(np.mean(np.arange(20)) / 100)
-    assert metrics.asymptote(rise) == pytest.approx(0.945)
-    assert metrics.best(rise) == pytest.approx(0.99)
+    assert measure(rise, "area") == pytest.approx(0.495)
+    assert measure(rise, "early area") == pytest.approx(np.mean(np.arange(20)) / 100)
+    assert measure(rise, "asymptote") == pytest.approx(0.945)
+    assert measure(rise, "best") == pytest.approx(0.99)
     # One greedy evaluation more: the one before training.
-    assert metrics.greedy_area(rise) == pytest.approx(0.495 * 100 / 101)
-    assert metrics.greedy_asymptote(rise) == pytest.approx(0.945)
+    assert measure(rise, "greedy area") == pytest.approx(0.495 * 100 / 101)
+    assert measure(rise, "greedy asymptote") == pytest.approx(0.945)
 
 
 def test_the_start_is_the_mean_over_draws_of_the_fresh_layers(tmp_path: Path) -> None:
     one = record(tmp_path, [0.5] * 10, before=0.3)
-    assert metrics.start(one) == pytest.approx(0.3)
+    assert measure(one, "start") == pytest.approx(0.3)
     draws = returns_of(np.array([0.1, 0.2, 0.6]))
-    assert metrics.start(replace(one, draws=draws)) == pytest.approx(0.3)
+    assert measure(replace(one, draws=draws), "start") == pytest.approx(0.3)
 
 
 def test_rates(tmp_path: Path) -> None:
     # A score of 0.8 is a return of 0: above is the goal.
     run = record(tmp_path, [0.1] * 60 + [0.9] * 40)
-    assert metrics.collisions(run) == pytest.approx(0.6) and metrics.early_collisions(run) == 1.0
-    assert metrics.success(run) == 1.0 and metrics.smallest_dcpa(run) == 60.0
+    assert measure(run, "collisions") == pytest.approx(0.6) and measure(run, "early collisions") == 1.0
+    assert measure(run, "success") == 1.0 and measure(run, "DCPA") == 60.0
 
 
 def test_the_threshold_is_reached_by_a_mean_of_a_few(tmp_path: Path) -> None:
@@ -93,7 +94,7 @@ def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
 
 def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
     run = record(tmp_path, [0.2, 0.4, 0.6])
-    assert all(np.isfinite(measure(run)) for measure in metrics.METRICS.values())
+    assert all(np.isfinite(measure(run, name)) for name in metrics.METRICS)
 
 
 def test_a_dip_is_the_largest_fall_where_exploration_ends() -> None:

@@ -7,9 +7,9 @@ import pytest
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import OURS
-from ship_trl.study.claims.kinds import Test, beats, means, rises, steady
+from ship_trl.study.claims.kinds import Test, beats, control, interaction, means, rises, steady
 from ship_trl.study.claims.verdicts import ALL
-from ship_trl.study.plan.arms import FE
+from ship_trl.study.plan.arms import CONTROL_KINDS, FE
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import SOURCES, plan_jobs
 from tests.study.synthetic import make_study
@@ -73,6 +73,20 @@ def test_the_margin_is_a_share_of_what_could_be_gained_on_the_target(
     assert one(beats("high", "FE1", "FT1", "collision rise"), study).margin is None
 
 
+@pytest.mark.parametrize(("low", "one_"), [(0.99, 0.75), (0.75, 0.99)])
+def test_the_gain_of_reuse_depends_on_how_much_is_explored(low: float, one_: float) -> None:
+    ends = {("reuse/epsilon_low", "2-new", "FTW"): low, ("reuse/epsilon_1", "2-new", "FTW"): one_}
+    ends |= {(f"reuse/epsilon_{name}", "new", "scratch"): 0.7 for name in ("low", "1")}
+    found = one(interaction("area"), make_study(ends))
+    assert (found.p < 0.01) is (low > one_) and (found.against < 0.01) is (low < one_)
+
+
+@pytest.mark.parametrize("kind", CONTROL_KINDS)
+def test_a_control_that_has_learned_nothing_is_worse(kind: str) -> None:
+    study = make_study({("pairs", "low", "FE3"): 0.8, ("controls", "low", f"FE3-{kind}"): 0.5})
+    assert one(control("low", "FE3", kind), study).p < 0.01
+
+
 def test_what_has_one_seed_or_none_is_not_measured() -> None:
     study = make_study(pair("high", FE1=0.5, FT1=0.5), seeds=1)
     for test in (beats("high", "FE1", "FT1"), steady("high", "FE1", "FT1"), beats("high", "FE1", "FTW")):
@@ -82,5 +96,3 @@ def test_what_has_one_seed_or_none_is_not_measured() -> None:
 def test_what_no_study_measures_is_refused() -> None:
     with pytest.raises(ValueError, match="no metric worth; allowed: area,"):
         beats("high", "FE3", "scratch", "worth")
-    with pytest.raises(ValueError, match="no arm FTX; allowed: FE1,"):
-        beats("high", "FTX", "scratch")

@@ -87,31 +87,6 @@ def test_a_claim_of_no_more_is_supported_within_the_margin() -> None:
     assert verdict("FE3", "FE1") is Verdict.contradicted
 
 
-def test_collapses_of_some_seeds_decide_no_level() -> None:
-    study = make_study(high(FE1=0.7, FE2=0.7))
-    for seed in (1, 6, 12):
-        key = ("pairs", "high", "FE2", seed)
-        fallen = study.records[key]
-        totals = np.where(np.arange(120) > 60, -320.0, fallen.training.returns)
-        study.records[key] = replace(fallen, training=replace(fallen.training, returns=totals))
-    (found,) = judge(study, [claim("A", ("FE1", "FE2"))], 15, 0.025)
-    assert found.verdict is not Verdict.supported and abs(found.findings[0].estimate.value) < 0.02
-
-
-def test_what_is_sure_early_is_decided_early_and_stays_so() -> None:
-    study = make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), sd=0.01)
-    sure, none = claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))
-    found = {a.hypothesis.name: a for a in answer(study, [sure, none])}
-    assert found["A"].verdict is Verdict.supported and found["A"].decided in (5, 10)
-    # After the look that decided it the arms change places.
-    swapped = dict(study.records)
-    for seed in range(found["A"].decided, 15):
-        one, two = ("pairs", "high", "FE1", seed), ("pairs", "high", "FE2", seed)
-        swapped[one], swapped[two] = study.records[two], study.records[one]
-    (later, _) = answer(replace(study, records=swapped), [sure, none])
-    assert later.verdict is Verdict.supported and later.decided == found["A"].decided
-
-
 def test_looks_follow_the_plan_and_not_what_is_there() -> None:
     study = make_study(high(FE1=0.62, FE2=0.6), seeds=5, sd=0.01)
     five = answer(study, [claim("A", ("FE1", "FE2"))])[0]

@@ -7,7 +7,6 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS
 from ship_trl.study.plan.config import (
-    StudyConfig,
     options,
     to_study,
 )
@@ -24,11 +23,8 @@ from tests.config.test_config import composed
         ("seeds=1", "seeds: must be at least 2, got 1"),
         ("seeds=many", "seeds: must be a whole number, got many"),
         ("first_seed=-1", "first_seed: must be at least 0, got -1"),
-        ("first_seed=one", "first_seed: must be a whole number, got one"),
         ("block=0", "block: must be at least 1, got 0"),
-        ("block=none", "block: must be a whole number, got none"),
         ("processes=0", "processes: must be at least 1, got 0"),
-        ("processes=all", "processes: must be a whole number, got all"),
         ("retries=-1", "retries: must be at least 0, got -1"),
         ("launcher=condor", "launcher: no condor; allowed: joblib"),
         ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
@@ -41,16 +37,12 @@ from tests.config.test_config import composed
         ("arms=scratch,FE3", "arms: must be a list, as [A,B] or [], got scratch,FE3"),
         ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
         ("pairs=[high,self]", "pairs: self is one of the controls; allowed: controls=false"),
-        ("pairs=[high,self4]", "pairs: self4 is one of the controls; allowed: controls=false"),
-        ("pairs=[ship]", "pairs: ship is one of the controls; allowed: controls=false"),
         ("arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: controls=false"),
-        ("arms=[FE1-permuted]", "arms: FE1-permuted is one of the controls; allowed: controls=false"),
         ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
         ("pairs=[low]", "reuse: needs pair high with arm FTW"),
         ("profile_seeds=${block}", "profile_seeds: must be a group, got 5"),
         ("pairs=${profile}", "pairs: must be a list, as [A,B] or [], got quick"),
         ("[c", "[c: cannot be read"),
-        ("profile_seeds=${output}", "profile_seeds: must be a group, got null"),
         ("\x1b[31m=3", "\\x1b: unknown key"),
     ],
 )
@@ -99,11 +91,7 @@ def test_every_control_composes_and_says_what_it_is() -> None:
         assert set(arms) <= set(options("arm")) and pair in options("pair")
 
 
-def test_the_folder_follows_the_profile() -> None:
+def test_what_follows_from_the_settings() -> None:
     assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
-    config: StudyConfig = to_study(["profile=quick", "output=elsewhere"])
-    assert config.folder == Path("elsewhere")
-
-
-def test_epsilon_may_be_overridden_without_reuse() -> None:
+    assert to_study(["profile=quick", "output=elsewhere"]).folder == Path("elsewhere")
     assert to_study(["reuse=false", "overrides=[learn.epsilon_start=0.5]"]).overrides

@@ -71,7 +71,7 @@ def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="is not a study's plan"):
         begin(tmp_path)
     assert (tmp_path / PLAN).read_text() == text
-    with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan; allowed: the file that the"):
+    with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan"):
         read_manifest(tmp_path)
 
 
@@ -97,12 +97,6 @@ def test_a_plan_says_after_how_many_episodes_runs_learn_at_the_earliest(tmp_path
     for wrong in (*wrongs, {"learn": []}):
         (tmp_path / PLAN).write_text(json.dumps(plan | {"settings": wrong}))
         assert read_manifest(tmp_path).warmup == 0
-
-
-def test_what_is_missing_now_is_named_too(tmp_path: Path) -> None:
-    begin(tmp_path, "overrides=[network=five]")
-    with pytest.raises(ConfigError, match=r"study of other settings \(network\)"):
-        begin(tmp_path)
 
 
 def test_arms_of_more_layers_than_the_network_has_are_refused(tmp_path: Path) -> None:

@@ -66,16 +66,12 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
     [
         ({"episodes": 49}, "curve.csv has not the 49 episodes"),
         ({"episodes": 10**12}, "curve.csv has not the 1000000000000 episodes"),
-        ({"seed": "zero"}, "seed: must be a whole number"),
         ({"best_known_return": float("nan")}, "best_known_return: must be a finite number, got nan"),
+        ({"arm": "FE3-demonstrations"}, "result.json: 'FE3-demonstrations' names no arm"),
+        ({"random_return": None}, "has no random_return"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
         ({"scratch": {}}, "scratch.return: missing"),
-        ({"scratch": "return lost"}, "scratch: must be a group"),
-        ({"before": ["return"]}, "before: must be a group"),
-        ({"before": {"return": None}}, "before.return: must be a finite number, got null"),
         ({"draws": [1.0, None]}, r"draws\[1\]: must be a finite number, got null"),
-        ({"draws": 3.0}, "draws: must be a list"),
-        ({"best_known_return": 10**400}, "best_known_return: must be at most"),
     ],
 )
 def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str, Any], said: str) -> None:
@@ -83,15 +79,6 @@ def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str,
     result = json.loads((place / "result.json").read_text())
     (place / "result.json").write_text(json.dumps(result | changes))
     with pytest.raises(BrokenRunError, match=said):
-        read_run(place)
-
-
-def test_a_missing_key_is_named(tmp_path: Path) -> None:
-    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
-    result = json.loads((place / "result.json").read_text())
-    del result["random_return"]
-    (place / "result.json").write_text(json.dumps(result))
-    with pytest.raises(BrokenRunError, match="has no random_return"):
         read_run(place)
 
 
@@ -107,9 +94,3 @@ def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: P
         ("pairs/low/FE1/seed=2", "pairs"),
         ("reuse/epsilon/high/scratch/seed=3", "reuse/epsilon"),
     ]
-
-
-def test_a_run_of_no_arm_is_broken(tmp_path: Path) -> None:
-    place = write_run(tmp_path, learning(np.random.default_rng(0), 50), arm="FE3-demonstrations")
-    with pytest.raises(BrokenRunError, match=r"result.json: 'FE3-demonstrations' names no arm"):
-        read_run(place)

@@ -23,7 +23,6 @@ from ship_trl.study.report.curves import (
     draw_times,
     steps,
 )
-from ship_trl.study.report.panels import pair_sections
 from ship_trl.study.report.style import NARROW, WIDE, look_of
 from tests.study.report.seen import across, heights, named, outline
 from tests.study.synthetic import BEST, RANDOM, make_record, make_study
@@ -178,19 +177,6 @@ def test_reuse_has_a_panel_for_each_network() -> None:
     assert all(len(curves(axis)) == 2 for axis in figure.axes)
 
 
-def test_a_control_keeps_its_look_where_another_is_missing() -> None:
-    whole = {(PAIRS, "high", "scratch"): 0.5, (PAIRS, "high", "FE3"): 0.5}
-    whole |= {(CONTROLS, "high", f"FE3-{kind}"): 0.4 for kind in ("random", "permuted")}
-    part = {place: end for place, end in whole.items() if not place[2].endswith("random")}
-
-    def looks(places: dict[tuple[str, str, str], float]) -> dict[str, str]:
-        (section,) = pair_sections(make_study(places, seeds=2), "high")
-        return {arm.name: arm.look.colour for arm in section.panels[0].arms}
-
-    assert looks(part)["FE3-permuted"] == looks(whole)["FE3-permuted"]
-    assert len(set(looks(whole).values())) == 3
-
-
 BASE, ARM = (PAIRS, "high", "scratch"), (PAIRS, "high", "FE1")
 
 
@@ -252,9 +238,6 @@ def test_runs_that_never_get_there_keep_the_share_below_one() -> None:
     # The mean of three episodes in a row is at 0.65 with the second or third of them.
     assert x == pytest.approx([0, 0.12, 0.32, 0.52, 1], abs=0.011)
     assert shares == pytest.approx([0, 0.2, 0.4, 0.6, 0.6])
-
-
-def test_where_all_get_there_the_share_ends_at_one_and_where_none_does_at_zero() -> None:
     assert steps(list(reaching([10, 20]).arm(*ARM).values()))[1][-1] == 1
     assert set(steps(list(reaching([None, None]).arm(*ARM).values()))[1]) == {0.0}
 

@@ -103,17 +103,6 @@ def test_from_scratch_alone_there_are_its_curves() -> None:
     assert drawn == ["pair_high"]
 
 
-def test_a_figure_is_drawn_alike_each_time(study: Study) -> None:
-    def drawn() -> bytes:
-        figure = {drawing.name: drawing.draw for drawing in drawings(study)}["differences"](NARROW)
-        assert figure is not None
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        return np.asarray(canvas.buffer_rgba()).tobytes()
-
-    assert drawn() == drawn()
-
-
 def test_a_disk_that_has_no_room_for_the_pdf_is_said_and_the_last_one_kept(tmp_path: Path) -> None:
     figure = Figure(figsize=(1, 1))
     # Longer than what is kept in memory until it is written.

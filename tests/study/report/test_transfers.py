@@ -1,4 +1,4 @@
-"""What each transfer gained, written by the report, and what is recommended by it."""
+"""What each transfer gained, and what is recommended by it."""
 
 import csv
 from pathlib import Path
@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.cases import main as cases
-from ship_trl.cli.report import main as report
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.analysis.metrics import measure
 from ship_trl.study.analysis.statistics import estimate_mean
-from ship_trl.study.analysis.study import read_study
+from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
 from ship_trl.study.plan.manifest import write_plan
+from ship_trl.study.report.tables import transfer_rows, write_csv
 from tests.study.synthetic import write_planned
 
 # The least of which an interval is given, and one that was run later.
@@ -22,17 +22,22 @@ SEEDS = 5
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The table of a study in which finetuning learns sooner, the sooner the more layers."""
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("study")
     config = to_study(["profile=quick", f"seeds={SEEDS}", f"output={folder}"])
     write_plan(plan_jobs(config), config)
     write_planned(folder, SEEDS + 1, 120)
-    report([str(folder)])
-    return folder / "report/transfers.csv"
+    return read_study(folder)
 
 
-def test_each_transfer_is_there_once_by_what_its_cases_are(table: Path) -> None:
+@pytest.fixture(scope="module")
+def table(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("table") / "transfers.csv"
+    write_csv(path, transfer_rows(study))
+    return path
+
+
+def test_each_transfer_is_there_once_by_what_its_cases_are(table: Path, study: Study) -> None:
     with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
     found = {(row["source"], row["target"], row["arm"], row["epsilon_start"]): row for row in rows}
@@ -47,7 +52,6 @@ def test_each_transfer_is_there_once_by_what_its_cases_are(table: Path) -> None:
     assert row["source_fingerprint"] == load_case("3", world).fingerprint
     assert row["target_fingerprint"] == load_case("4", world).fingerprint
     assert row["profile"] == "quick" and row["seeds"] == str(SEEDS)
-    study = read_study(table.parent.parent)
     whole, scratch = (study.arm("pairs", "low", arm) for arm in ("FTW", "scratch"))
     differences = [measure(whole[seed], "area") - measure(scratch[seed], "area") for seed in range(SEEDS)]
     # Those to case 4, whose intervals hold together: from case 3, and from itself.
@@ -58,13 +62,8 @@ def test_each_transfer_is_there_once_by_what_its_cases_are(table: Path) -> None:
     )
 
 
-@pytest.mark.long
-def test_transfers_of_few_seeds_are_left_out(tmp_path: Path) -> None:
-    config = to_study(["profile=quick", "seeds=4", f"output={tmp_path}"])
-    write_plan(plan_jobs(config), config)
-    write_planned(tmp_path, 4, 120)
-    report([str(tmp_path)])
-    assert not (tmp_path / "report/transfers.csv").exists()
+def test_transfers_of_few_seeds_are_left_out(study: Study) -> None:
+    assert transfer_rows(study.first(SEEDS - 1, study.level)) == []
 
 
 def test_the_transfer_that_is_shown_to_gain_most_is_recommended(
@@ -79,7 +78,7 @@ def test_the_transfer_that_is_shown_to_gain_most_is_recommended(
     given = tmp_path / "given.csv"
 
     def said(target: str, *rows: dict[str, str]) -> list[str]:
-        write(given, list(rows))
+        write_csv(given, rows)
         cases(["--target", target, "--no-picture", "--measured", str(given)])
         return capsys.readouterr().out.splitlines()
 
@@ -90,10 +89,3 @@ def test_the_transfer_that_is_shown_to_gain_most_is_recommended(
     assert said("4", *map(wide, others), wide(best), lucky)[-1] == line
     assert said("4", lucky)[-1] == "python -m ship_trl target=4 method=scratch"
     assert "no transfer to case 6" in said("6", lucky)[-1]
-
-
-def write(path: Path, rows: list[dict[str, str]]) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)

@@ -13,7 +13,6 @@ from ship_trl.config.types import Logger
 from ship_trl.study.launch.launch import command
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.report.wandb_summary import verdicts
 from tests.command import environment
 from tests.study.commands import SMALL, study
 
@@ -48,11 +47,6 @@ def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
     report = json.dumps(runs["report", "report of smoke_study"])
     assert all(name in report for name in ("pair_high", "arms", "table_2", "page"))
     assert list((place / "wandb").rglob("pair_high*.png")) and list((place / "wandb").rglob("page*.html"))
-
-
-def test_verdicts_are_the_summary() -> None:
-    Path("claims.csv").write_text("claim,contrast,claim's verdict\nC1,a,supported\nC1,b,supported\n")
-    assert verdicts(Path("claims.csv")) == {"verdict/C1": "supported"}
 
 
 def test_the_runs_get_the_studys_project() -> None:

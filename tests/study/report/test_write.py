@@ -1,7 +1,6 @@
 """The command that makes the report: whole, with what is broken named, and alike each time."""
 
 import csv
-import json
 import os
 import resource
 import shutil
@@ -14,17 +13,8 @@ import pytest
 
 from ship_trl.cli.report import main
 from tests.command import ROOT, files
-from tests.study.synthetic import ARMS, write_planned, write_study
-
-
-def write_jobs(folder: Path, seeds: int) -> None:
-    """Write the plan of a study of pair high."""
-    jobs = [
-        {"name": "", "stage": 0, "part": "pairs", "label": "high", "arm": arm, "seed": seed}
-        for arm in ARMS
-        for seed in range(seeds)
-    ]
-    (folder / "study.json").write_text(json.dumps({"settings": {}, "cases": {}, "jobs": jobs}))
+from tests.study.report.conftest import GONE, STAYING, Odd
+from tests.study.synthetic import write_planned, write_study
 
 
 def test_tables_and_figures_lie_beside_it(study: Path) -> None:
@@ -44,21 +34,9 @@ def test_tables_and_figures_lie_beside_it(study: Path) -> None:
             assert (study / f"report/{name}.{ending}").stat().st_size > 3_000
 
 
-def test_figures_of_an_earlier_report_go_and_other_files_stay(tmp_path: Path) -> None:
-    write_study(tmp_path, seeds=2)
-    output = tmp_path / "report"
-    output.mkdir()
-    earlier = ["pair_low.png", "pair_low.pdf", "reuse.png", "forest_3.pdf"]
-    for name in [*earlier, "mine.png", "pair_low.txt"]:
-        (output / name).touch()
-    main([str(tmp_path)])
-    left = {path.name for path in output.iterdir()}
-    assert not left & set(earlier) and {"mine.png", "pair_low.txt", "pair_high.png", "times.pdf"} <= left
-
-
-def test_the_same_study_gives_the_same_bytes(study: Path, tmp_path: Path) -> None:
-    main([str(study), "--output", str(tmp_path)])
-    assert files(tmp_path) == files(study / "report")
+def test_figures_of_an_earlier_report_go_and_other_files_stay(odd: Odd) -> None:
+    left = {path.name for path in (odd.folder / "report").iterdir()}
+    assert not left & set(GONE) and {*STAYING, "pair_high.png", "times.pdf"} <= left
 
 
 @pytest.mark.long
@@ -82,61 +60,37 @@ def test_the_first_seeds_are_shown_as_if_there_were_no_others(
     assert files(few) == files(five)
 
 
-def test_what_is_broken_is_named_and_the_rest_counted(
-    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_study(tmp_path, seeds=2)
-    place = tmp_path / "pairs/high"
-    (place / "FE1/seed=0/curve.csv").write_text("episode")
-    (place / "FE2/seed=1/result.json").unlink()
-    (place / "FTW/seed=0/result.json").write_text("{}")
-    copied = tmp_path / "pairs_old/high/FE3/seed=0"
-    shutil.copytree(place / "FE3/seed=0", copied)
-    write_jobs(tmp_path, seeds=3)
-    main([str(tmp_path)])
-    said = capsys.readouterr()
-    assert said.err.count("left out") == 4 and "17 runs, 4 left out" in said.out
-    assert "pairs_old is no part of a study" in said.err
-    text = (tmp_path / "report/index.html").read_text()
-    # A third seed of each of ten arms; what is broken is named, not missing.
-    assert "10 planned runs are missing" in text and text.count("<li>") == 4
+def test_what_is_broken_is_named_and_the_rest_counted(odd: Odd) -> None:
+    assert odd.err.count("left out") == 5 and "57 runs, 5 left out" in odd.out
+    assert "pairs_old is no part of a study" in odd.err
+    # A seventh seed of each of ten arms; what is broken is named, not missing.
+    assert "10 planned runs are missing" in odd.page() and odd.page().count("<li>") == 5
 
 
-def test_seeds_of_the_next_look_are_told_and_not_judged(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_study(tmp_path, seeds=6)
-    write_jobs(tmp_path, seeds=7)
-    main([str(tmp_path)])
-    said = capsys.readouterr().out
-    assert "the look after 5 seeds; figures and arms.csv have 1 more" in said
-    assert "10 planned runs are missing" in said
+def test_seeds_of_the_next_look_are_told_and_not_judged(odd: Odd) -> None:
+    assert "the look after 5 seeds; figures and arms.csv have 1 more" in odd.out
+    assert "10 planned runs are missing" in odd.out
     # The study has pair high alone.
-    assert "\nH5f " in said and "\nH7d " not in said
-    assert said.count("no runs") == 1 and "H7d" in said[said.index("no runs: ") :].splitlines()[0]
-    with (tmp_path / "report/claims.csv").open(newline="") as file:
+    assert "\nH5f " in odd.out and "\nH7d " not in odd.out
+    assert odd.out.count("no runs") == 1 and "H7d" in odd.out[odd.out.index("no runs: ") :].splitlines()[0]
+    with (odd.folder / "report/claims.csv").open(newline="") as file:
         assert {row["seeds"] for row in csv.DictReader(file) if row["contrast"]} == {"5"}
 
 
-def test_runs_of_a_grid_are_no_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_study(tmp_path / "pairs_old", seeds=1)
-    with pytest.raises(SystemExit) as caught:
-        main([str(tmp_path / "pairs_old/pairs")])
-    said = capsys.readouterr().err
-    assert caught.value.code == 1 and said.count("\n") == 1 and "are of no study" in said
-
-
-@pytest.mark.parametrize("make", [False, True])
+@pytest.mark.parametrize(
+    ("folder", "said"),
+    [("none", "no folder "), ("empty", "no finished run below"), ("old/pairs", "are of no study")],
+)
 def test_nothing_to_report_is_one_line(
-    make: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = tmp_path / "none"
-    if make:
-        folder.mkdir()
+    (tmp_path / "empty").mkdir()
+    write_study(tmp_path / "old", seeds=1)
     with pytest.raises(SystemExit) as caught:
-        main([str(folder)])
+        main([str(tmp_path / folder)])
     error = capsys.readouterr().err
-    assert caught.value.code == 1 and error.startswith("ship_trl: folder: no ") and error.count("\n") == 1
+    assert caught.value.code == 1 and error.startswith("ship_trl: folder: ")
+    assert error.count("\n") == 1 and said in error
 
 
 def fifteen_seeds(folder: Path) -> int:
@@ -156,7 +110,7 @@ def test_450_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(
 ) -> None:
     assert made(tmp_path) >= 450
     code = (
-        "import sys; from ship_trl.report import main; main([sys.argv[1]]);"
+        "import sys; from ship_trl.cli.report import main; main([sys.argv[1]]);"
         "assert 'torch' not in sys.modules;"
         # In KiB, of this process alone: getrusage begins with what the parent had.
         "print(next(l for l in open('/proc/self/status') if l.startswith('VmHWM')).split()[1])"

@@ -12,17 +12,12 @@ from rich.console import Console
 
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
-from ship_trl.run.progress import Lines, in_words
+from ship_trl.run.progress import Lines
 from ship_trl.study.launch import progress
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
 from tests.run.test_tracking import SAILED
 from tests.study.commands import SMALL
-
-
-@pytest.mark.parametrize(("seconds", "words"), [(5.2, "5 s"), (600, "10 min"), (9000, "2 h 30 min")])
-def test_times_in_words(seconds: float, words: str) -> None:
-    assert in_words(seconds) == words
 
 
 def test_a_line_is_due_early_and_then_every_so_much() -> None:
@@ -35,16 +30,6 @@ def test_a_line_is_due_early_and_then_every_so_much() -> None:
     assert list(said) == [1, *range(30, 601, 30)]
     assert said[1] == "" and said[60] == ", about 18 min left" and said[570] == ", about 60 s left"
     assert said[600] == ""
-
-
-def test_lines_are_apart_and_measure_what_was_done_since_they_began() -> None:
-    now = [0.0]
-    lines = Lines(0.01, first=0.5, begun=0.5, apart=60.0, clock=lambda: now[0])
-    assert lines.due(0.5) is None
-    now[0] = 60.0
-    assert lines.due(0.6) == ", about 4 min left"
-    now[0] = 100.0
-    assert lines.due(0.7) is None
 
 
 def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:

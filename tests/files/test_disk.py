@@ -5,16 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config.paths import conf_dir
 from ship_trl.files.disk import read_file, read_json, replacing
-
-
-def test_conf_is_the_checkout_s() -> None:
-    assert conf_dir() == Path(__file__).parents[2] / "conf"
-
-
-def test_every_test_works_in_an_empty_folder() -> None:
-    assert not list(Path.cwd().iterdir())
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:

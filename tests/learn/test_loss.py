@@ -92,24 +92,6 @@ def test_loss_gradients_td_error_and_targets_are_those_of_torchrl(kind: Loss, fr
         assert torch.equal(mine, other)
 
 
-@pytest.mark.parametrize("frozen", [0, 2])
-def test_torchrls_loss_learns_by_the_incremental_backend_too(frozen: int) -> None:
-    found = []
-    for backend in (None, Incremental(draw.background, torch.float32, PAPER)):
-        value_network = actor(frozen)
-        if backend is not None:
-            value_network[0].module.backend = backend
-        loss = reference(value_network, Loss.l2)
-        SoftUpdate(loss, tau=0.1)
-        value = loss(batch())["loss"]
-        value.backward()
-        found.append([value.detach(), *(p.grad for p in loss.parameters() if p.grad is not None)])
-    assert len(found[0]) == len(found[1]) == 1 + 14 - 2 * frozen
-    for dense, incremental in zip(*found, strict=True):
-        scale = float(dense.abs().max())
-        torch.testing.assert_close(incremental, dense, rtol=1e-3, atol=1e-4 * scale)
-
-
 def test_hubers_threshold_is_that_of_large_errors() -> None:
     data, value_network = batch(), actor()
     data["next", "reward"] *= 100

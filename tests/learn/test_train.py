@@ -122,10 +122,3 @@ def test_learning_rate_falls_linearly_and_reaches_the_optimiser() -> None:
     _, agent = events(lr=1e-3, lr_end=1e-4)
     # The last update is made before the last episode ends.
     assert agent.optimiser.param_groups[0]["lr"] < 2e-4
-
-
-def test_epsilon_is_not_a_constant() -> None:
-    learn = schedule()
-    assert epsilon_at(0, learn) == 1.0
-    assert 0.01 < epsilon_at(9, learn) < 1.0
-    assert math.isclose(epsilon_at(30, learn), 0.01)

@@ -139,7 +139,7 @@ def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "outputs/smoke/case_base/1/scratch").glob("seed=0-*"))) == 1
 
 
-def test_a_network_of_ones_own_is_one_file(tmp_path: Path) -> None:
+def test_an_own_network_is_one_file(tmp_path: Path) -> None:
     (tmp_path / "conf/network").mkdir(parents=True)
     (tmp_path / "conf/network/mine.yaml").write_text("conv: [[6, 7, 3], [8, 5, 2], [10, 11, 1]]\nhidden: 9\n")
     line = ("--config-dir", "conf", "network=mine", "profile=smoke", "+pair=high")
@@ -149,7 +149,7 @@ def test_a_network_of_ones_own_is_one_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_network_of_five_layers_learns_is_transferred_and_sails(tmp_path: Path) -> None:
+def test_a_network_of_five_layers_learns_transfers_and_is_evaluated(tmp_path: Path) -> None:
     small = ("network=five", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30")
     ship_trl(*small, "target=1", "method=scratch", folder=tmp_path)
     source = tmp_path / "outputs/smoke/1/scratch/seed=0/policy.safetensors"
@@ -171,7 +171,7 @@ def test_a_network_of_five_layers_learns_is_transferred_and_sails(tmp_path: Path
     assert refused.count("\n") == 1
 
 
-def test_a_case_of_ones_own_is_one_file(tmp_path: Path) -> None:
+def test_an_own_case_is_one_file(tmp_path: Path) -> None:
     (tmp_path / "conf/case").mkdir(parents=True)
     text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")
     (tmp_path / "conf/case/mine.yaml").write_text(text)

@@ -79,7 +79,7 @@ def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.Capture
         path.write_text(whole)
 
 
-def test_of_a_folder_with_a_damaged_network_the_others_are_sailed(
+def test_a_damaged_network_does_not_stop_the_others(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copy = tmp_path / "runs"
@@ -113,7 +113,7 @@ def looking(env, seed):
 """
 
 
-def test_a_policy_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_own_policy_is_evaluated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "own.py"
     file.write_text(OWN)
     rows = table(capsys, f"{file}:always", f"{file}:looking", "keep_course", "target=2")
@@ -142,7 +142,7 @@ def test_an_invalid_action_is_refused(
     assert f"policy: {file}:wrong {said}" in refused(capsys, f"{file}:wrong", "target=2")
 
 
-def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     film = tmp_path / "plan.gif"
     table(capsys, "random", "best_known", "target=2", "--gif", str(film))
     with Image.open(film) as picture:
@@ -172,7 +172,7 @@ def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         (". target=2", "policy: no result.json with its networks at or below ."),
     ],
 )
-def test_what_is_wrong_is_said(
+def test_wrong_input_is_refused(
     words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -72,7 +72,7 @@ def test_of_a_result_its_best_network_is_shown() -> None:
         ("random target=2 --output film.gif --compare", "--compare: needs two policies"),
     ],
 )
-def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_input_is_refused(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("there").mkdir()
     Path("there/kept").touch()
     assert said in refused(capsys, main, *words.split())

@@ -52,5 +52,5 @@ def test_without_a_screen_record_is_offered(
         ("random target=2 --fast", "unrecognized arguments: --fast"),
     ],
 )
-def test_what_is_wrong_is_said(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_input_is_refused(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert said in refused(capsys, main, *words.split())

@@ -51,6 +51,6 @@ def test_more_faults_of_every_kind(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["", "no key", "seed:", "seed: a\nb", "\x1b[31mseed: red", "banana: no"])
-def test_a_line_that_helps_nobody_is_found(line: str) -> None:
+def test_a_useless_error_message_is_found(line: str) -> None:
     with pytest.raises(AssertionError):
         judge.check_line(line)

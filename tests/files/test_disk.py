@@ -34,7 +34,7 @@ def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_what_is_no_file_is_not_waited_for(kind: str, tmp_path: Path) -> None:
+def test_a_pipe_device_or_folder_is_refused_as_a_file(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     if kind == "pipe":
         os.mkfifo(path)

@@ -263,7 +263,7 @@ def test_any_network_learns_the_same_by_both_backends(name: str, frozen: int) ->
     assert found[0] == pytest.approx(found[1], rel=2e-3)
 
 
-def test_ten_layers_are_not_the_first_one() -> None:
+def test_freezing_conv1_leaves_conv10_trainable() -> None:
     layers = Network([[4, 8, 4], *([2, 1, 1] for _ in range(9)), [8, 20, 1]], 8)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0), layers)
     Agent(network, draw, 7, schedule(), Generator().manual_seed(0), frozen=1)

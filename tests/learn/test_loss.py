@@ -121,7 +121,7 @@ def test_keys_are_those_of_torchrl() -> None:
 
 
 @pytest.mark.parametrize("frozen", [0, 3])
-def test_all_at_once_the_soft_update_is_that_of_torchrl(frozen: int) -> None:
+def test_the_foreach_soft_update_equals_torchrls(frozen: int) -> None:
     found = []
     for update in (SoftUpdate, ForeachSoftUpdate):
         loss = DoubleDQNLoss(actor(frozen), gamma=0.9)
@@ -141,7 +141,7 @@ def test_all_at_once_the_soft_update_is_that_of_torchrl(frozen: int) -> None:
 @pytest.mark.parametrize("update", [SoftUpdate, ForeachSoftUpdate])
 @pytest.mark.parametrize("frozen", [0, 2])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_no_weights_are_read_that_have_changed_since(update: Any, frozen: int, dtype: torch.dtype) -> None:
+def test_changed_weights_invalidate_the_cache(update: Any, frozen: int, dtype: torch.dtype) -> None:
     value_network = actor(frozen)
     value_network[0].module.backend = Incremental(draw.background, dtype, PAPER)
     loss, data = DoubleDQNLoss(value_network, gamma=0.9), batch()

@@ -123,7 +123,7 @@ def test_a_storage_is_that_of_torchrl() -> None:
     assert found[0][2] == 30
 
 
-def test_a_storage_is_taken_over_whole() -> None:
+def test_a_replay_state_is_restored_whole() -> None:
     memory, other = replay(seed=1), replay(seed=1)
     memory.extend(steps(0, 40))
     other.extend(steps(90, 4))
@@ -134,7 +134,7 @@ def test_a_storage_is_taken_over_whole() -> None:
     assert len(memory) == 0 and len(other) == 40
 
 
-def test_what_was_given_may_be_written_to() -> None:
+def test_the_replay_copies_its_input() -> None:
     memory, given = replay(), steps(0, 4)
     memory.extend(given)
     given["state"].fill_(-7.0)

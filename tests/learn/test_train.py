@@ -97,12 +97,12 @@ def test_a_loss_that_is_not_finite_ends_it_with_its_step() -> None:
 def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
     _, agent = events()
     state = agent.policy.generator.get_state()
-    (sailed,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
+    (first,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
     assert torch.equal(agent.policy.generator.get_state(), state)
-    assert sailed.episode_return == again.episode_return and torch.equal(sailed.actions, again.actions)
-    assert sailed.q_values is not None
-    assert torch.equal(sailed.q_values.argmax(-1), sailed.actions)
-    assert len(sailed.states) == sailed.length + 1
+    assert first.episode_return == again.episode_return and torch.equal(first.actions, again.actions)
+    assert first.q_values is not None
+    assert torch.equal(first.q_values.argmax(-1), first.actions)
+    assert len(first.states) == first.length + 1
 
 
 @given(episode=st.integers(0, 1000), fraction=st.floats(0.1, 1.0))

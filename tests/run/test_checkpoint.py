@@ -92,7 +92,7 @@ def link(path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [cut, flip, lie, swap, folder, link])
-def test_a_damaged_one_is_named_and_the_one_before_it_read(
+def test_a_damaged_checkpoint_is_named_and_the_previous_is_read(
     damage: Callable[[Path], None], tmp_path: Path
 ) -> None:
     checkpoints = written(tmp_path, 30, 60)
@@ -108,7 +108,7 @@ def test_a_damaged_one_is_named_and_the_one_before_it_read(
     assert found is not None and found.about == at(90)
 
 
-def test_whose_they_are_is_known_when_none_can_be_read(tmp_path: Path) -> None:
+def test_the_owner_of_unreadable_checkpoints_is_known(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30, 60)
     checkpoints.begin_run("mine")
     assert checkpoints.has_other_owner("yours") and not checkpoints.has_other_owner("mine")
@@ -121,7 +121,7 @@ def test_whose_they_are_is_known_when_none_can_be_read(tmp_path: Path) -> None:
     assert not checkpoints.has_other_owner("yours")
 
 
-def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
+def test_without_a_valid_checkpoint_none_is_returned(tmp_path: Path) -> None:
     assert (
         Checkpoints(tmp_path).read(ABOUT.config_hash) == (None, {}) and Checkpoints(tmp_path).about() is None
     )
@@ -132,13 +132,13 @@ def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
     assert found is None and len(damaged) == 2
 
 
-def test_that_of_other_settings_is_not_read(tmp_path: Path) -> None:
+def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30)
     assert checkpoints.read("another hash") == (None, {})
     assert checkpoints.about() == at(30)
 
 
-def test_one_is_due_after_so_many_episodes_and_so_much_time(tmp_path: Path) -> None:
+def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path) -> None:
     now = 100.0
     checkpoints = Checkpoints(tmp_path, every=10, seconds=60, clock=lambda: now)
     now = 159.0
@@ -151,7 +151,7 @@ def test_one_is_due_after_so_many_episodes_and_so_much_time(tmp_path: Path) -> N
     assert checkpoints.due(20) and not checkpoints.due(19)
 
 
-def test_a_disk_that_is_full_leaves_the_one_before(tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_previous_checkpoint(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30, 60)
     with pytest.raises(OSError, match="too large"), largest_file(1000):
         checkpoints.write(tensors(90), at(90))

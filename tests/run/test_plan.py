@@ -185,7 +185,7 @@ def test_the_same_case_by_another_name_draws_otherwise_and_is_another_run(tmp_pa
     assert one.config_hash != other.config_hash
 
 
-def test_a_pair_of_ones_own_has_no_pretrained_source() -> None:
+def test_an_own_pair_has_no_pretrained_source() -> None:
     config = dataclasses.replace(composed("+pair=low", "layers=3", "source=pretrained"), pair="mine")
     with pytest.raises(ConfigError, match="source: pretrained knows the shipped pairs alone, not mine"):
         make_run(config)

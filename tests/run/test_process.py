@@ -26,7 +26,7 @@ def able() -> Iterator[bool]:
     torch.set_flush_denormal(False)
 
 
-def test_numbers_that_cost_a_hundred_times_as_much_are_zero_where_they_can_be(able: bool) -> None:
+def test_denormal_numbers_are_flushed_to_zero(able: bool) -> None:
     assert torch.get_num_threads() == 1
     # Adam's average of the gradients of a unit that fired once and never again.
     average = torch.full((64,), 1e-37)

@@ -16,7 +16,7 @@ from ship_trl.run.progress import Lines
 from ship_trl.study.launch import progress
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from tests.run.test_tracking import SAILED
+from tests.run.test_tracking import EPISODE
 from tests.study.commands import SMALL
 
 
@@ -33,7 +33,7 @@ def test_a_line_is_due_early_and_then_every_so_much() -> None:
 
 
 def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
-    yield Evaluated(0, 0, SAILED)
+    yield Evaluated(0, 0, EPISODE)
     for episode in range(1, episodes + 1):
         loss = None if episode <= warmup else 0.5
         yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)
@@ -64,7 +64,7 @@ def test_a_terminal_has_a_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch, tmp_
     assert "100/100" in said and "episode" not in said
 
 
-def test_a_process_says_on_what_it_waits(
+def test_a_waiting_process_says_what_for(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(console, "SHORT_WAIT", 0.05)

@@ -42,7 +42,7 @@ def test_a_second_ctrl_c_acts_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_what_a_launcher_sends_after_a_ctrl_c_is_no_second_one() -> None:
+def test_a_sigterm_after_ctrl_c_is_not_a_second_ctrl_c() -> None:
     with Stop() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)

@@ -138,7 +138,7 @@ def test_a_bad_value_is_refused_by_file_and_field(
     ],
     ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
 )
-def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Path, world: World) -> None:
+def test_a_file_that_is_no_case_is_refused(content: bytes, tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"
     path.write_bytes(content)
     with pytest.raises(ConfigError) as error:
@@ -169,7 +169,7 @@ def test_a_users_case_by_path(ending: str, tmp_path: Path, world: World) -> None
     assert case.name == "mine" and case.target_ships[0].y == 300.0
 
 
-def test_whole_numbers_will_do(tmp_path: Path, world: World) -> None:
+def test_whole_numbers_are_accepted(tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(GOOD.replace(".0", ""))
     case = load_case(str(path), world)

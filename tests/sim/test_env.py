@@ -72,7 +72,7 @@ def test_keeping_course_collides(name: str, world: World) -> None:
         ("new", 0.28, 0.23),
     ],
 )
-def test_what_a_random_policy_meets(name: str, goal: float, collision: float, world: World) -> None:
+def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: float, world: World) -> None:
     count, generator = 4000, torch.Generator().manual_seed(0)
     env = ShipEnv(load_case(name, world), world, count)
     step = env.reset()

@@ -42,7 +42,7 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rows", "greedy"), [([], [GREEDY[0]]), (ROWS[:2], GREEDY[:1])], ids=["no episode", "two episodes"]
 )
-def test_hardly_anything_to_show(
+def test_a_curve_of_few_episodes_is_drawn(
     tmp_path: Path, rows: list[Finished], greedy: list[tuple[int, float, str]]
 ) -> None:
     # A dollar sign in a title is no formula.

@@ -111,7 +111,7 @@ def count(pixels: NDArray[np.uint8], colour: tuple[int, int, int]) -> int:
     return int((pixels == colour).all(-1).sum())
 
 
-def test_what_is_added_for_people_covers_little(world: World) -> None:
+def test_additions_for_people_cover_little(world: World) -> None:
     telemetry = measured(world)
     apart = np.abs(picture(telemetry, 8).astype(int) - picture(telemetry, 8, plain=True)).max(-1)
     assert 0.005 < (apart > 40).mean() < 0.06

@@ -131,7 +131,9 @@ def show_ranking(target: Case, bases: list[Case], world: World, by: str, stored:
         best = stored.representative(first.case)
         if best is not None:
             known = f"{best.arm}, seed {best.seed}, greedy return {best.best_return:.1f}"
-            console.print(f"with the best network of case {first.case.name} that is stored ({known}):")
+            console.print(
+                f"with the best network of case {first.case.name} that is stored ({known}):", soft_wrap=True
+            )
             console.print(f"{line} {shlex.quote(f'source_file={best.policy}')}", markup=False, soft_wrap=True)
 
 

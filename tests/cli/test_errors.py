@@ -107,10 +107,10 @@ def test_a_control_copies_and_freezes_random_or_permuted_weights(weights: str, t
     generator = Generator().manual_seed(make_run(composed(*line)).stream(f"{weights} source"))
     if weights == "random":
         assert source == "random"
-        copied = DuelingNetwork(1, 7, generator).state_dict()
+        copied = dict(DuelingNetwork(1, 7, generator).state_dict())
     else:
         assert (trained / source).parent.parent.name == "scratch"  # of the case base
-        copied = permuted(load_file(trained / source), generator)
+        copied = dict(permuted(load_file(trained / source), generator))
     for key, value in load_file(folder / "policy_last.safetensors").items():
         assert torch.equal(value, copied[key]) == key.startswith(("conv1", "conv2")), key
 

@@ -40,7 +40,7 @@ def test_torchrl_alone_takes_few_lines() -> None:
     assert len((ROOT / "examples" / "stock_torchrl.py").read_text().splitlines()) <= MOST_LINES
 
 
-def test_a_loss_of_ones_own_is_pessimistic() -> None:
+def test_the_example_loss_is_pessimistic() -> None:
     sys.path.insert(0, str(ROOT / "examples"))
     from own_loss import CautiousLoss
 
@@ -65,7 +65,7 @@ def test_a_collision_is_forgotten_with_a_small_threshold() -> None:
         assert settled(20.0, share) == pytest.approx(COLLISION * share, abs=0.05)
 
 
-def test_a_policy_of_ones_own_gives_way(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_example_policy_gives_way(capsys: pytest.CaptureFixture[str]) -> None:
     main([f"{ROOT / 'examples/own_policy.py'}:policy", "keep_course", "target=4", "--markdown"])
     own, kept = capsys.readouterr().out.splitlines()[2:4]
     assert "| goal |" in own and "| collision |" in kept

@@ -86,7 +86,7 @@ def finished(tmp_path: Path) -> Path:
     return folder
 
 
-def test_an_entry_is_where_its_file_lies_whatever_it_says(
+def test_an_entry_cannot_name_another_path(
     base: CaseBase, finished: Path, world: World, private: Path
 ) -> None:
     case = load_case("2", world)

@@ -65,29 +65,6 @@ def test_console_script_is_the_module(installed: Path) -> None:
     assert dict(points["console_scripts"]) == {"ship-trl": "ship_trl.__main__:main"}
 
 
-def test_every_module_of_the_wheel_can_be_imported(installed: Path, tmp_path: Path) -> None:
-    found = [
-        path.relative_to(installed).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")
-        for path in (installed / "ship_trl").rglob("*.py")
-    ]
-    code = "import importlib, sys; [importlib.import_module(name) for name in sys.argv[1:]]"
-    assert "ship_trl.sim.env" in found
-    python("-c", code, *found, cwd=tmp_path, path=installed)
-
-
-def test_wheel_uses_its_own_conf(installed: Path, tmp_path: Path) -> None:
-    code = "import ship_trl, ship_trl.files.disk as p; print(ship_trl.__file__); print(p.conf_dir())"
-    found = [Path(line) for line in python("-c", code, cwd=tmp_path, path=installed).splitlines()]
-    package = (installed / "ship_trl").resolve()
-    assert [path.resolve() for path in found] == [package / "__init__.py", package / "conf"]
-
-
-def test_wheel_gives_help(installed: Path, tmp_path: Path) -> None:
-    said = python("-m", "ship_trl", "--help", cwd=tmp_path, path=installed)
-    assert " ".join(HIGH) in said
-    assert not list(tmp_path.iterdir())
-
-
 def test_wheel_runs_the_main_line(installed: Path, tmp_path: Path) -> None:
     python("-m", "ship_trl", *HIGH, "profile=smoke", cwd=tmp_path, path=installed)
     assert {path.name for path in tmp_path.iterdir()} == {"outputs"}

@@ -20,28 +20,12 @@ def read(path: Path) -> dict[Any, Any]:
     return values
 
 
-def test_there_is_one_each_for_audit_tests_wheel_and_image() -> None:
-    assert [path.stem for path in FILES] == ["audit", "image", "tests", "wheel"]
-
-
-def test_the_audit_is_each_week_too() -> None:
-    values = read(ROOT / ".github/workflows/audit.yml")
-    assert values[True]["schedule"] == [{"cron": "17 4 * * 1"}]
-    (job,) = values["jobs"].values()
-    assert job["steps"][-1] == {"run": "make audit"}
-
-
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_action_is_pinned_to_a_commit(path: Path) -> None:
     lines = [line.strip() for line in path.read_text().splitlines() if "uses:" in line]
     assert lines
     for line in lines:
         assert PINNED.search(line), line
-
-
-def test_one_action_has_one_commit() -> None:
-    found = {line for path in FILES for line in re.findall(r"uses: (\S+)@(\S+)", path.read_text())}
-    assert len({name for name, _ in found}) == len(found)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

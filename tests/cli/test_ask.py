@@ -49,13 +49,6 @@ def test_a_name_is_written_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "│ [red]low: FE1 above scratch (area) " in capsys.readouterr().out
 
 
-def test_help_has_its_examples_on_lines_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["--help"])
-    lines = capsys.readouterr().out.splitlines()
-    assert ended.value.code == 0 and "    every pair: FTW above scratch (early area)" in lines
-
-
 def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
     write_study(tmp_path, seeds=2, pairs=("high", "low", "lowest"))
     told = ship_trl(
@@ -71,26 +64,23 @@ def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["high: FE9 above scratch"], "question: no arm 'FE9' in high"),
-        (["high: FE1 above scratch", "--seeds", "3"], "--seeds: must be from 1 to 2"),
-        (["high: FE1 above scratch", "--seeds", "1"], "question: 'high: FE1 above scratch' needs two seeds"),
+        (["study", "high: FE9 above scratch"], "question: no arm 'FE9' in high"),
+        (["study", "high: FE1 above scratch", "--seeds", "3"], "--seeds: must be from 1 to 2"),
+        (
+            ["study", "high: FE1 above scratch", "--seeds", "1"],
+            "question: 'high: FE1 above scratch' needs two",
+        ),
+        (
+            ["empty", "high: FE1 above scratch"],
+            "folder: no finished run below empty; python -m ship_trl study",
+        ),
     ],
 )
-def test_what_cannot_be_told_is_a_line(
+def test_wrong_input_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ) -> None:
-    write_study(tmp_path, seeds=2)
+    write_study(tmp_path / "study", seeds=2)
     with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path), *arguments])
+        main(arguments)
     said = capsys.readouterr().err
     assert ended.value.code == 1 and said.startswith(f"ship_trl: {told}") and said.count("\n") == 1
-
-
-def test_a_folder_without_runs_is_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path), "high: FE1 above scratch"])
-    assert ended.value.code == 1
-    assert (
-        capsys.readouterr().err
-        == f"ship_trl: folder: no finished run below {tmp_path}; python -m ship_trl study makes some\n"
-    )

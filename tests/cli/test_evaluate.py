@@ -79,7 +79,7 @@ def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.Capture
         path.write_text(whole)
 
 
-def test_of_a_folder_with_a_damaged_network_the_others_are_sailed(
+def test_a_damaged_network_does_not_stop_the_others(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     copy = tmp_path / "runs"
@@ -113,7 +113,7 @@ def looking(env, seed):
 """
 
 
-def test_a_policy_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_own_policy_is_evaluated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "own.py"
     file.write_text(OWN)
     rows = table(capsys, f"{file}:always", f"{file}:looking", "keep_course", "target=2")
@@ -123,48 +123,26 @@ def test_a_policy_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("written", "said"),
     [
-        (
-            "step.set('action', torch.full(env.batch_size, 3.0))",
-            "writes action float32 [1]; allowed: int64 [1] from",
-        ),
-        (
-            "step.set('action', torch.full(env.batch_size, 7))",
-            "writes action [7]; allowed: int64 [1] from 0 to 6",
-        ),
-        (
-            "step.set('action', torch.full(env.batch_size, -1))",
-            "writes action [-1]; allowed: int64 [1] from 0 to 6",
-        ),
-        (
-            "step.set('action', torch.zeros(*env.batch_size, 1, dtype=int))",
-            "writes action int64 [1, 1]; allowed: int64 [1]",
-        ),
+        ("step.set('action', torch.full(env.batch_size, 3.0))", "writes action float32 [1]; allowed: int64"),
+        ("step.set('action', torch.full(env.batch_size, 7))", "writes action [7]; allowed: int64 [1] from 0"),
+        ("step.set('action', torch.zeros(*env.batch_size, 1, dtype=int))", "writes action int64 [1, 1]; "),
         ("torch.full(env.batch_size, 3)", "must give its tensordict back, with `action` in it"),
         ("step.exclude('action')", "must give its tensordict back, with `action` in it"),
     ],
 )
-@pytest.mark.parametrize("module", [False, True])
-def test_an_action_that_is_none_is_one_line(
-    module: bool, written: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    "made", ["act", "type('Own', (torch.nn.Module,), {'forward': lambda self, step: act(step)})()"]
+)
+def test_an_invalid_action_is_refused(
+    made: str, written: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "own.py"
     act = f"def act(step):\n        return {written}"
-    made = (
-        "act"
-        if not module
-        else "type('Own', (torch.nn.Module,), {'forward': lambda self, step: act(step)})()"
-    )
-    file.write_text(
-        f"import torch\n\ndef wrong(env, seed):\n    {act}\n    return {made}\n\nnothing = lambda *_: None\n"
-    )
-    told = refused(capsys, f"{file}:wrong", "target=2")
-    assert f"policy: {file}:wrong {said}" in told and told.count("\n") == 1
-    assert f"policy: {file}:nothing gives None; allowed: a function" in refused(
-        capsys, f"{file}:nothing", "target=2"
-    )
+    file.write_text(f"import torch\n\ndef wrong(env, seed):\n    {act}\n    return {made}\n")
+    assert f"policy: {file}:wrong {said}" in refused(capsys, f"{file}:wrong", "target=2")
 
 
-def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     film = tmp_path / "plan.gif"
     table(capsys, "random", "best_known", "target=2", "--gif", str(film))
     with Image.open(film) as picture:
@@ -189,37 +167,15 @@ def test_it_is_filmed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
         ("random target=2 target=4", "target: given twice"),
         ("./mine:policy target=2", "policy: ./mine:policy cannot be imported"),
         (":policy target=2", "policy: :policy cannot be imported"),
-        (
-            "broken.py:policy target=2",
-            "policy: broken.py:policy cannot be imported: NameError: name",
-        ),
+        ("broken.py:policy target=2", "policy: broken.py:policy cannot be imported: NameError: name"),
+        ("nothing.py:policy target=2", "policy: nothing.py:policy gives None; allowed: a function"),
         (". target=2", "policy: no result.json with its networks at or below ."),
     ],
 )
-def test_what_is_wrong_is_said(
+def test_wrong_input_is_refused(
     words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.py").write_text("nothing\n")
+    (tmp_path / "nothing.py").write_text("policy = lambda *_: None\n")
     assert said in refused(capsys, *words.split())
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ("max_steps: 9223372036854775807", "world.max_steps: must be from 1 to 1000"),
-        ("dt: 1" + "0" * 400, "world.dt: must be at most 9223372036854775807 in size"),
-        ("dt: *nothing", "no alias (*nothing) is allowed"),
-    ],
-)
-def test_a_world_that_no_run_has_is_refused(
-    change: str, said: str, trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "copy"
-    (run,) = [path.parent for path in trained.rglob("result.json")]
-    shutil.copytree(run, folder)
-    key = change.split(":")[0]
-    lines = (folder / "config.yaml").read_text().splitlines()
-    lines = [f"  {change}" if line.strip().startswith(f"{key}:") else line for line in lines]
-    (folder / "config.yaml").write_text("\n".join(lines))
-    assert said in refused(capsys, str(folder))

@@ -72,10 +72,10 @@ def test_a_model_that_does_not_pass_is_not_written(
 ) -> None:
     saved(tmp_path / "policy.safetensors")
     (tmp_path / "q.onnx").write_text("mine")
-    sail = export.onnx_policy
+    onnx_policy = export.onnx_policy
 
     def other(path: Path, env: object) -> object:
-        policy = sail(path, env)  # type: ignore[arg-type]
+        policy = onnx_policy(path, env)  # type: ignore[arg-type]
         return lambda step: policy(step).set("action", (step["action"] + 1) % 7)
 
     monkeypatch.setattr(export, "onnx_policy", other)

@@ -1,4 +1,4 @@
-"""Every verb answers `--help` at once, in a process of its own, without torch and without a screen."""
+"""`--help`, of every verb too, answers at once, without torch and without a screen."""
 
 import subprocess
 import sys
@@ -7,15 +7,21 @@ from pathlib import Path
 import pytest
 
 from ship_trl.cli.help import VERBS
-from tests.command import environment
+from tests.command import ROOT, environment
 
 HEAVY = {"torch", "pygame", "wandb", "matplotlib.pyplot", "pandas"}
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", ["", *VERBS])
 def test_help_imports_nothing_heavy(verb: str, tmp_path: Path) -> None:
-    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", verb, "--help"]
+    words = [verb] if verb else []
+    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", *words, "--help"]
     done = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path, env=environment(), check=True)
     assert f"python -m ship_trl {verb}" in done.stdout
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert not imported & HEAVY and not list(tmp_path.iterdir())
+    assert not imported & (HEAVY if verb else HEAVY | {"hydra", "omegaconf"}) and not list(tmp_path.iterdir())
+    if not verb:
+        told = {line.split()[0] for line in done.stdout.partition("Verbs: ")[2].splitlines()[1:]}
+        files = (ROOT / "ship_trl/cli").glob("*.py")
+        assert told == {path.stem for path in files if "def main(" in path.read_text()}
+        assert "FE1, FE1-permuted, FE1-random, FE2," in done.stdout

@@ -19,7 +19,7 @@ from tests.command import environment
         ([], "no screen (neither DISPLAY nor WAYLAND_DISPLAY is set); python -m ship_trl evaluate"),
     ],
 )
-def test_what_is_wrong_is_said_in_a_line(words: list[str], told: str, tmp_path: Path) -> None:
+def test_wrong_input_is_refused_in_one_line(words: list[str], told: str, tmp_path: Path) -> None:
     screens = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
     done = subprocess.run(
         [sys.executable, "-m", "ship_trl", "play", *words],

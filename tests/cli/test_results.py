@@ -34,13 +34,6 @@ def test_one_row_for_each_arm_with_its_seeds(tmp_path: Path, capsys: pytest.Capt
     )
 
 
-def test_share_is_of_the_worst_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write(tmp_path, 0, 30.0)
-    write(tmp_path, 1, 20.0)
-    main([str(tmp_path), "--markdown", "--arm", "scratch"])
-    assert "| at least 50% | 2 of 2 |" in capsys.readouterr().out
-
-
 def test_a_broken_result_is_named_and_the_rest_shown(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -170,23 +163,3 @@ def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as caught:
         main([str(tmp_path), "--test"])
     assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("option", "name"), [("--picture", "file.png"), ("--csv", "file.csv")])
-def test_a_file_that_cannot_be_written_is_one_line(
-    option: str,
-    name: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def full(path: Path, *_: object) -> None:
-        raise OSError(28, "No space left on device", str(path))
-
-    monkeypatch.setattr("ship_trl.cli.results.picture", full)
-    monkeypatch.setattr("ship_trl.cli.results.write_numbers", full)
-    write(tmp_path, 0, 30.0)
-    with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path), option, name])
-    assert ended.value.code == 1
-    assert capsys.readouterr().err == f"ship_trl: {name}: No space left on device\n"

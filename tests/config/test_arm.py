@@ -29,7 +29,7 @@ def test_arms_sort_as_figures_list_them() -> None:
         *("scratch-random", "FT", "FTall", "FE3-random-demonstrations", "XX3", "all", "-random"),
     ],
 )
-def test_what_names_no_arm_is_refused(name: str) -> None:
+def test_a_wrong_arm_name_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="names no arm"):
         Arm.parse(name)
 

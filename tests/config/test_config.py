@@ -31,7 +31,7 @@ def options(group: str) -> list[str]:
     return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
 
 
-def test_the_main_line_says_what_it_says() -> None:
+def test_the_main_command_is_composed() -> None:
     config = composed(*HIGH)
     assert (config.source, config.target, config.arm) == ("1", "2", Arm(Method.finetune, 3))
     assert (config.label, config.arm_label, config.profile, config.output) == (
@@ -71,7 +71,7 @@ def test_every_network_composes_with_each_number_of_layers(network: str) -> None
             composed(*line[:3], f"layers={count + 1}")
 
 
-def test_whole_numbers_will_do_for_actions() -> None:
+def test_whole_numbers_are_accepted_as_actions() -> None:
     whole, real = (
         composed(*HIGH, f"world.actions={rows}") for rows in ("[[10,0.1],[5,0]]", "[[10.0,0.1],[5.0,0.0]]")
     )
@@ -260,7 +260,7 @@ def test_wrong_values_are_refused(line: str, told: str) -> None:
     assert "\n" not in message
 
 
-def test_what_is_large_is_not() -> None:
+def test_large_values_are_accepted() -> None:
     large = ["learn.episodes=1000000000", "learn.replay_size=100000000", "learn.batch_size=30000"]
     world = ["world.max_steps=1000", "world.dt=60", "world.goal_distance=99999", "world.reward.goal=1e6"]
     config = composed(*HIGH, *large, *world, "learn.num_envs=30000", "learn.lr=1")
@@ -311,7 +311,7 @@ UNRUNNABLE = {
 
 
 @pytest.mark.parametrize("line", UNRUNNABLE)
-def test_what_is_not_there_is_refused(line: str) -> None:
+def test_a_missing_case_or_file_is_refused(line: str) -> None:
     with pytest.raises(ConfigError) as caught:
         make_run(composed(*line.split()))
     assert str(caught.value).startswith(UNRUNNABLE[line])

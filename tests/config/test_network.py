@@ -72,7 +72,7 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
         ([[8, 8, 2], [8, 39, 1]], False),
     ],
 )
-def test_what_is_cut_by_words(conv: list[list[int]], cut: bool) -> None:
+def test_which_layers_support_the_incremental_backend(conv: list[list[int]], cut: bool) -> None:
     assert supports_incremental(geometry(Network(conv, 1))) == cut
 
 

@@ -43,7 +43,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_what_stands_elsewhere_is_named(name: str) -> None:
+def test_the_key_of_a_wrong_value_is_named(name: str) -> None:
     changes, said = WRONG[name]
     values = plain(composed(*HIGH))
     for key, value in changes.items():

@@ -2,8 +2,6 @@
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -16,7 +14,7 @@ from ship_trl.config.network import load_network
 from ship_trl.explain.networks import Origin, find_origin, make_untrained
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import save_weights
-from tests.command import ROOT, ship_trl
+from tests.command import ship_trl
 
 # The paper's layers with few filters, so that a page takes seconds.
 SMALL = "conv: [[8, 8, 4], [8, 4, 2], [8, 3, 1], [20, 7, 1]]\nhidden: 20\n"
@@ -207,9 +205,3 @@ def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tm
         "ship_trl: policy: seed=0/policy_last.safetensors has no best network beside it",
     ]
     assert [path.name for path in tmp_path.iterdir()] == ["seed=0"]
-
-
-def test_help_imports_no_torch() -> None:
-    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", "explain", "--help"]
-    done = subprocess.run(line, capture_output=True, text=True, cwd=ROOT, check=True)
-    assert "target=CASE" in done.stdout and " torch\n" not in done.stderr

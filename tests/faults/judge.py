@@ -63,15 +63,9 @@ def guarded(folder: Path) -> Iterator[io.StringIO]:
     assert listing() == files, f"files were left or changed: {listing() ^ files}"
 
 
-def check_printable(line: str) -> bool:
-    """Check that a refusal is one line."""
-    assert line.strip() and line.isprintable() and len(line) <= MAX_LINE, f"not one line: {line[:300]!r}"
-    return True
-
-
 def check_line(line: str, typed: str = "") -> None:
     """Check that a refusal is one line for people; it names a known key, or one that was typed."""
-    check_printable(line)
+    assert line.strip() and line.isprintable() and len(line) <= MAX_LINE, f"not one line: {line[:300]!r}"
     key, colon, what = re.sub(r"^\S+\.ya?ml: ", "", line).partition(":")
     names = {key.split("[")[0].strip(), re.split(r"[./@\[]", key)[0]}
     known = names & KNOWN or (key and (key in one_line(typed) or Path(key).stem in typed))

@@ -3,7 +3,6 @@
 import csv
 import os
 import shutil
-from collections.abc import Collection
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -101,10 +100,10 @@ def library() -> Path:
     return folder
 
 
-def copy_library(folder: Path, tops: Collection[str] = ()) -> Path:
-    """Link files of the library into a new folder, all or those below `tops`; who changes one replaces it."""
+def copy_library(folder: Path) -> Path:
+    """Link the files of the library into a new folder; to change one, replace it."""
     for source in library().iterdir():
-        if source.is_dir() and (not tops or source.name in tops):
+        if source.is_dir():
             shutil.copytree(source, folder / source.name, symlinks=True, copy_function=os.link)
     return folder
 

@@ -64,7 +64,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
         (HEADING + "1,9,1.0,5.0,9,goal,,,6.0,9,goal,\n", "neither an episode nor an evaluation"),
     ],
 )
-def test_what_is_not_whole_is_refused(text: str | None, said: str, tmp_path: Path) -> None:
+def test_an_incomplete_curve_is_refused(text: str | None, said: str, tmp_path: Path) -> None:
     if text is not None:
         (tmp_path / CURVE).write_text(text)
     with pytest.raises(CurveError, match=said):

@@ -5,16 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config.paths import conf_dir
 from ship_trl.files.disk import read_file, read_json, replacing
-
-
-def test_conf_is_the_checkout_s() -> None:
-    assert conf_dir() == Path(__file__).parents[2] / "conf"
-
-
-def test_every_test_works_in_an_empty_folder() -> None:
-    assert not list(Path.cwd().iterdir())
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
@@ -43,7 +34,7 @@ def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_what_is_no_file_is_not_waited_for(kind: str, tmp_path: Path) -> None:
+def test_a_pipe_device_or_folder_is_refused_as_a_file(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     if kind == "pipe":
         os.mkfifo(path)

@@ -62,7 +62,7 @@ def test_an_older_result_is_read_and_named_as_older() -> None:
         ({"pair": "a\x1b[31m"}, "pair: must be plain text"),
     ],
 )
-def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:
+def test_a_wrong_value_is_named(change: dict[str, Any], said: str) -> None:
     with pytest.raises(ResultError, match=said):
         from_json(a_result().to_json() | change)
 
@@ -76,7 +76,7 @@ def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:
         ("{}", "pair: missing"),
     ],
 )
-def test_what_is_no_result_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_file_that_is_no_result_is_refused(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ResultError, match="is missing"):
         read_result(tmp_path)
     (tmp_path / "result.json").write_text(text)

@@ -1,4 +1,4 @@
-"""Tables that may be a stranger's are read whole, or refused in one line."""
+"""Untrusted tables are read whole, or refused in one line."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_a_table_has_its_columns_and_may_have_others(tmp_path: Path) -> None:
         (b"a,b,a\n1,2,3\n", "a column twice"),
     ],
 )
-def test_what_is_no_such_table_is_refused_in_one_line(content: bytes, why: str, tmp_path: Path) -> None:
+def test_a_wrong_table_is_refused_in_one_line(content: bytes, why: str, tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=why) as caught:
@@ -50,7 +50,7 @@ def test_what_is_no_such_table_is_refused_in_one_line(content: bytes, why: str, 
     assert said.startswith(f"--option: {path} is not a table of ours: ") and "\n" not in said
 
 
-def test_what_cannot_be_read_or_is_too_large_is_named(tmp_path: Path) -> None:
+def test_an_unreadable_or_large_table_is_named(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     with pytest.raises(ConfigError, match="cannot be read: No such file") as caught:
         read(path)

@@ -65,7 +65,7 @@ def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool) -> None
     assert ended > 5
 
 
-def test_what_was_returned_stays_as_it_was() -> None:
+def test_returned_arrays_are_not_overwritten() -> None:
     envs = ShipCollisionVectorEnv(3, "4")
     first, _ = envs.reset()
     kept = first.copy()

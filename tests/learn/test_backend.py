@@ -21,27 +21,6 @@ def both(network: DuelingNetwork, dtype: torch.dtype, frames: Tensor) -> list[Te
     return found
 
 
-@pytest.mark.parametrize("frozen", [0, 2, 4])
-def test_both_backends_give_the_same_q_values_and_gradients(frozen: int) -> None:
-    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    network.freeze(frozen)
-    gradients = []
-    for q in both(network, torch.float32, draw(torch.rand(6, 2) * 8 - 4)):
-        network.zero_grad()
-        q.square().sum().backward()
-        gradients.append([p.grad.clone() for p in network.parameters() if p.grad is not None])
-    assert len(gradients[0]) == len(gradients[1]) == 14 - 2 * frozen
-    for one, other in zip(*gradients, strict=True):
-        torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-4 * float(other.abs().max()))
-
-
-@pytest.mark.parametrize(("frozen", "numbers"), [(3, 3136), (4, 200)])
-def test_both_backends_go_on_from_what_the_frozen_layers_gave(frozen: int, numbers: int) -> None:
-    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    network.freeze(frozen)
-    torch.testing.assert_close(*both(network, torch.float32, torch.rand(5, numbers)), rtol=1e-4, atol=1e-6)
-
-
 def test_dense_bfloat16_is_close_to_float32() -> None:
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     frames, found = draw(torch.rand(6, 2) * 8 - 4), []

@@ -21,7 +21,7 @@ DRAWS = 7
     ("name", "copied"), [*(("paper", n) for n in range(5)), ("five", 3), ("five", 5), ("odd", 1), ("odd", 3)]
 )
 @pytest.mark.parametrize("at_once", [1, 3, 10])
-def test_they_are_what_each_drawn_network_scores_alone(name: str, copied: int, at_once: int) -> None:
+def test_jumpstart_returns_equal_single_rollouts(name: str, copied: int, at_once: int) -> None:
     layers = (NETWORKS | ODD)[name]
     network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1), layers) for _ in range(2))
     names = alone.conv_names[:copied]
@@ -38,6 +38,6 @@ def test_they_are_what_each_drawn_network_scores_alone(name: str, copied: int, a
     assert all(torch.equal(value, before[key]) for key, value in network.state_dict().items())
 
 
-def test_none_are_drawn_if_none_are_asked_for() -> None:
+def test_zero_draws_give_no_returns() -> None:
     network = DuelingNetwork(1, 3, Generator().manual_seed(1))
     assert jumpstart(Corridor(2), draw, network, 0, 0, Generator()) == []

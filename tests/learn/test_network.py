@@ -82,7 +82,7 @@ def test_initial_weights_come_from_the_generator() -> None:
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, *ODD])
-def test_it_goes_on_from_what_its_frozen_layers_gave(name: str) -> None:
+def test_forward_continues_from_frozen_features(name: str) -> None:
     net, images = networks.network(name), pixels(3)
     with torch.no_grad():
         x = images / 255

@@ -19,7 +19,7 @@ def test_greedy_takes_the_action_of_the_highest_q_value() -> None:
     assert torch.equal(found["chosen_action_value"], found["action_value"].amax(-1, keepdim=True))
 
 
-def test_exploring_asks_for_nothing_but_the_rows_that_are_not_explored() -> None:
+def test_the_network_is_asked_for_greedy_rows_only() -> None:
     asked: list[int] = []
 
     def best(observation: torch.Tensor) -> torch.Tensor:

@@ -123,7 +123,7 @@ def test_a_storage_is_that_of_torchrl() -> None:
     assert found[0][2] == 30
 
 
-def test_a_storage_is_taken_over_whole() -> None:
+def test_a_replay_state_is_restored_whole() -> None:
     memory, other = replay(seed=1), replay(seed=1)
     memory.extend(steps(0, 40))
     other.extend(steps(90, 4))
@@ -134,24 +134,8 @@ def test_a_storage_is_taken_over_whole() -> None:
     assert len(memory) == 0 and len(other) == 40
 
 
-def test_what_was_given_may_be_written_to() -> None:
+def test_the_replay_copies_its_input() -> None:
     memory, given = replay(), steps(0, 4)
     memory.extend(given)
     given["state"].fill_(-7.0)
     assert (memory[:]["state"] >= 0).all()
-
-
-def test_one_step_is_kept_as_many_are() -> None:
-    memory, other = replay(), replay()
-    memory.add(steps(3, 1)[0])
-    other.extend(steps(3, 1))
-    assert bool((memory[:] == other[:]).all())
-    storage = TransitionStorage(5, torch.device("cpu"))
-    storage.set(0, other[:][0])
-    assert bool((storage[torch.tensor([0])] == other[:]).all())
-
-
-def test_it_is_iterated_over_in_batches() -> None:
-    memory = StateReplay(20, 0.01, Generator().manual_seed(0), torch.device("cpu"), batch_size=8)
-    memory.extend(steps(0, 10))
-    assert next(iter(memory)).shape == memory.sample().shape == torch.Size([8])

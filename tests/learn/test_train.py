@@ -97,12 +97,12 @@ def test_a_loss_that_is_not_finite_ends_it_with_its_step() -> None:
 def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
     _, agent = events()
     state = agent.policy.generator.get_state()
-    (sailed,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
+    (first,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
     assert torch.equal(agent.policy.generator.get_state(), state)
-    assert sailed.episode_return == again.episode_return and torch.equal(sailed.actions, again.actions)
-    assert sailed.q_values is not None
-    assert torch.equal(sailed.q_values.argmax(-1), sailed.actions)
-    assert len(sailed.states) == sailed.length + 1
+    assert first.episode_return == again.episode_return and torch.equal(first.actions, again.actions)
+    assert first.q_values is not None
+    assert torch.equal(first.q_values.argmax(-1), first.actions)
+    assert len(first.states) == first.length + 1
 
 
 @given(episode=st.integers(0, 1000), fraction=st.floats(0.1, 1.0))
@@ -122,10 +122,3 @@ def test_learning_rate_falls_linearly_and_reaches_the_optimiser() -> None:
     _, agent = events(lr=1e-3, lr_end=1e-4)
     # The last update is made before the last episode ends.
     assert agent.optimiser.param_groups[0]["lr"] < 2e-4
-
-
-def test_epsilon_is_not_a_constant() -> None:
-    learn = schedule()
-    assert epsilon_at(0, learn) == 1.0
-    assert 0.01 < epsilon_at(9, learn) < 1.0
-    assert math.isclose(epsilon_at(30, learn), 0.01)

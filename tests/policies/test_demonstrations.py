@@ -1,4 +1,4 @@
-"""Episodes that somebody sailed: written, read again, put into a replay, refused where they are not right."""
+"""Demonstrations: written, read again, put into a replay, refused where they are wrong."""
 
 import dataclasses
 import json
@@ -48,7 +48,7 @@ def test_a_number_is_taken_once(tmp_path: Path) -> None:
     assert again.name == "my[1]-002.json"
 
 
-def test_those_of_other_cases_are_passed_over(tmp_path: Path) -> None:
+def test_demonstrations_of_other_cases_are_skipped(tmp_path: Path) -> None:
     kept(tmp_path)
     with pytest.raises(ConfigError, match="demonstrations: none of case 2 in"):
         read_demonstrations(tmp_path, load_case("2", WORLD), WORLD)
@@ -107,7 +107,7 @@ def test_a_training_begins_with_them(tmp_path: Path) -> None:
     assert curves[0][1] == curves[1][1] and curves[0][-1] != curves[1][-1]
 
 
-def test_one_that_does_not_sail_as_it_says_is_refused(tmp_path: Path) -> None:
+def test_a_demonstration_with_a_wrong_return_is_refused(tmp_path: Path) -> None:
     kept(tmp_path / "demos", episode_return=500.0)
     told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path, code=1)
     assert (

@@ -89,7 +89,7 @@ def test_a_policy_in_one_line() -> None:
         package.load_policy("random")
 
 
-def test_a_case_of_ones_own_has_none() -> None:
+def test_an_own_case_has_no_pretrained_network() -> None:
     Path("mine.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
     with pytest.raises(
         ConfigError, match="policy: no trained network of case mine comes with us; allowed: 1, "
@@ -100,7 +100,7 @@ def test_a_case_of_ones_own_has_none() -> None:
     assert pretrained.find("pretrained", load_case("same.yaml", WORLD)).case == "4"
 
 
-def test_a_changed_case_of_a_shipped_name_is_sailed_and_nothing_claimed(
+def test_a_changed_bundled_case_is_evaluated_without_claim(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

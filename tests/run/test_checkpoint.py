@@ -1,7 +1,6 @@
 """Two generations of a checkpoint: written in turn, read from the newest that is whole."""
 
 import dataclasses
-import json
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +11,7 @@ from torch import Tensor
 
 from ship_trl.files.disk import remove
 from ship_trl.run.checkpoint import About, Checkpoints
+from tests.run.test_full_disk import largest_file
 
 ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)
 
@@ -76,31 +76,8 @@ def lie(path: Path) -> None:
     path.write_bytes(changed)
 
 
-def empty(path: Path) -> None:
-    path.write_bytes(b"")
-
-
 def swap(path: Path) -> None:
     path.write_bytes(pickle.dumps({"weights": [0.0]}))
-
-
-def huge(path: Path) -> None:
-    """Announce a header of many gigabytes."""
-    path.write_bytes((2**40).to_bytes(8, "little") + path.read_bytes()[8:])
-
-
-def other(path: Path) -> None:
-    """Be a safetensors file of something else."""
-    from safetensors.torch import save_file
-
-    save_file({"weights": torch.zeros(3)}, path)
-
-
-def untyped(path: Path) -> None:
-    from safetensors.torch import save_file
-
-    entry = json.dumps(dataclasses.asdict(ABOUT) | {"steps": "many", "digest": ""})
-    save_file({"weights": torch.zeros(3)}, path, {"ship_trl": entry})
 
 
 def folder(path: Path) -> None:
@@ -114,8 +91,8 @@ def link(path: Path) -> None:
     path.symlink_to(path.with_name("1.safetensors"))
 
 
-@pytest.mark.parametrize("damage", [cut, flip, lie, empty, swap, huge, other, untyped, folder, link])
-def test_a_damaged_one_is_named_and_the_one_before_it_read(
+@pytest.mark.parametrize("damage", [cut, flip, lie, swap, folder, link])
+def test_a_damaged_checkpoint_is_named_and_the_previous_is_read(
     damage: Callable[[Path], None], tmp_path: Path
 ) -> None:
     checkpoints = written(tmp_path, 30, 60)
@@ -131,7 +108,7 @@ def test_a_damaged_one_is_named_and_the_one_before_it_read(
     assert found is not None and found.about == at(90)
 
 
-def test_whose_they_are_is_known_when_none_can_be_read(tmp_path: Path) -> None:
+def test_the_owner_of_unreadable_checkpoints_is_known(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30, 60)
     checkpoints.begin_run("mine")
     assert checkpoints.has_other_owner("yours") and not checkpoints.has_other_owner("mine")
@@ -144,7 +121,7 @@ def test_whose_they_are_is_known_when_none_can_be_read(tmp_path: Path) -> None:
     assert not checkpoints.has_other_owner("yours")
 
 
-def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
+def test_without_a_valid_checkpoint_none_is_returned(tmp_path: Path) -> None:
     assert (
         Checkpoints(tmp_path).read(ABOUT.config_hash) == (None, {}) and Checkpoints(tmp_path).about() is None
     )
@@ -155,13 +132,13 @@ def test_without_a_whole_one_there_is_none(tmp_path: Path) -> None:
     assert found is None and len(damaged) == 2
 
 
-def test_that_of_other_settings_is_not_read(tmp_path: Path) -> None:
+def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30)
     assert checkpoints.read("another hash") == (None, {})
     assert checkpoints.about() == at(30)
 
 
-def test_one_is_due_after_so_many_episodes_and_so_much_time(tmp_path: Path) -> None:
+def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path) -> None:
     now = 100.0
     checkpoints = Checkpoints(tmp_path, every=10, seconds=60, clock=lambda: now)
     now = 159.0
@@ -174,9 +151,7 @@ def test_one_is_due_after_so_many_episodes_and_so_much_time(tmp_path: Path) -> N
     assert checkpoints.due(20) and not checkpoints.due(19)
 
 
-def test_a_disk_that_is_full_leaves_the_one_before(tmp_path: Path) -> None:
-    from tests.run.test_full_disk import largest_file
-
+def test_a_full_disk_leaves_the_previous_checkpoint(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30, 60)
     with pytest.raises(OSError, match="too large"), largest_file(1000):
         checkpoints.write(tensors(90), at(90))

@@ -27,7 +27,7 @@ def test_every_step_is_in_the_replay_once(tmp_path: Path) -> None:
         words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
         run = make_run(to_config(compose("config", words)))
     replay = StateReplay(1000, 0.1, Generator().manual_seed(0), torch.device("cpu"))
-    # Of three ships that sail the same, one is kept.
+    # Three ships repeat the actions, and the steps of one are kept.
     preload_replay(run, ShipEnv(case, world, 3), replay)
     assert len(replay) == 2 * len(plan.actions)
     rows = replay[:]

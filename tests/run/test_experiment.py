@@ -56,13 +56,3 @@ def test_a_run_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, train
     with pytest.raises(TakenError, match="a finished run of other settings"):
         run_experiment(other)
     assert trained == [] and find_result(one) is not None
-
-
-def test_a_source_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, trained: list[Path]) -> None:
-    run = make_run(composed("+pair=high", "layers=3", "profile=smoke", f"output={tmp_path}"))
-    assert run.source is not None
-    run.source.folder.mkdir(parents=True)
-    write_result(run.source.folder, dataclasses.replace(a_result(), config_hash="another"))
-    with pytest.raises(TakenError):
-        find_source(run.source, run.title, "")
-    assert trained == []

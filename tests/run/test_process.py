@@ -4,13 +4,17 @@ import os
 import platform
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import torch
 
+from ship_trl.run.experiment import run_experiment
+from ship_trl.run.plan import make_run
 from ship_trl.run.process import configure_process, processor_name, release_memory
+from tests.config.test_config import composed
 
 
 @pytest.fixture
@@ -22,7 +26,7 @@ def able() -> Iterator[bool]:
     torch.set_flush_denormal(False)
 
 
-def test_numbers_that_cost_a_hundred_times_as_much_are_zero_where_they_can_be(able: bool) -> None:
+def test_denormal_numbers_are_flushed_to_zero(able: bool) -> None:
     assert torch.get_num_threads() == 1
     # Adam's average of the gradients of a unit that fired once and never again.
     average = torch.full((64,), 1e-37)
@@ -107,3 +111,17 @@ def test_the_processor_is_told_by_name(
         (tmp_path / "cpuinfo").write_text(cpuinfo)
     monkeypatch.setattr("ship_trl.run.process.CPUINFO", tmp_path / "cpuinfo")
     assert processor_name() == told != ""
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux says how much memory is used")
+def test_runs_in_one_process_leave_no_memory_files_or_threads(tmp_path: Path) -> None:
+    measured = []
+    for seed in range(8):
+        arm = ("+pair=high", "+arm=FE3") if seed % 4 == 3 else ("target=4", "method=scratch")
+        small = ("profile=smoke", "learn.episodes=30", "checkpoint.seconds=0")
+        run_experiment(make_run(composed(*small, *arm, f"seed={seed}", f"output={tmp_path}/out")))
+        measured.append((resident(), len([*Path("/proc/self/fd").iterdir()]), threading.active_count()))
+    warm, last = measured[3], measured[-1]
+    assert last[0] < 1.05 * warm[0] and last[1] <= warm[1] + 2 and last[2] <= warm[2]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

@@ -12,17 +12,12 @@ from rich.console import Console
 
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
-from ship_trl.run.progress import Lines, format_duration
+from ship_trl.run.progress import Lines
 from ship_trl.study.launch import progress
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
-from tests.run.test_tracking import SAILED
+from tests.run.test_tracking import EPISODE
 from tests.study.commands import SMALL
-
-
-@pytest.mark.parametrize(("seconds", "words"), [(5.2, "5 s"), (600, "10 min"), (9000, "2 h 30 min")])
-def test_times_in_words(seconds: float, words: str) -> None:
-    assert format_duration(seconds) == words
 
 
 def test_a_line_is_due_early_and_then_every_so_much() -> None:
@@ -37,18 +32,8 @@ def test_a_line_is_due_early_and_then_every_so_much() -> None:
     assert said[600] == ""
 
 
-def test_lines_are_apart_and_measure_what_was_done_since_they_began() -> None:
-    now = [0.0]
-    lines = Lines(0.01, first=0.5, begun=0.5, apart=60.0, clock=lambda: now[0])
-    assert lines.due(0.5) is None
-    now[0] = 60.0
-    assert lines.due(0.6) == ", about 4 min left"
-    now[0] = 100.0
-    assert lines.due(0.7) is None
-
-
 def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
-    yield Evaluated(0, 0, SAILED)
+    yield Evaluated(0, 0, EPISODE)
     for episode in range(1, episodes + 1):
         loss = None if episode <= warmup else 0.5
         yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)
@@ -79,7 +64,7 @@ def test_a_terminal_has_a_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch, tmp_
     assert "100/100" in said and "episode" not in said
 
 
-def test_a_process_says_on_what_it_waits(
+def test_a_waiting_process_says_what_for(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(console, "SHORT_WAIT", 0.05)

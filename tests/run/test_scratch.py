@@ -49,7 +49,7 @@ def test_other_settings_have_none(change: str) -> None:
     assert scratch_returns(run("+pair=high", "+arm=FT3", change)) is None
 
 
-def test_a_run_of_ones_own_stands_beside_it(tmp_path: Path) -> None:
+def test_an_own_scratch_run_is_drawn_beside_a_transfer(tmp_path: Path) -> None:
     line = ("+pair=high", "+arm=FT3", *SMOKE)
     told = ship_trl(*line, "output=runs", folder=tmp_path)
     assert "no run from scratch of these settings" in told.stdout

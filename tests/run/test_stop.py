@@ -42,7 +42,7 @@ def test_a_second_ctrl_c_acts_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_what_a_launcher_sends_after_a_ctrl_c_is_no_second_one() -> None:
+def test_a_sigterm_after_ctrl_c_is_not_a_second_ctrl_c() -> None:
     with Stop() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
@@ -85,48 +85,22 @@ def test_a_process_ends_as_one_that_the_signal_killed() -> None:
     assert (done.returncode, done.stdout) == (-signal.SIGTERM, "last words\n")
 
 
-def all_of(child: subprocess.Popen[str], number: signal.Signals) -> None:
-    """As a terminal's Ctrl-C reaches all processes of a grid."""
-    os.killpg(child.pid, number)
-
-
-def first(child: subprocess.Popen[str], number: signal.Signals) -> None:
-    os.kill(child.pid, number)
-
-
-def first_of_a_container(child: subprocess.Popen[str], number: signal.Signals) -> None:
-    """As `docker stop` does."""
-    (inside,) = Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()
-    os.kill(int(inside), number)
-
-
-CONTAINER = ("unshare", "--pid", "--fork", "--mount-proc")
-
-
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("send", "number", "grid", "code"),
     [
-        (all_of, signal.SIGINT, "-m", 130),
-        (all_of, signal.SIGINT, "hydra.mode=MULTIRUN", 130),
-        (all_of, signal.SIGTERM, "-m", -signal.SIGTERM),
-        (first, signal.SIGTERM, "-m", -signal.SIGTERM),
-        (first_of_a_container, signal.SIGTERM, "-m", 143),
+        # A terminal's Ctrl-C reaches all processes of a grid; a SIGTERM may reach the first alone.
+        (os.killpg, signal.SIGINT, "hydra.mode=MULTIRUN", 130),
+        (os.killpg, signal.SIGTERM, "-m", -signal.SIGTERM),
+        (os.kill, signal.SIGTERM, "-m", -signal.SIGTERM),
     ],
 )
 def test_a_grid_writes_its_checkpoints_first(
-    send: Callable[[subprocess.Popen[str], signal.Signals], None],
-    number: signal.Signals,
-    grid: str,
-    code: int,
-    tmp_path: Path,
+    send: Callable[[int, int], None], number: signal.Signals, grid: str, code: int, tmp_path: Path
 ) -> None:
-    inside = CONTAINER if send is first_of_a_container else ()
-    if inside and subprocess.run([*inside, "true"], check=False, capture_output=True).returncode:
-        pytest.skip("no right to make a container")
     line = ("target=4", "method=scratch", "profile=smoke", "learn.episodes=3000", "seed=0,1", "output=out")
     child = subprocess.Popen(
-        [*inside, sys.executable, "-m", "ship_trl", grid, *line, "hydra.launcher.n_jobs=2"],
+        [sys.executable, "-m", "ship_trl", grid, *line, "hydra.launcher.n_jobs=2"],
         cwd=tmp_path,
         env=environment(),
         stdout=subprocess.PIPE,
@@ -139,7 +113,7 @@ def test_a_grid_writes_its_checkpoints_first(
     until = time.monotonic() + 300
     while not all(last_episode(run / "curve.csv") > 0 for run in runs) and time.monotonic() < until:
         time.sleep(0.1)
-    send(child, number)
+    send(child.pid, number)
     said, _ = child.communicate(timeout=60)
     assert child.returncode == code, said
     for run in runs:

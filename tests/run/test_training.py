@@ -160,14 +160,6 @@ def test_a_signal_during_the_last_checkpoint_stops_it_too(
     assert left(train("other", *SCRATCH)) == whole
 
 
-def test_a_finished_run_leaves_no_checkpoint(after: Callable[[int, Callable[[], Any]], None]) -> None:
-    seen: list[bool] = []
-    folder = Path("out/4/scratch/seed=0")
-    after(9, lambda: seen.append((folder / FOLDER).exists()))
-    assert train("out", *SCRATCH) == folder
-    assert seen == [True] and not (folder / FOLDER).exists()
-
-
 def test_an_unfinished_run_of_other_settings_is_not_lost(
     after: Callable[[int, Callable[[], Any]], None],
 ) -> None:

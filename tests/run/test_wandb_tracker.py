@@ -83,7 +83,7 @@ def test_without_a_network_or_with_a_wrong_key_it_logs_offline(
     assert capsys.readouterr().out == "wandb: the network is gone; this run is logged offline\n"
 
 
-def test_what_wandb_refuses_is_refused_before_the_training(server: Server) -> None:
+def test_a_wandb_refusal_comes_before_training(server: Server) -> None:
     server.fails["offline"] = Error("no such project")
     with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv does without"):
         begin_wandb(make_run(composed(*LINE)))
@@ -99,7 +99,7 @@ def test_on_a_full_disk_the_run_goes_on_without_it(
 
 
 @pytest.mark.parametrize("call", ["log", "finish"])
-def test_what_fails_later_is_said_once_and_ends_nothing(
+def test_a_later_failure_is_reported_once_and_ends_nothing(
     call: str, server: Server, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = tracker()
@@ -111,7 +111,7 @@ def test_what_fails_later_is_said_once_and_ends_nothing(
     assert said.count("the run goes on without it") == 1
 
 
-def test_no_wait_is_without_end(server: Server) -> None:
+def test_every_wait_has_a_timeout(server: Server) -> None:
     tracker()
     settings = server.begun[0]["settings"]
     assert 0 < settings["init_timeout"] <= 60 and 0 < settings["finish_timeout"] <= 300

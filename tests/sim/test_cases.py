@@ -11,8 +11,6 @@ from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, load_case, shadowin
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 SHIPPED = [*PAPER, "ship"]
-# Whatever stands in its braces.
-NO_INTERPOLATION = "not readable as YAML: line"
 SHIP = "  - {x: 100.0, y: 300.0, heading: 180.0, speed: 15.0}\n"
 GOOD = f"""\
 start: [0.0, 0.0]
@@ -94,7 +92,6 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
         (GOOD + SHIP * MAX_TARGET_SHIPS, "target_ships"),
         (GOOD + "name: other\n", "name"),
-        (GOOD.replace("heading: 90.0", "heading: ${nothing}", 1), NO_INTERPOLATION),
         (GOOD.replace("heading: 90.0", "heading: ???", 1), "heading"),
         (GOOD.replace("heading: 90.0", "heading: null", 1), "heading: must be a finite number, got null"),
         (
@@ -102,10 +99,7 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
             "target_ships: must be a list, as [A,B] or [], got null",
         ),
         (GOOD.replace("heading: 90.0", "heading: true", 1), "heading"),
-        (with_ship(x="'${nothing}'"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, SHIP + "  - {x: 1.0}\n"), "target_ships[1].y"),
-        (GOOD.replace("target_ships:\n" + SHIP, "target_ships: ${nothing}\n"), NO_INTERPOLATION),
-        (GOOD.replace(SHIP, "  - ${nothing}\n"), NO_INTERPOLATION),
         (GOOD.replace(SHIP, "  - ???\n"), "target_ships[0]"),
         (GOOD.replace("start: [0.0, 0.0]", "start: [{}, 0.0]"), "start[0]: must be a finite number, got {}"),
         (
@@ -113,8 +107,6 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
             "goal: must be a list, as [A,B] or [], got {0: 0.0",
         ),
         (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
-        (GOOD.replace("90.0", "${heading}", 1), NO_INTERPOLATION),
-        (GOOD.replace("[0.0, 600.0]", "${heading}"), NO_INTERPOLATION),
         (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: start,"),
         (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],
@@ -143,57 +135,15 @@ def test_a_bad_value_is_refused_by_file_and_field(
         b"",
         b"# nothing\n",
         b"\xff\xfe\x00",
-        b"[" * 100_000,
-        b"\n".join(
-            b"a%d: &a%d [%s]" % (n, n, b",".join([b"*a%d" % (n - 1) if n else b"x"] * 10)) for n in range(9)
-        ),
-        b"word," * 100_000,
-        b"start: " + b"9" * 5000,
     ],
-    ids=[
-        *("unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"),
-        *("deep", "aliases", "long", "digits"),
-    ],
+    ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
 )
-def test_what_is_no_case_at_all_is_refused_by_file(content: bytes, tmp_path: Path, world: World) -> None:
+def test_a_file_that_is_no_case_is_refused(content: bytes, tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"
     path.write_bytes(content)
     with pytest.raises(ConfigError) as error:
         load_case(str(path), world)
     assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("[" * 3000, "not readable as YAML: line 1: nested too deeply"),
-        (GOOD.replace("90.0", "9" * 5000), "not readable as YAML: Exceeds the limit"),
-        (GOOD.replace("90.0", "!!int ship"), "not readable as YAML: invalid literal"),
-        (GOOD.replace("90.0", "!!bool ship"), "not readable as YAML: 'ship'"),
-        (GOOD.replace("90.0", "!!timestamp x"), "not readable as YAML: 'NoneType'"),
-        (GOOD.replace("90.0", "!!python/object:os.system {}"), "not readable as YAML: could not determine"),
-        (GOOD + SHIP * 20_000, "not readable as YAML: larger than 64000 bytes"),
-        # Small, and it unfolds into a million of millions.
-        (
-            "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}, *a{n - 1}]\n" for n in range(1, 40)),
-            "not readable as YAML: line 2: no alias",
-        ),
-        (
-            "a0: &a0 {x: 1}\n"
-            + "".join(f"a{n}: &a{n} {{<<: [*a{n - 1}, *a{n - 1}]}}\n" for n in range(1, 40)),
-            "not readable as YAML: line 2: no alias",
-        ),
-        ("start: &a [*a]\n", "not readable as YAML: line 1: no alias"),
-    ],
-)
-def test_what_unfolds_or_breaks_the_reader_is_refused(
-    text: str, said: str, tmp_path: Path, world: World
-) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigError) as error:
-        load_case(str(path), world)
-    assert str(error.value).startswith(f"{path}: {said}") and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", "no/such/folder/mine.yaml", "", "."])
@@ -219,7 +169,7 @@ def test_a_users_case_by_path(ending: str, tmp_path: Path, world: World) -> None
     assert case.name == "mine" and case.target_ships[0].y == 300.0
 
 
-def test_whole_numbers_will_do(tmp_path: Path, world: World) -> None:
+def test_whole_numbers_are_accepted(tmp_path: Path, world: World) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(GOOD.replace(".0", ""))
     case = load_case(str(path), world)

@@ -34,34 +34,6 @@ def test_the_step_length_scales_turn_and_way(world: World) -> None:
     assert heading == pytest.approx(0.05) and math.hypot(x, y) == pytest.approx(3.75) and step == 1.0
 
 
-@pytest.mark.parametrize(("action", "sign"), [(0, 1), (6, -1)])
-def test_sixty_turns_make_a_circle_and_no_drift(world: World, action: int, sign: int) -> None:
-    state = torch.tensor([[0.0, 0.0, math.pi / 2, 0.0]])
-    places = []
-    for _ in range(60):
-        state = advance(state, torch.tensor([action]), torch.tensor(world.actions), 1.0)
-        places.append(state[0, :2])
-    assert float(state[0, 2]) == pytest.approx(math.pi / 2 + sign * 6.0, abs=1e-4)
-    # A polygon of 7.5 m sides that turns by 0.1 rad at each corner lies on this circle.
-    radius = 3.75 / math.sin(0.05)
-    middle = torch.tensor([-sign * radius, 0.0])
-    # The first turn comes before the first side, which tilts the circle by half a turn.
-    tilt = sign * 0.05
-    middle = torch.tensor([middle[0] * math.cos(tilt), middle[0] * math.sin(tilt)])
-    distance = (torch.stack(places) - middle).norm(dim=-1)
-    torch.testing.assert_close(distance, torch.full_like(distance, radius), atol=1e-2, rtol=0)
-
-
-def test_batches_of_any_shape_move_as_one_by_one(world: World) -> None:
-    actions = torch.tensor(world.actions)
-    state = torch.rand(3, 5, 4, generator=torch.Generator().manual_seed(0)) * 100
-    action = torch.arange(15).reshape(3, 5) % 7
-    together = advance(state, action, actions, 1.0)
-    for i in range(3):
-        for j in range(5):
-            torch.testing.assert_close(together[i, j], advance(state[i, j], action[i, j], actions, 1.0))
-
-
 def test_target_ships_hold_course_and_speed() -> None:
     start = torch.tensor([[100.0, 0.0], [0.0, 50.0]])
     velocity = torch.tensor([[-15.0, 0.0], [3.0, 4.0]])

@@ -13,7 +13,6 @@ from torchrl.envs.utils import check_env_specs
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
-from tests.sim.moving import moved_case
 
 CASES = ["1", "2", "3", "4", "5", "6", "new"]
 MakeCase = Callable[..., Case]
@@ -61,13 +60,6 @@ def test_keeping_course_collides(name: str, world: World) -> None:
     assert float(episode[-1]["dcpa"]) < world.safe_distance < float(episode[-2]["dcpa"])
 
 
-@pytest.mark.parametrize("name", ["4", "6"])
-def test_the_added_ship_alone_is_harmless(name: str, world: World) -> None:
-    case = load_case(name, world)
-    alone = replace(case, target_ships=case.target_ships[1:])
-    assert ends(repeat_action(ShipEnv(alone, world), 3)[-1]) == GOAL
-
-
 @pytest.mark.parametrize(
     ("name", "goal", "collision"),
     [
@@ -80,7 +72,7 @@ def test_the_added_ship_alone_is_harmless(name: str, world: World) -> None:
         ("new", 0.28, 0.23),
     ],
 )
-def test_what_a_random_policy_meets(name: str, goal: float, collision: float, world: World) -> None:
+def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: float, world: World) -> None:
     count, generator = 4000, torch.Generator().manual_seed(0)
     env = ShipEnv(load_case(name, world), world, count)
     step = env.reset()
@@ -127,18 +119,6 @@ def test_a_fast_ship_collides_between_two_frames(world: World, make_case: MakeCa
 def test_dcpa_is_the_least_so_far(world: World) -> None:
     dcpa = [float(step["dcpa"]) for step in repeat_action(ShipEnv(load_case("2", world), world), 3)]
     assert dcpa == sorted(dcpa, reverse=True) and dcpa[0] > 300 and dcpa[-5:] == [dcpa[-1]] * 5
-
-
-@pytest.mark.parametrize(
-    ("degrees", "shift"), [(90.0, (0.0, 0.0)), (-37.0, (150.0, -80.0)), (180.0, (7.0, 7.0))]
-)
-def test_only_relative_places_matter(degrees: float, shift: tuple[float, float], world: World) -> None:
-    case = load_case("2", world)
-    here = ShipEnv(case, world), ShipEnv(moved_case(case, degrees, shift), world)
-    for one, other in zip(repeat_action(here[0], 2), repeat_action(here[1], 2), strict=True):
-        torch.testing.assert_close(one["reward"], other["reward"], atol=1e-3, rtol=0)
-        torch.testing.assert_close(one["dcpa"], other["dcpa"], atol=1e-2, rtol=0)
-        assert ends(one) == ends(other)
 
 
 def test_a_partial_reset_rewrites_only_the_rows_asked_for(world: World) -> None:

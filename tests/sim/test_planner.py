@@ -56,18 +56,6 @@ def test_the_fastest_action_may_go_astern(world: World, make_case: MakeCase) -> 
     assert plan.goal and plan.actions == [0] * 36
 
 
-def test_case_ship_has_case_2s_ship_and_another_path(world: World) -> None:
-    ship, second, third = (load_case(name, world) for name in ("ship", "2", "3"))
-    assert ship.target_ships == [*second.target_ships, *third.target_ships]
-    # The straight course is best in case 2 and collides here. The best plan is that of case 3.
-    straight = Plan(0.0, best_plan(second, world, beam=300).actions, True)
-    assert set(straight.actions) == {3}
-    with pytest.raises(AssertionError, match="over before action"):
-        run_plan(ship, world, straight)
-    assert best_plan(ship, world).actions == best_plan(third, world).actions
-    assert ship.ideal_path == third.ideal_path != second.ideal_path
-
-
 def test_the_same_plan_every_time(world: World) -> None:
     case = load_case("3", world)
     assert best_plan(case, world, beam=300) == best_plan(case, world, beam=300)
@@ -90,18 +78,6 @@ def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -
     assert not plan.goal and len(plan.actions) == 1
     total, ended, _ = run_plan(case, world, plan)
     assert ended and total == pytest.approx(plan.episode_return, abs=1e-3) and total < -200
-
-
-def test_it_avoids_the_second_ship_too(world: World) -> None:
-    one, two = (best_plan(load_case(name, world), world, beam=800) for name in ("3", "4"))
-    # The best path of case 3 collides in case 4.
-    env = ShipEnv(load_case("4", world), world)
-    step = env.reset()
-    for action in one.actions:
-        step = env.step(step.set("action", torch.tensor([action])))["next"]
-        if bool(step["done"]):
-            break
-    assert bool(step["collision"]) and one.episode_return > two.episode_return + 10
 
 
 def test_the_bound_is_the_return_without_target_ships(world: World, make_case: MakeCase) -> None:

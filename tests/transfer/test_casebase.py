@@ -118,7 +118,7 @@ def test_ranking_by_similarity_and_by_distance(world: World) -> None:
     assert found == sorted(found)
 
 
-def test_ranking_by_a_measure_of_ones_own(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ranking_by_an_own_measure(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     ships = Measure(
         lambda base, target, _: abs(len(base.target_ships) - len(target.target_ships)), nearer=True
     )

@@ -1,4 +1,4 @@
-"""What transfers gained, as a table that may be a stranger's."""
+"""The table of what transfers gained, which is untrusted."""
 
 import shlex
 from pathlib import Path

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -43,26 +42,12 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rows", "greedy"), [([], [GREEDY[0]]), (ROWS[:2], GREEDY[:1])], ids=["no episode", "two episodes"]
 )
-def test_hardly_anything_to_show(
+def test_a_curve_of_few_episodes_is_drawn(
     tmp_path: Path, rows: list[Finished], greedy: list[tuple[int, float, str]]
 ) -> None:
     # A dollar sign in a title is no formula.
     draw_curve(tmp_path / "curve.png", rows, greedy, 83.9, "case $mine{$_1, scratch, seed 0")
     assert read(tmp_path / "curve.png").shape == (800, 1200, 3)
-
-
-def test_a_failed_drawing_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fill_the_disk(figure: Figure, path: Path, **_: object) -> None:
-        path.write_bytes(b"half")
-        raise OSError("disk full")
-
-    monkeypatch.setattr(Figure, "savefig", fill_the_disk)
-    path = tmp_path / "curve.png"
-    path.write_bytes(b"old")
-    with pytest.raises(OSError, match="disk full"):
-        draw_curve(path, ROWS, GREEDY, 63.7, "case 3, scratch, seed 0")
-    assert path.read_bytes() == b"old"
-    assert [p.name for p in tmp_path.iterdir()] == ["curve.png"]
 
 
 @pytest.mark.parametrize("seeds", [1, 5])

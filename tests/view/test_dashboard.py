@@ -33,7 +33,7 @@ def test_every_look_is_another_picture(case: Case, world: World, size: tuple[int
     assert (pictures[0] == drawn(one, 5, looks[0], size)).all()
 
 
-def test_what_is_kept_from_frame_to_frame_changes_nothing(case: Case, world: World) -> None:
+def test_the_frame_cache_changes_no_pixel(case: Case, world: World) -> None:
     first, second = [view(case, world, (3, 4))], [view(case, world, (0, 3))]
     surface = pen.new_surface(1280, 720)
     for views, position, look in (

@@ -16,7 +16,7 @@ def network(channels: int = 1) -> DuelingNetwork:
     return DuelingNetwork(channels, 7, Generator().manual_seed(1))
 
 
-def test_it_is_where_a_change_of_the_picture_changes_q() -> None:
+def test_saliency_marks_pixels_that_change_q() -> None:
     made = network()
     pixels = torch.randint(0, 256, (1, 84, 84), generator=Generator().manual_seed(2), dtype=torch.uint8)
     heat = torch.from_numpy(saliency(made, pixels))
@@ -43,14 +43,14 @@ def test_it_is_where_a_change_of_the_picture_changes_q() -> None:
     assert effects[1] > 2 * effects[0]
 
 
-def test_a_network_that_sees_nothing_looks_nowhere() -> None:
+def test_a_network_without_weights_has_no_saliency() -> None:
     made = network(3)
     with torch.no_grad():
         made.convs[0].weight.zero_()
     assert not saliency(made, torch.full((3, 84, 84), 100, dtype=torch.uint8)).any()
 
 
-def test_it_is_of_networks_alone(world: World) -> None:
+def test_only_networks_have_saliency(world: World) -> None:
     made = network()
     assert network_of(greedy_policy(made, lambda state: state)) is made
     env, policy, _ = sail(entry())

@@ -18,7 +18,7 @@ PLANS = st.lists(st.integers(0, 6), min_size=1, max_size=12)
 NAMES = st.sampled_from(["1", "2", "4", "6"])
 
 
-def sailed(name: str, plan: list[int]) -> tuple[Case, World, Episode]:
+def episode_of(name: str, plan: list[int]) -> tuple[Case, World, Episode]:
     world = load_world()
     case = load_case(name, world)
     return case, world, run_actions(case, world, plan)
@@ -27,7 +27,7 @@ def sailed(name: str, plan: list[int]) -> tuple[Case, World, Episode]:
 @settings(max_examples=12)
 @given(NAMES, PLANS)
 def test_the_terms_sum_up_to_the_return(name: str, plan: list[int]) -> None:
-    case, world, episode = sailed(name, plan)
+    case, world, episode = episode_of(name, plan)
     numbers = measure_episode(case, world, episode)
     assert numbers.total[-1] == pytest.approx(episode.episode_return, abs=1e-3)
     assert np.diff(numbers.total) == pytest.approx(episode.rewards.numpy(), abs=1e-4)
@@ -40,7 +40,7 @@ def test_the_terms_sum_up_to_the_return(name: str, plan: list[int]) -> None:
 @settings(max_examples=12)
 @given(NAMES, PLANS)
 def test_outcome_and_closest_approach_are_the_environments(name: str, plan: list[int]) -> None:
-    case, world, episode = sailed(name, plan)
+    case, world, episode = episode_of(name, plan)
     numbers = measure_episode(case, world, episode)
     assert numbers.outcome == episode.outcome and numbers.steps == episode.length
     if case.target_ships:
@@ -51,7 +51,7 @@ def test_outcome_and_closest_approach_are_the_environments(name: str, plan: list
 @settings(max_examples=8)
 @given(PLANS, st.integers(0, 60))
 def test_an_episode_so_far_has_the_numbers_of_the_whole_one(plan: list[int], steps: int) -> None:
-    case, world, episode = sailed("4", plan)
+    case, world, episode = episode_of("4", plan)
     steps = min(steps, episode.length - 1)
     whole = measure_episode(case, world, episode)
     so_far = measure(case, world, episode.states[: steps + 1], episode.actions[:steps])
@@ -64,7 +64,7 @@ def test_an_episode_so_far_has_the_numbers_of_the_whole_one(plan: list[int], ste
 
 
 def test_dcpa_comes_true_where_all_keep_course() -> None:
-    case, world, episode = sailed("2", [3])
+    case, world, episode = episode_of("2", [3])
     numbers = measure_episode(case, world, episode)
     predicted = numbers.dcpa[0, 0]
     when = numbers.tcpa[0, 0]
@@ -74,15 +74,15 @@ def test_dcpa_comes_true_where_all_keep_course() -> None:
     assert numbers.tcpa[:, 0] == pytest.approx(when - np.arange(episode.length + 1) * world.dt, abs=0.05)
 
 
-def test_whoever_heads_for_the_safe_circle_is_a_danger(make_case: Callable[..., Case], world: World) -> None:
+def test_a_ship_heading_for_the_safe_circle_is_a_danger(make_case: Callable[..., Case], world: World) -> None:
     # Head on; far abeam on the same course; astern and slower.
     case = make_case((0.0, 900.0, 270.0, 5.0), (400.0, 0.0, 90.0, 15.0), (0.0, -100.0, 90.0, 1.0))
     numbers = measure_episode(case, world, run_actions(case, world, [3]))
     assert [numbers.is_danger(1, k) for k in range(3)] == [True, False, False]
 
 
-def test_between_two_steps_everybody_is_between_two_places() -> None:
-    case, world, episode = sailed("4", [0, 3, 6])
+def test_positions_between_steps_are_interpolated() -> None:
+    case, world, episode = episode_of("4", [0, 3, 6])
     numbers = measure_episode(case, world, episode)
     for step in (0, 3, numbers.steps):
         own, ships = numbers.at(step)

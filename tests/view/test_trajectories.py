@@ -52,13 +52,6 @@ def test_many_groups_have_a_panel_each(case: Case, world: World, tmp_path: Path)
     assert count(few, SECOND) > 100 and count(many, FIRST) > 900 and not count(many, SECOND)
 
 
-def test_seeds_of_a_group_are_drawn_each(case: Case, world: World, tmp_path: Path) -> None:
-    one, other = run_actions(case, world, (3,)), run_actions(case, world, (0, 3, 6))
-    single = draw(tmp_path / "single.png", case, world, {"a": [one]})
-    both = draw(tmp_path / "both.png", case, world, {"a": [one, other]})
-    assert single.read_bytes() != both.read_bytes()
-
-
 def test_a_case_without_ships_and_a_name_that_is_no_formula(world: World, tmp_path: Path) -> None:
     case = load_case("1", world)
     groups = {"$a_b$": [run_actions(case, world, (3,))]}

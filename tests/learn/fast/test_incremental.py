@@ -55,7 +55,7 @@ def incremental(net: DuelingNetwork, frames: Tensor, background: Tensor, dtype: 
     frozen=st.integers(0, 5),
     seed=st.integers(0, 1000),
 )
-def test_it_is_the_network_and_its_gradient(
+def test_incremental_equals_the_network_and_its_gradient(
     name: str, batch: int, channels: int, patches: int, frozen: int, seed: int
 ) -> None:
     background, frames = scene(batch, channels, patches, seed)
@@ -71,7 +71,7 @@ def test_it_is_the_network_and_its_gradient(
         torch.testing.assert_close(got[key], gradient, rtol=1e-3, atol=1e-4 * float(gradient.abs().max() + 1))
 
 
-def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
+def test_the_background_changes_the_work_and_not_the_result() -> None:
     background, frames = scene(3, 1, 2, 0)
     net, wrong = network(), torch.zeros_like(background)
     right, dense = (Cutter(still, torch.float32, PAPER)(frames) for still in (background, wrong))
@@ -80,7 +80,7 @@ def test_the_still_picture_decides_the_work_and_nothing_else() -> None:
     torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
 
 
-def test_frames_that_are_the_still_picture_cost_no_rows() -> None:
+def test_frames_equal_to_the_background_add_no_rows() -> None:
     background, frames = scene(5, 1, 0, 0)
     rows = Cutter(background, torch.float32, PAPER)(frames)
     places = (20 * 20, 9 * 9, 7 * 7)
@@ -138,7 +138,7 @@ def test_networks_of_other_frozen_layers_may_share_it() -> None:
         torch.testing.assert_close(net(frames), wanted, rtol=1e-4, atol=1e-5)
 
 
-def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
+def test_weights_of_another_memory_layout_are_refused() -> None:
     background, frames = scene(1, 1, 1, 0)
     net = network()
     net.convs[1].weight.data = net.convs[1].weight.data.contiguous()
@@ -156,7 +156,7 @@ def test_weights_that_lie_otherwise_are_refused_not_left_untrained() -> None:
     frozen=st.integers(0, 5),
     seed=st.integers(0, 1000),
 )
-def test_at_a_glance_the_network_decides_alike(
+def test_cached_inference_decides_like_the_network(
     name: str, batch: int, channels: int, patches: int, frozen: int, seed: int
 ) -> None:
     background, frames = scene(batch, channels, patches, seed)
@@ -179,7 +179,7 @@ def test_at_a_glance_the_network_decides_alike(
         assert torch.equal(inference.actions_from_features(features), net(frames).argmax(-1))
 
 
-def test_a_glance_computes_only_what_differs() -> None:
+def test_cached_inference_computes_only_what_differs() -> None:
     background, frames = scene(1, 1, 2, 5)
     cut = Cutter(background, torch.float32, PAPER)
     whole, few = cut(frames), cut(frames, background=False)
@@ -197,7 +197,7 @@ def test_a_glance_computes_only_what_differs() -> None:
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_layers_that_cannot_be_cut_by_words_are_refused(name: str) -> None:
+def test_layers_that_the_incremental_backend_cannot_cut_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match="cut by words"):
         Incremental(torch.zeros(1, 84, 84, dtype=torch.uint8), torch.float32, geometry(ODD[name]))
 

@@ -25,7 +25,7 @@ def to_the_end(game: Game) -> None:
         game.tick(1.0)
 
 
-def test_the_ship_waits_until_it_is_told_to_sail(game: Game) -> None:
+def test_the_ship_waits_until_the_space_key(game: Game) -> None:
     first = press(game)
     game.tick(10.0)
     assert (press(game) == first).all() and game.helm.actions == []
@@ -54,7 +54,7 @@ def test_the_rudder_goes_by_keys_and_stays(game: Game) -> None:
     assert game.helm.actions == [4, 4, 4]
 
 
-def test_what_is_sailed_is_the_world_and_is_kept(game: Game, tmp_path: Path) -> None:
+def test_a_finished_game_follows_the_world_and_is_kept(game: Game, tmp_path: Path) -> None:
     plan = best_known(CASES[0], WORLD)
     press(game, "space")
     for action in plan.actions:

@@ -80,7 +80,7 @@ def test_policies_cases_and_episodes_come_in_turn(session: Session) -> None:
     assert shown()[1] == "4" and seen >= {"1", "2", "3", "4", "5", "6", "new"}
 
 
-def test_a_case_that_a_policy_cannot_sail_is_said_and_passed_over(
+def test_a_case_that_a_policy_cannot_run_is_reported_and_skipped(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = press(session)

@@ -144,30 +144,21 @@ def draw_change(measured: Measured) -> Figure:
 
 
 def draw_erased(measured: Measured) -> Figure:
-    """Draw the effect of erasing each thing, and the gradient on its pixels."""
+    """Draw how often the action changes when a thing is erased."""
     names = list(dict.fromkeys(row.thing for row in measured.erased))
     figure = new_figure(1.3 + 1.05 * len(names))
-    axes = figure.subplots(1, 3, sharey=True)
+    axis = figure.subplots()
     offsets = np.linspace(-0.3, 0.3, len(measured.networks))
     for one, offset in zip(measured.networks, offsets, strict=True):
         rows = [row for row in measured.erased if row.network == one.name]
         y = [names.index(row.thing) + offset for row in rows]
         style = STYLES[one.role] | {"linestyle": "none"}
-        shares = [row.changed for row in rows]
-        axes[0].hlines(y, [share.low for share in shares], [share.high for share in shares], style["color"])
-        axes[0].plot([share.value for share in shares], y, **style)
-        axes[1].plot([row.moved for row in rows], y, **style)
-        axes[2].plot([row.gradient for row in rows], y, **style)
-    axes[0].set_yticks(range(len(names)), names, fontsize=11)
-    axes[0].set_ylim(len(names) - 0.55, -0.45)
-    axes[0].set_xlabel("share of states in which\nthe action changes", fontsize=11)
-    axes[0].set_xlim(-0.03, 1.0)
-    axes[1].set_xlabel("change of the advantages,\nover their spread between states", fontsize=11)
-    axes[2].set_xlabel("gradient on its pixels,\nover that of all pixels", fontsize=11)
-    axes[2].axvline(1.0, color="#666666", linestyle="--", linewidth=1)
-    for axis in axes:
-        tidy(axis, "x")
-    for axis in axes[1:]:
-        axis.set_xlim(0, 1.06 * axis.get_xlim()[1])
+        axis.hlines(y, [row.changed.low for row in rows], [row.changed.high for row in rows], style["color"])
+        axis.plot([row.changed.value for row in rows], y, **style)
+    axis.set_yticks(range(len(names)), names, fontsize=11)
+    axis.set_ylim(len(names) - 0.55, -0.45)
+    axis.set_xlabel("share of states in which the action changes", fontsize=11)
+    axis.set_xlim(-0.03, 1.0)
+    tidy(axis, "x")
     add_legend(figure, 3, role_styles(measured))
     return figure

@@ -1,13 +1,11 @@
-"""Pictures of one network: filters of its first layer, activations of each layer, and saliency maps."""
+"""Pictures of networks: filters of the first layer, and saliency maps."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -21,8 +19,6 @@ from ship_trl.explain.saliency import gradient, greedy_actions, occlusion
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
 
-# Activation maps drawn of a conv layer.
-MAX_MAPS = 16
 # Blue below zero, orange above, from Okabe and Ito; in grey they differ from zero in brightness.
 SIGNED = LinearSegmentedColormap.from_list("signed", ["#0072B2", "#F2F2F2", "#D55E00"])
 # Keyword arguments of pictures and maps from 0 to 1.
@@ -48,9 +44,8 @@ def to_image(picture: Tensor) -> Floats:
 
 
 def tile(maps: Floats, columns: int) -> Floats:
-    """Arrange maps [M, S, S] in a grid, with empty lines between them if they are larger than a pixel."""
-    side = maps.shape[1]
-    step = side + 1 if side > 1 else 1
+    """Arrange maps [M, S, S] in a grid, with empty lines between them."""
+    side, step = maps.shape[1], maps.shape[1] + 1
     sheet = np.full((-(-len(maps) // columns) * step, columns * step), np.nan)
     for k, values in enumerate(maps):
         top, left = k // columns * step, k % columns * step
@@ -87,40 +82,6 @@ def draw_filters(measured: Measured) -> Figure:
         image = show(axis, tile(each, columns), one.name, **style)
     bar = figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.4, aspect=40, pad=0.03)
     bar.set_label("weight", fontsize=10)
-    return figure
-
-
-def draw_activations(network: DuelingNetwork, picture: Tensor, pixels: Tensor) -> Figure:
-    """Draw the activations of each layer for one picture.
-
-    Args:
-        network: the network.
-        picture: uint8 [C, 84, 84].
-        pixels: pictures [N, C, 84, 84]; of a conv layer the maps that vary most over them are drawn.
-    """
-    with torch.no_grad():
-        values, over_states = network.activations(picture[None]), network.activations(pixels)
-    columns = 3
-    rows = -(-(1 + len(values)) // columns)
-    figure = new_figure(4.0 * rows)
-    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0.05}).flatten()
-    show(axes[0], to_image(picture), "input", **GREY)
-    for axis, (layer, value) in zip(axes[1:], values.items(), strict=False):
-        maps = value[0].reshape(value.shape[1], *(value.shape[2:] or (1, 1))).double().numpy()
-        title = f"{layer}: {len(maps)} units, {int((maps > 0).sum())} active"
-        side, across, largest = maps.shape[-1], math.ceil(math.sqrt(len(maps))), maps.max()
-        if side > 1:
-            spread = over_states[layer].transpose(0, 1).flatten(1).std(1)
-            chosen = spread.argsort(descending=True)[:MAX_MAPS].sort().values.numpy()
-            title = f"{layer}: {len(chosen)} of {len(maps)} maps, {side} x {side}"
-            maps, across = maps[chosen], 4
-            largest = maps.max(axis=(1, 2), keepdims=True)
-        shares = np.divide(maps, largest, out=np.zeros_like(maps), where=largest > 0)
-        image = show(axis, tile(shares, across), title, **UNIT)
-    for axis in axes[1 + len(values) :]:
-        axis.axis("off")
-    bar = figure.colorbar(image, ax=list(axes), shrink=0.5, aspect=40, pad=0.01)
-    bar.set_label("share of the maximum", fontsize=10)
     return figure
 
 

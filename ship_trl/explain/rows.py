@@ -63,32 +63,17 @@ class CKARow:
 
 
 @dataclass(frozen=True)
-class LayerRow:
-    """Activity and weights of a layer.
-
-    `silent` counts filters that are zero on all states, `active` is the share of positive activations.
-    `changed` is the norm of the change of the weights by training, over their norm before. `neighbours` is
-    the correlation of neighbouring weights of conv1, with an interval over filters.
-    """
+class FilterRow:
+    """Correlation of neighbouring weights of conv1, with an interval over filters."""
 
     network: str
     role: str
-    layer: str
-    filters: int
-    silent: int
-    active: float
-    changed: float | None
-    neighbours: Estimate | None
+    neighbours: Estimate
 
 
 @dataclass(frozen=True)
 class ErasedRow:
-    """Effect of erasing a thing from the pictures of the states that show it.
-
-    `changed` is the share of states in which the greedy action changes. `moved` is the change of the
-    advantages over their spread between states, `gradient` the mean gradient on the thing's pixels over that
-    of all pixels.
-    """
+    """Share of the states that show a thing in which the greedy action changes without it."""
 
     network: str
     role: str
@@ -96,8 +81,6 @@ class ErasedRow:
     states: int
     changed: Estimate
     over_untrained: Estimate | None
-    moved: float
-    gradient: float
 
 
 @dataclass(frozen=True)
@@ -108,7 +91,7 @@ class Measured:
     layers: tuple[str, ...]
     probes: list[ProbeRow]
     cka: list[CKARow]
-    by_layer: list[LayerRow]
+    filters: list[FilterRow]
     erased: list[ErasedRow]
 
     @property

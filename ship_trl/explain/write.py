@@ -58,16 +58,13 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     measured = measure(networks, states, erased, seed, log)
     episode = rollout(env, greedy_policy(network, env.rasteriser))[0].states
     saliency = pictures.episode_saliency(network, networks[-1].network, env, episode)
-    # The middle one of the saliency maps' states.
-    picture = env.rasteriser(episode[round((len(episode) - 1) / 2)][None])[0]
-    write_tables(output, measured, states, saliency, picture)
+    write_tables(output, measured)
     figures = {
         "probes": charts.draw_probes(measured),
         "change": charts.draw_change(measured),
         "erased": charts.draw_erased(measured),
         "saliency": pictures.draw_saliency(saliency),
         "filters": pictures.draw_filters(measured),
-        "maps": pictures.draw_activations(network, picture, states.pixels),
     }
     files = {name: output / f"{name}.png" for name in figures}
     for name, figure in figures.items():

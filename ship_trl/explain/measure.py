@@ -119,7 +119,6 @@ def probe_row(
         interval(probe.r2, resampled),
         probe.validation_r2,
         probe.shuffled_r2,
-        probe.penalty,
         difference(pixels),
         difference(untrained),
     )

@@ -44,7 +44,6 @@ class ProbeRow:
     r2: Estimate
     checked_r2: float
     shuffled_r2: float
-    penalty: float
     over_pixels: Estimate | None
     over_untrained: Estimate | None
 

@@ -14,14 +14,11 @@ seeds of its last look, or the first --seeds.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
+from ship_trl.cli.table import show
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.statistics import LEVEL, Estimate
@@ -42,11 +39,8 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     with refusals():
         study = finished_study(options.folder, options.seeds)
-        table = Table(*HEADINGS)
-        for finding in answers(study, options.questions, options.seeds):
-            table.add_row(*row(finding))
-        width = None if sys.stdout.isatty() else FILE_WIDTH
-        Console(highlight=False, markup=False, width=width).print(table)
+        found = answers(study, options.questions, options.seeds)
+        show(HEADINGS, map(row, found), file_width=FILE_WIDTH)
 
 
 def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
@@ -81,7 +75,3 @@ def row(finding: Finding) -> list[str]:
 def interval(one: Estimate) -> str:
     """Format the ends of an interval."""
     return f"{one.low:+.3f} to {one.high:+.3f}"
-
-
-if __name__ == "__main__":
-    main()

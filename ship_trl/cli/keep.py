@@ -9,8 +9,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
-from ship_trl.config.errors import ConfigError, print_error
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -20,11 +20,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("origin", type=Path, metavar="FOLDER", help="of a study, as outputs/quick_study")
     parser.add_argument("goal", type=Path, metavar="COPY", help="of the tables; with --restore in exchange")
     options = parser.parse_args(arguments)
-    try:
+    with refusals():
         (restore_study if options.restore else keep_study)(options.origin, options.goal)
-    except ConfigError as error:
-        print_error(str(error))
-        sys.exit(1)
 
 
 def keep_study(folder: Path, copy: Path) -> None:
@@ -45,7 +42,3 @@ def restore_study(copy: Path, folder: Path) -> None:
     runs, others = restore(read_tables(copy, "copy"), folder)
     left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
     sys.stdout.write(f"{runs} runs{left}; {folder}\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.table import Column, Table
@@ -11,18 +12,25 @@ from rich.table import Column, Table
 FILE_WIDTH = 200
 
 
-def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> None:
-    """Print a table."""
+def show(
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    markdown: bool = False,
+    title: str | None = None,
+    file_width: int = FILE_WIDTH,
+) -> None:
+    """Print a table; `file_width` is in letters, where it goes into a file or a pipe."""
+    rows = list(rows)
     if markdown:
         lines = (headings, ["---"] * len(headings), *rows)
         sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
     # What tells the rows apart is never cut, however narrow the terminal is.
-    first = Column(headings[0], no_wrap=True, min_width=max(len(row[0]) for row in rows))
-    table = Table(first, *headings[1:])
+    first = Column(headings[0], no_wrap=True, min_width=max((len(row[0]) for row in rows), default=0))
+    table = Table(first, *headings[1:], title=title, title_justify="left")
     for row in rows:
         table.add_row(*row)
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
-        console.width = FILE_WIDTH
+        console.width = file_width
     console.print(table)

@@ -92,15 +92,6 @@ class CaseBase:
                 found.append(one)
         return found
 
-    def representative(self, case: Case) -> Entry | None:
-        """Find the stored network of a case with the best greedy return (section 4.3).
-
-        Networks with other layers than the paper's are skipped.
-        """
-        stored = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
-        usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
-        return max(usable, key=lambda entry: entry.best_return, default=None)
-
     def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
         """Return the folder of an entry, which may not exist."""
         return self.folder / case.name / arm / f"seed={seed}-{config_hash}"

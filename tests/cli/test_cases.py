@@ -6,8 +6,6 @@ import pytest
 from PIL import Image
 
 from ship_trl.cli.cases import main
-from ship_trl.sim.cases import load_case, load_world
-from ship_trl.transfer.casebase import CaseBase
 from tests.command import ROOT, ship_trl
 
 
@@ -25,25 +23,14 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     with Image.open(tmp_path / "outputs/case_new.png") as picture:
         assert picture.height < 400  # of this case alone
     assert not (tmp_path / "outputs/cases.png").exists()
-    case, place = load_case("2", load_world()), tmp_path / "run"
-    place.mkdir()
-    for name in ("policy.safetensors", "config.yaml"):
-        (place / name).write_text("")
-    base = CaseBase(tmp_path / "a base")
-    base.retain(case, "FTW-from-1", 3, "abc", {"best": {"return": 80.0}}, place)
-    done = ship_trl("--target", "new", "--case-base", "a base", folder=tmp_path, verb="cases")
-    policy = "a base/2/FTW-from-1/seed=3-abc/policy.safetensors"
-    assert f"{line} 'source_file={policy}'" in done.stdout.splitlines()
-    assert "(FTW-from-1, seed 3, greedy return 80.0)" in done.stdout
     done = ship_trl("--target", "banana", folder=tmp_path, verb="cases", code=1)
     assert done.stderr.startswith("ship_trl: --target: no case banana; allowed: 1, 2")
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("line", [["--no-picture"], ["--picture", "a.png"]])
-def test_the_picture_of_a_target_goes_where_it_is_asked_to(line: list[str], tmp_path: Path) -> None:
-    main(["--target", "new", *line])
-    assert [path.name for path in tmp_path.rglob("*.png")] == (["a.png"] if "--picture" in line else [])
+def test_the_picture_of_a_target_goes_where_it_is_asked_to(tmp_path: Path) -> None:
+    main(["--target", "new", "--picture", "a.png"])
+    assert [path.name for path in tmp_path.rglob("*.png")] == ["a.png"]
 
 
 @pytest.mark.skipif(not (ROOT / ".gitignore").exists(), reason="no checkout")

@@ -54,7 +54,6 @@ def case_base() -> None:
     base, case = CaseBase(Path(BASE)), load_case("near", load_world())
     for entry in base.entries():
         base.find(case, "scratch", 0, entry.path.name.removeprefix("seed=0-"))
-    base.representative(case)
 
 
 def kept_plan() -> None:

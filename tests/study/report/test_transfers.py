@@ -80,7 +80,7 @@ def test_the_transfer_that_is_shown_to_gain_most_is_recommended(
 
     def said(target: str, *rows: dict[str, str]) -> list[str]:
         write(given, list(rows))
-        cases(["--target", target, "--no-picture", "--measured", str(given)])
+        cases(["--target", target, "--measured", str(given)])
         return capsys.readouterr().out.splitlines()
 
     def wide(row: dict[str, str]) -> dict[str, str]:

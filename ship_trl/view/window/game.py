@@ -20,6 +20,8 @@ from ship_trl.view.window.player import Player
 from ship_trl.view.words import action_text, number
 
 AUTHOR = "keyboard"
+# Seconds of the world in one of ours.
+SPEED = 2.0
 
 
 class Helm:
@@ -65,7 +67,7 @@ class Game(Interactive):
     `speed` is seconds of the world in one of ours.
     """
 
-    def __init__(self, cases: list[Case], world: World, folder: Path | None, speed: float) -> None:
+    def __init__(self, cases: list[Case], world: World, folder: Path | None, speed: float = SPEED) -> None:
         super().__init__()
         self.cases, self.world, self.folder = cases, world, folder
         self.kept: list[Path] = []

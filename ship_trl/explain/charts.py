@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.measure import PIXELS
 from ship_trl.explain.rows import Measured, Role
+from ship_trl.view.chart import tidy
 
 # Keyword arguments of Matplotlib.
 Style = dict[str, Any]
@@ -40,12 +41,6 @@ MIN_R2 = -0.15
 def new_figure(height: float) -> Figure:
     """Begin a figure of the page's width; height in inches."""
     return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
-
-
-def tidy(axis: Axes, grid: Literal["x", "y"] = "y") -> None:
-    """Remove the upper and right edge, and add grid lines."""
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.grid(axis=grid, color="#8888", linewidth=0.5)
 
 
 def add_legend(figure: Figure, columns: int, styles: Sequence[Style] = ()) -> None:
@@ -99,7 +94,7 @@ def draw_quantity(axis: Axes, measured: Measured, quantity: str) -> None:
     axis.set_xticks(x, measured.layers, fontsize=10)
     axis.tick_params(labelbottom=True)
     axis.set_ylim(MIN_R2 - 0.03, 1.03)
-    tidy(axis)
+    tidy(axis, "y")
 
 
 def draw_change(measured: Measured) -> Figure:
@@ -138,7 +133,7 @@ def draw_change(measured: Measured) -> Figure:
             axis.plot(x, mean, **STYLES[look] | {"label": label})
     axis.set_xticks(x, measured.layers, fontsize=11)
     axis.set_ylabel("CKA: 1 similar, 0 unrelated", fontsize=11)
-    tidy(axis)
+    tidy(axis, "y")
     add_legend(figure, 2)
     return figure
 

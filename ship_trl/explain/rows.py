@@ -113,14 +113,8 @@ class Measured:
         return [row for row in self.cka if row.layer == layer and {row.first_role, row.second_role} == roles]
 
     def cka_between_seeds(self, layer: str) -> list[CKARow]:
-        """Select CKA of a layer between networks that differ in their seed only.
-
-        These are networks with the settings of the explained one if there are two, else all.
-        """
-        rows = [row for row in self.cka if row.layer == layer and row.alike]
-        settings = self.explained.settings
-        same = {one.name for one in self.networks if one.settings is not None and one.settings == settings}
-        return [row for row in rows if {row.first, row.second} <= same] or rows
+        """Select CKA of a layer between networks that differ in their seed only."""
+        return [row for row in self.cka if row.layer == layer and row.alike]
 
     def best_probes(self) -> Iterator[ProbeRow]:
         """Select the best layer of each quantity, by R² on the validation episodes.

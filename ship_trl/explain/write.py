@@ -22,6 +22,7 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
+from ship_trl.view.chart import save
 
 PAGE = "index.html"
 
@@ -68,9 +69,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     }
     files = {name: output / f"{name}.png" for name in figures}
     for name, figure in figures.items():
-        with replacing(files[name]) as draft:
-            # Without the version of Matplotlib the same figure gives the same bytes.
-            figure.savefig(draft, format="png", metadata={"Software": None})
+        save(figure, files[name])
     log(f"{len(figures)} figures")
     page = render(measured, list_facts(first, origin, states, measured), files, first.case.name, command)
     with replacing(output / PAGE) as draft:

@@ -184,7 +184,7 @@ def test_a_file_that_cannot_be_written_is_one_line(
         raise OSError(28, "No space left on device", str(path))
 
     monkeypatch.setattr("ship_trl.cli.results.picture", full)
-    monkeypatch.setattr("ship_trl.cli.results.write_numbers", full)
+    monkeypatch.setattr("ship_trl.study.report.tables.write_csv", full)
     write(tmp_path, 0, 30.0)
     with pytest.raises(SystemExit) as ended:
         main([str(tmp_path), option, name])

@@ -13,7 +13,7 @@ from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.measure import PIXELS, measure, neighbour_correlation
 from ship_trl.explain.networks import Origin, add_controls, make_untrained
 from ship_trl.explain.page import make_tables
-from ship_trl.explain.rows import CKARow, Compared, Measured, Role
+from ship_trl.explain.rows import Compared, Measured, Role
 from ship_trl.explain.saliency import erase_things
 from ship_trl.learn.network import DuelingNetwork
 from tests.explain.worlds import env_of, some_states
@@ -88,18 +88,3 @@ def test_the_best_layer_is_chosen_on_validation_episodes_and_marked_against_cont
     assert best[:2] == [row.quantity, "conv1"]
     assert best[3:5] == ["0.20 (0.10 to 0.30) ▲", "-0.20 (-0.30 to -0.10) ▼"]
     assert [line[-2:] for line in tables["layers"].rows] == [["0 ▲ 1 ▼", "1 ▲ 0 ▼"], ["1 ▲ 0 ▼", "0 ▲ 0 ▼"]]
-
-
-def test_seeds_of_the_same_settings_come_first() -> None:
-    net, mine, other = network("single"), ("low", "FT3", "4"), ("low", "scratch", "4")
-    networks = [Compared(name, Role.beside, net, other) for name in ("one", "two")]
-    networks = [
-        Compared("mine", Role.explained, net, mine),
-        Compared("twin", Role.beside, net, mine),
-        *networks,
-    ]
-    value = Estimate(0.5, 0.4, 0.6)
-    rows = [CKARow(a, "", b, "", "conv1", True, value) for a, b in (("one", "two"), ("mine", "twin"))]
-    found = dataclasses.replace(measured(), networks=tuple(networks), cka=rows)
-    assert found.cka_between_seeds("conv1") == rows[1:]
-    assert dataclasses.replace(found, cka=rows[:1]).cka_between_seeds("conv1") == rows[:1]

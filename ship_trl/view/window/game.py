@@ -9,12 +9,13 @@ import torch
 
 from ship_trl.config.types import World
 from ship_trl.policies.demonstrations import write_demonstration
+from ship_trl.policies.named import straight_action
 from ship_trl.sim.cases import Case
 from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.telemetry import Telemetry, measure, straight_action
+from ship_trl.view.telemetry import Telemetry, measure
 from ship_trl.view.window.interactive import LEFT, RIGHT, UP, Interactive
 from ship_trl.view.window.player import Player
 from ship_trl.view.words import action_text, number

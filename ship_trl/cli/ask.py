@@ -25,8 +25,6 @@ from ship_trl.study.analysis.statistics import LEVEL, Estimate
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.questions import ask
 
-# Columns of a table in a file or a pipe, so that no line is broken.
-FILE_WIDTH = 1_000
 HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
 
 
@@ -40,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     with refusals():
         study = finished_study(options.folder, options.seeds)
         found = answers(study, options.questions, options.seeds)
-        show(HEADINGS, map(row, found), file_width=FILE_WIDTH)
+        show(HEADINGS, map(row, found))
 
 
 def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from rich.console import Console
 from rich.table import Column, Table
 
-# Of a table that goes into a file or a pipe.
-FILE_WIDTH = 200
+# Columns of a table in a file or a pipe, so that no line is broken.
+FILE_WIDTH = 1_000
 
 
 def show(
@@ -17,9 +17,8 @@ def show(
     rows: Iterable[Sequence[str]],
     markdown: bool = False,
     title: str | None = None,
-    file_width: int = FILE_WIDTH,
 ) -> None:
-    """Print a table; `file_width` is in letters, where it goes into a file or a pipe."""
+    """Print a table, with a title above unless it is Markdown."""
     rows = list(rows)
     if markdown:
         lines = (headings, ["---"] * len(headings), *rows)
@@ -32,5 +31,5 @@ def show(
         table.add_row(*row)
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
-        console.width = file_width
+        console.width = FILE_WIDTH
     console.print(table)

@@ -58,13 +58,12 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     erased = erase_things(env, states.states[torch.from_numpy(states.held_out)])
     measured = measure(networks, states, erased, seed, log)
     episode = rollout(env, greedy_policy(network, env.rasteriser))[0].states
-    saliency = pictures.episode_saliency(network, networks[-1].network, env, episode)
     write_tables(output, measured)
     figures = {
         "probes": charts.draw_probes(measured),
         "change": charts.draw_change(measured),
         "erased": charts.draw_erased(measured),
-        "saliency": pictures.draw_saliency(saliency),
+        "saliency": pictures.draw_saliency(network, networks[-1].network, env, episode),
         "filters": pictures.draw_filters(measured),
     }
     files = {name: output / f"{name}.png" for name in figures}

@@ -49,7 +49,11 @@ SHIPS = "abs(len(base.target_ships) - len(target.target_ships))"
 # By recipe: file, what stands there, what takes its place; the recipe gives every new line.
 RECIPES = {
     "reward": [
-        ("ship_trl/config/types.py", "    k2: float\n", "    k2: float\n    rudder: float = 0.0\n"),
+        (
+            "ship_trl/config/types.py",
+            "    k2: Coefficient\n",
+            "    k2: Coefficient\n    rudder: Coefficient = 0.0\n",
+        ),
         (REWARD, "        180.0 / math.pi,\n", "        180.0 / math.pi,\n        reward.rudder,\n"),
         (REWARD, f"{CONSTANTS} = constants\n", f"{CONSTANTS}, rudder = constants\n"),
         (REWARD, f"{TERMS}\n", f"{TERMS} + rudder * abs(turn)\n"),

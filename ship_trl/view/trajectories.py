@@ -26,7 +26,7 @@ ENDS = {"collision": ("x", "ends in a collision"), "timeout": ("|", "ends by the
 # Seconds between marks on a path, and metres around everything.
 MARK_TIME, MARGIN = 10.0, 70.0
 # Panels in a row, and the inches of one: wider where there are few.
-COLUMNS, PANEL, MIN_WIDTH = 5, 3.0, 6.5
+COLUMNS, PANEL, MIN_WIDTH = 5, 3.0, 5.5
 START: dict[str, Any] = {"marker": "o", "color": "black", "fillstyle": "none", "markersize": 9, "mew": 2}
 PATH: dict[str, Any] = {"color": CHART_SERIES[0], "marker": "o"}
 
@@ -147,7 +147,7 @@ def _legend(world: World, paths: Paths, has_others: bool) -> list[Line2D]:
         (has_others, "the other policies", {"marker": "", "linestyle": "-", "color": OTHERS}),
         (bool(paths[0].case.target_ships), "target ship, numbered", ship),
         (bool(paths[0].case.target_ships), f"{safe} at the closest approach", ring),
-        (True, f"a mark on each path every {MARK_TIME:g} s", PATH | {"markersize": 5}),
+        (True, f"a mark on each path every {MARK_TIME:g} s", PATH | {"linestyle": "-", "markersize": 5}),
     ]
     for outcome, (marker, words) in ENDS.items():
         entries.append((outcome in outcomes, words, {"marker": marker, "markersize": 11, "mew": 3}))

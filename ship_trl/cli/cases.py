@@ -80,10 +80,10 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
         rows.append((pair, source, target, f"{value:.2f}", f"{apart:.2f}", *in_words(base, case)))
     headings = ("pair", "source", "target", "similarity", "distance", "common", "different")
     show(headings, rows, title="Table 2: similarity by equation 8, distance by equation 7")
-    rows = [
+    table = [
         (name, *(f"{similarity(base, case):.2f}" for case in cases.values())) for name, base in cases.items()
     ]
-    show(("", *cases), rows, title="Similarity of every source (row) to every target (column)")
+    show(("", *cases), table, title="Similarity of every source (row) to every target (column)")
 
 
 def show_ranking(target: Case, bases: list[Case], world: World, by: str) -> None:

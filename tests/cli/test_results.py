@@ -189,4 +189,6 @@ def test_a_file_that_cannot_be_written_is_one_line(
     with pytest.raises(SystemExit) as ended:
         main([str(tmp_path), option, name])
     assert ended.value.code == 1
-    assert capsys.readouterr().err == f"ship_trl: {name}: No space left on device\n"
+    said = capsys.readouterr().err.splitlines()
+    # A run without a learning curve is named before.
+    assert said[-1] == f"ship_trl: {name}: No space left on device"

@@ -14,22 +14,17 @@ seeds of its last look, or the first --seeds.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-
-from rich.console import Console
-from rich.table import Table
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
+from ship_trl.cli.table import show
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.statistics import LEVEL
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.questions import ask
 
-# Columns of a table in a file or a pipe, so that no line is broken.
-FILE_WIDTH = 1_000
 HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
 
 
@@ -42,11 +37,8 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     with refusals():
         study = finished_study(options.folder, options.seeds)
-        table = Table(*HEADINGS)
-        for finding in answers(study, options.questions, options.seeds):
-            table.add_row(*row(finding))
-        width = None if sys.stdout.isatty() else FILE_WIDTH
-        Console(highlight=False, markup=False, width=width).print(table)
+        found = answers(study, options.questions, options.seeds)
+        show(HEADINGS, map(row, found))
 
 
 def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
@@ -76,7 +68,3 @@ def row(finding: Finding) -> list[str]:
     beside = ", ".join(f"{name} {one.value:+.3f} ({one.interval()})" for name, one in finding.beside.items())
     estimate = finding.estimate
     return [finding.what, f"{estimate.value:+.3f}", estimate.interval(), str(finding.seeds), above, beside]
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""`python -m ship_trl evaluate POLICY... target=CASE`: sail any policies, and table what they reach.
+"""`python -m ship_trl evaluate POLICY... target=CASE`: roll out any policies, and list what they reach.
 
 POLICY is random, keep_course, best_known, pretrained (the networks that come with us, beside what their
 manifest claims), pretrained:CASE (that of one case), a safetensors file, a result folder (its best and
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
+from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m",
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Sail, print the table, write the GIF."""
+    """Print the table, write the GIF."""
     parser = make_parser("evaluate", __doc__)
     add_policies(parser, [PRETRAINED])
     add_number(parser, "--episodes", Positive, 1, "in parallel; the table has their means")
@@ -41,9 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         entries = find_entries(options.words, options.colour)
-        wrong = table(
-            entries, options.episodes, options.seed, options.gif, options.markdown, options.demonstrations
-        )
+        wrong = evaluate(entries, options)
     if wrong:
         print_error(
             f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]}"
@@ -52,15 +51,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(1)
 
 
-def table(
-    entries: list[Entry],
-    episodes: int,
-    seed: int,
-    gif: Path | None,
-    markdown: bool,
-    demonstrations: Path | None,
-) -> list[str]:
-    """Sail every entry and print what it reached; says of which that is not what is claimed, and how."""
+def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
+    """Roll out every entry and print a table; return a line for each that does not reach what is claimed."""
     from ship_trl.cli.table import show
     from ship_trl.run.process import configure_process
     from ship_trl.sim.reference import best_known
@@ -70,7 +62,7 @@ def table(
     film: tuple[Entry, Any, Episode] | None = None
     for entry in entries:
         try:
-            env, _, sailed = sail(entry, episodes, seed)
+            env, _, sailed = sail(entry, options.episodes, options.seed)
         except ConfigError as error:
             # Of a folder the other networks are shown; a policy that was named must be right.
             if entry.label == entry.policy or len(entries) == 1:
@@ -83,15 +75,15 @@ def table(
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
         film = entry, env, sailed[0]
-        if demonstrations is not None:
-            keep(entry, sailed, demonstrations)
-    show(HEADINGS, rows, markdown)
-    if gif is not None and film is not None:
+        if options.demonstrations is not None:
+            keep(entry, sailed, options.demonstrations)
+    show(HEADINGS, rows, options.markdown)
+    if options.gif is not None and film is not None:
         from ship_trl.view.film import write_gif
 
         entry, env, episode = film
-        write_gif(gif, entry.case, entry.world, episode, env.rasteriser, entry.label)
-        sys.stdout.write(f"{gif}\n")
+        write_gif(options.gif, entry.case, entry.world, episode, env.rasteriser, entry.label)
+        sys.stdout.write(f"{options.gif}\n")
     return wrong
 
 

@@ -42,7 +42,3 @@ def restore_study(copy: Path, folder: Path) -> None:
     runs, others = restore(read_tables(copy, "copy"), folder)
     left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
     sys.stdout.write(f"{runs} runs{left}; {folder}\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -9,19 +9,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, add_size, make_parser
+from ship_trl.cli.parser import add_size, make_parser
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import limit
 from ship_trl.sim.cases import Case, load_case, load_world
-
-Speed = Annotated[float, limit(0.5, 20)]
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read the words, open the window, sail."""
+    """Read the words, open the window, play."""
     parser = make_parser("play", __doc__)
     parser.add_argument("target", nargs="?", default="target=4", metavar="target=CASE")
     folder = Path("outputs/demonstrations")
@@ -29,7 +25,6 @@ def main(arguments: list[str] | None = None) -> None:
         "--demonstrations", type=Path, default=folder, metavar="FOLDER", help="default: %(default)s"
     )
     parser.add_argument("--keep-nothing", action="store_true", help="keep no demonstrations")
-    add_number(parser, "--speed", Speed, 2.0, "times as fast as real time")
     add_size(parser, "1600x900", "of the window")
     options = parser.parse_args(arguments)
     with refusals():
@@ -38,28 +33,23 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE")
         world = load_world()
         cases = [load_case(name, world, "target") for name in names.split(",")]
-        play(cases, None if options.keep_nothing else options.demonstrations, options.speed, options.size)
+        play(cases, None if options.keep_nothing else options.demonstrations, options.size)
 
 
-def play(cases: list[Case], folder: Path | None, speed: float, size: tuple[int, int]) -> None:
-    """Open a window, and sail in it until it is closed.
+def play(cases: list[Case], folder: Path | None, size: tuple[int, int]) -> None:
+    """Open a window, and steer in it until it is closed.
 
     Raises:
         ConfigError: there is no screen.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.view.window.display import NoScreenError, open_window
+    from ship_trl.view.window.display import open_window
     from ship_trl.view.window.game import Game
 
     configure_process()
-    game = Game(cases, load_world(), folder, speed)
-    try:
-        with open_window(size, "ship_trl"):
-            game.run()
-    except NoScreenError as error:
-        raise ConfigError(
-            f"no screen ({error}); python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER "
-            "keeps a policy's episodes"
-        ) from None
+    game = Game(cases, load_world(), folder)
+    command = "python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER"
+    with open_window(size, f"{command} keeps a policy's episodes"):
+        game.run()
     for path in game.kept:
         sys.stdout.write(f"{path}\n")

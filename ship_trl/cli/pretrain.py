@@ -53,11 +53,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def write_networks(folder: Path, cases: list[Path]) -> None:
-    """Write the best network of each case, a manifest and the curves of all runs into `folder`.
+    """Write the best network of each case, the curves of all runs and last a manifest into `folder`.
 
-    Args:
-        folder: created if needed; existing files are replaced, the manifest last.
-        cases: folders of the runs, one for each case.
+    `cases` are the folders of the runs, one for each case.
 
     Raises:
         ConfigError: a run is missing or incomplete.
@@ -108,15 +106,9 @@ def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
 
 
 def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
-    """Write the network of a run, in half precision if its greedy episode stays the same.
+    """Write `CASE.safetensors`, in half precision if its greedy episode stays the same; return its entry.
 
-    Args:
-        folder: where to write `CASE.safetensors`.
-        result: result of the run.
-        weights: file of the run's best network.
-
-    Returns:
-        The network's entry in the manifest.
+    `result` is that of the run, `weights` the file of its best network.
     """
     import torch
 

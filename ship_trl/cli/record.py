@@ -8,6 +8,7 @@ beside each other with --compare. --trajectories draws all of them into one char
 from __future__ import annotations
 
 import sys
+from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,47 +43,26 @@ def main(arguments: list[str] | None = None) -> None:
     add_number(parser, "--speed", Speed, 5.0, "times as fast as real time")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
-        usual = 30.0 if options.output and options.output.suffix == ".mp4" else 10.0
-        rate = usual if options.fps is None else options.fps
+        is_mp4 = options.output is not None and options.output.suffix == ".mp4"
         if options.output is None and options.trajectories is None:
             raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
-        if options.output is not None and options.output.suffix == ".mp4":
+        if is_mp4:
             check_mp4(options.size)
         entries = best_of_folders(find_entries(options.words or FIRST, options.colour))
         if options.trajectories is not None:
-            need_one_case(entries)
+            check_one_case(entries)
         if options.output is not None:
-            look = {"absolute": options.absolute, "to_scale": options.to_scale, "saliency": options.saliency}
-            film(
-                options.output,
-                entries,
-                options.compare,
-                look,
-                options.size,
-                rate,
-                options.speed,
-                options.seed,
-            )
+            options.fps = options.fps or (30.0 if is_mp4 else 10.0)
+            film(entries, options)
         if options.trajectories is not None:
             chart(options.trajectories, entries, options.seed)
 
 
 def check_mp4(size: tuple[int, int]) -> None:
-    """Refuse an MP4 that cannot be encoded.
+    """Refuse an MP4 that cannot be encoded; neither torch nor pygame is imported for it.
 
     Raises:
-        ConfigError: ffmpeg is missing, or a side is odd.
-    """
-    need_ffmpeg()
-    if size[0] % 2 or size[1] % 2:
-        raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
-
-
-def need_ffmpeg() -> None:
-    """Refuse an MP4 where it cannot be encoded; neither torch nor pygame is imported for it.
-
-    Raises:
-        ConfigError: imageio-ffmpeg is not installed, or finds no ffmpeg.
+        ConfigError: imageio-ffmpeg is not installed, or finds no ffmpeg, or a side is odd.
     """
     try:
         import imageio_ffmpeg
@@ -91,25 +71,18 @@ def need_ffmpeg() -> None:
     except (ImportError, RuntimeError):
         missing = missing_extra("imageio-ffmpeg", "film")
         raise ConfigError(f"--output: an MP4 needs imageio-ffmpeg, a .gif does not; {missing}") from None
+    if size[0] % 2 or size[1] % 2:
+        raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
 
 
-def need_one_case(entries: list[Entry]) -> None:
+def check_one_case(entries: list[Entry]) -> None:
     """Refuse a chart of several cases."""
     cases = {entry.case.fingerprint: entry.case.name for entry in entries}
     if len(cases) > 1:
         raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
 
 
-def film(
-    path: Path,
-    entries: list[Entry],
-    compare: bool,
-    look: dict[str, bool],
-    size: tuple[int, int],
-    rate: float,
-    speed: float,
-    seed: int,
-) -> None:
+def film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two.
 
     Raises:
@@ -121,11 +94,12 @@ def film(
     from ship_trl.view.window.playlist import Playlist, view_episode
 
     configure_process()
-    acts = [[view_episode(entry, seed)] for entry in entries]
-    if compare:
-        acts = [Playlist(entries, compare, seed).views()]
-    write_film(path, draw_film(acts, Look(**look), size, rate, speed), rate)
-    sys.stdout.write(f"{path}\n")
+    acts = [[view_episode(entry, options.seed)] for entry in entries]
+    if options.compare:
+        acts = [Playlist(entries, True, options.seed).views()]
+    look = Look(options.absolute, options.to_scale, options.saliency)
+    write_film(options.output, draw_film(acts, look, options.size, options.fps, options.speed), options.fps)
+    sys.stdout.write(f"{options.output}\n")
 
 
 def chart(path: Path, entries: list[Entry], seed: int) -> None:

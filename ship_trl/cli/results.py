@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ship_trl.cli.errors import explain_file
+from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.cli.table import show
 from ship_trl.config.errors import print_error
@@ -57,25 +57,22 @@ def main(arguments: list[str] | None = None) -> None:
     if not found:
         print_error(nothing_below(folders))
         sys.exit(1)
-    rows = list(summarise(found))
-    try:
+    from ship_trl.study.analysis import stability
+    from ship_trl.study.report.tables import write_csv
+
+    with refusals():
         if options.picture is not None:
             picture(options.picture, found)
         if options.csv is not None:
-            write_numbers(options.csv, folders_of(found))
-    except OSError as error:
-        print_error(explain_file(error))
-        sys.exit(1)
-    show(HEADINGS, rows, options.markdown)
+            write_csv(options.csv, list(stability.numbers(folders_of(found))))
+    show(HEADINGS, summarise(found), options.markdown)
     if options.stability:
-        from ship_trl.study.analysis import stability
-
-        show(stability.HEADINGS, list(stability.rows(folders_of(found))), options.markdown)
+        show(stability.HEADINGS, stability.rows(folders_of(found)), options.markdown)
     if options.test:
         if len(folders) != 2:
             print_error(f"--test: two folders are needed, got {len(folders)}")
             sys.exit(1)
-        show(TEST_HEADINGS, list(compare(found, *folders)), options.markdown)
+        show(TEST_HEADINGS, compare(found, *folders), options.markdown)
 
 
 def nothing_below(folders: list[Path]) -> str:
@@ -86,14 +83,6 @@ def nothing_below(folders: list[Path]) -> str:
         if has_tables(folder):
             return f"folder: {folder} holds a study's tables; python -m ship_trl report {folder} reads them"
     return f"folder: no finished run below {', '.join(map(str, folders))}; python -m ship_trl makes one"
-
-
-def write_numbers(path: Path, groups: dict[str, list[Path]]) -> None:
-    """Write a row of numbers for each run, beside and renamed."""
-    from ship_trl.study.analysis import stability
-    from ship_trl.study.report import tables
-
-    tables.write_csv(path, list(stability.numbers(groups)))
 
 
 def summarise(found: Iterable[Found]) -> Iterable[list[str]]:

@@ -106,7 +106,3 @@ def conclude(jobs: list[Job], left: list[Job], config: StudyConfig) -> None:
         report(config.folder, config.folder / REPORT)
         log_summary(config)
     say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
-
-
-if __name__ == "__main__":
-    main()

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 from rich.table import Column, Table
 
-# Of a table that goes into a file or a pipe.
-FILE_WIDTH = 200
+# Columns of a table in a file or a pipe, so that no line is broken.
+FILE_WIDTH = 1_000
 
 
-def show(headings: tuple[str, ...], rows: list[list[str]], markdown: bool) -> None:
-    """Print a table."""
+def show(
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    markdown: bool = False,
+    title: str | None = None,
+) -> None:
+    """Print a table, with a title above unless it is Markdown."""
+    rows = list(rows)
     if markdown:
         lines = (headings, ["---"] * len(headings), *rows)
         sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
     # What tells the rows apart is never cut, however narrow the terminal is.
-    first = Column(headings[0], no_wrap=True, min_width=max(len(row[0]) for row in rows))
-    table = Table(first, *headings[1:])
+    first = Column(headings[0], no_wrap=True, min_width=max((len(row[0]) for row in rows), default=0))
+    table = Table(first, *headings[1:], title=title, title_justify="left")
     for row in rows:
         table.add_row(*row)
     console = Console(highlight=False, markup=False)

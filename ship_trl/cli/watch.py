@@ -1,4 +1,4 @@
-"""`python -m ship_trl watch POLICY... target=CASE`: watch any policies sail, in a window.
+"""`python -m ship_trl watch POLICY... target=CASE`: watch the episodes of any policies in a window.
 
 POLICY is random, keep_course, best_known, pretrained, a safetensors file, a result folder (its best and
 its last network), or file.py:function of your own. Result folders and pretrained networks bring their
@@ -12,7 +12,6 @@ import shlex
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
-from ship_trl.config.errors import ConfigError
 from ship_trl.policies.entry import Entry
 from ship_trl.run.entries import find_entries
 
@@ -41,17 +40,12 @@ def watch(entries: list[Entry], compare: bool, seed: int, size: tuple[int, int],
         ConfigError: a policy is not right, or there is no screen.
     """
     from ship_trl.run.process import configure_process
-    from ship_trl.view.window.display import NoScreenError, open_window
+    from ship_trl.view.window.display import open_window
     from ship_trl.view.window.playlist import Playlist
     from ship_trl.view.window.session import Session
 
     configure_process()
-    # First what is wrong with the policies: without a screen, too, this is what has to be mended.
+    # Load the policies first: what is wrong with them is said without a screen, too.
     session = Session(Playlist(entries, compare, seed))
-    try:
-        with open_window(size, "ship_trl"):
-            session.run()
-    except NoScreenError as error:
-        raise ConfigError(
-            f"no screen ({error}); python -m ship_trl record {words} --output film.gif makes a film"
-        ) from None
+    with open_window(size, f"python -m ship_trl record {words} --output film.gif makes a film"):
+        session.run()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.measure import PIXELS
 from ship_trl.explain.rows import Measured, Role
+from ship_trl.view.chart import tidy
 
 # Keyword arguments of Matplotlib.
 Style = dict[str, Any]
@@ -40,12 +41,6 @@ MIN_R2 = -0.15
 def new_figure(height: float) -> Figure:
     """Begin a figure of the page's width; height in inches."""
     return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
-
-
-def tidy(axis: Axes, grid: Literal["x", "y"] = "y") -> None:
-    """Remove the upper and right edge, and add grid lines."""
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.grid(axis=grid, color="#8888", linewidth=0.5)
 
 
 def add_legend(figure: Figure, columns: int, styles: Sequence[Style] = ()) -> None:
@@ -99,7 +94,7 @@ def draw_quantity(axis: Axes, measured: Measured, quantity: str) -> None:
     axis.set_xticks(x, measured.layers, fontsize=10)
     axis.tick_params(labelbottom=True)
     axis.set_ylim(MIN_R2 - 0.03, 1.03)
-    tidy(axis)
+    tidy(axis, "y")
 
 
 def draw_change(measured: Measured) -> Figure:
@@ -138,36 +133,27 @@ def draw_change(measured: Measured) -> Figure:
             axis.plot(x, mean, **STYLES[look] | {"label": label})
     axis.set_xticks(x, measured.layers, fontsize=11)
     axis.set_ylabel("CKA: 1 similar, 0 unrelated", fontsize=11)
-    tidy(axis)
+    tidy(axis, "y")
     add_legend(figure, 2)
     return figure
 
 
 def draw_erased(measured: Measured) -> Figure:
-    """Draw the effect of erasing each thing, and the gradient on its pixels."""
+    """Draw how often the action changes when a thing is erased."""
     names = list(dict.fromkeys(row.thing for row in measured.erased))
     figure = new_figure(1.3 + 1.05 * len(names))
-    axes = figure.subplots(1, 3, sharey=True)
+    axis = figure.subplots()
     offsets = np.linspace(-0.3, 0.3, len(measured.networks))
     for one, offset in zip(measured.networks, offsets, strict=True):
         rows = [row for row in measured.erased if row.network == one.name]
         y = [names.index(row.thing) + offset for row in rows]
         style = STYLES[one.role] | {"linestyle": "none"}
-        shares = [row.changed for row in rows]
-        axes[0].hlines(y, [share.low for share in shares], [share.high for share in shares], style["color"])
-        axes[0].plot([share.value for share in shares], y, **style)
-        axes[1].plot([row.moved for row in rows], y, **style)
-        axes[2].plot([row.gradient for row in rows], y, **style)
-    axes[0].set_yticks(range(len(names)), names, fontsize=11)
-    axes[0].set_ylim(len(names) - 0.55, -0.45)
-    axes[0].set_xlabel("share of states in which\nthe action changes", fontsize=11)
-    axes[0].set_xlim(-0.03, 1.0)
-    axes[1].set_xlabel("change of the advantages,\nover their spread between states", fontsize=11)
-    axes[2].set_xlabel("gradient on its pixels,\nover that of all pixels", fontsize=11)
-    axes[2].axvline(1.0, color="#666666", linestyle="--", linewidth=1)
-    for axis in axes:
-        tidy(axis, "x")
-    for axis in axes[1:]:
-        axis.set_xlim(0, 1.06 * axis.get_xlim()[1])
+        axis.hlines(y, [row.changed.low for row in rows], [row.changed.high for row in rows], style["color"])
+        axis.plot([row.changed.value for row in rows], y, **style)
+    axis.set_yticks(range(len(names)), names, fontsize=11)
+    axis.set_ylim(len(names) - 0.55, -0.45)
+    axis.set_xlabel("share of states in which the action changes", fontsize=11)
+    axis.set_xlim(-0.03, 1.0)
+    tidy(axis, "x")
     add_legend(figure, 3, role_styles(measured))
     return figure

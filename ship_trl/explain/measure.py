@@ -14,10 +14,9 @@ from torch import Tensor
 from ship_trl.explain.bootstrap import Estimate, Floats, interval, resamples, state_mean
 from ship_trl.explain.cka import estimate, gram
 from ship_trl.explain.probes import Probe, fit_probe
-from ship_trl.explain.rows import CKARow, Compared, ErasedRow, LayerRow, Measured, ProbeRow, Role
-from ship_trl.explain.saliency import Erased, advantage_change, gradient, greedy_actions
+from ship_trl.explain.rows import CKARow, Compared, ErasedRow, FilterRow, Measured, ProbeRow, Role
+from ship_trl.explain.saliency import Erased, greedy_actions
 from ship_trl.explain.states import StateSet
-from ship_trl.learn.network import DuelingNetwork
 
 # Network, role and layer of the probes on raw pixels.
 PIXELS = "pixels"
@@ -53,8 +52,7 @@ def measure(
             probes[name, layer, quantity.name] = fit_probe(kernel, quantity, states, generator)
 
     fit_probes(PIXELS, PIXELS, gram(states.pixels))
-    by_layer: list[LayerRow] = []
-    before = next((one.network for one in networks if one.role is Role.before), None)
+    filters: list[FilterRow] = []
     for count, one in enumerate(networks, 1):
         started = time.monotonic()
         with torch.no_grad():
@@ -63,8 +61,9 @@ def measure(
             kernel = gram(values)
             fit_probes(one.name, layer, kernel)
             kernels[one.name, layer] = kernel[np.ix_(held_out, held_out)]
-            start = before if one.role is Role.explained else None
-            by_layer.append(layer_row(one, layer, values, start, np.random.default_rng([seed, 101])))
+        weight = one.network.get_parameter("conv1.weight").detach()
+        correlation = neighbour_correlation(weight, np.random.default_rng([seed, 101]))
+        filters.append(FilterRow(one.name, one.role, correlation))
         log(f"probes {count} of {len(networks)}: {one.name}, {time.monotonic() - started:.1f} s")
     cka = [
         CKARow(
@@ -78,7 +77,7 @@ def measure(
     probe_rows = judge_probes(networks, layers, states, probes, seed)
     erased_rows = measure_erased(networks, states, erased, seed)
     log("things erased")
-    return Measured(networks, layers, probe_rows, cka, by_layer, erased_rows)
+    return Measured(networks, layers, probe_rows, cka, filters, erased_rows)
 
 
 def judge_probes(
@@ -120,31 +119,8 @@ def probe_row(
         interval(probe.r2, resampled),
         probe.validation_r2,
         probe.shuffled_r2,
-        probe.penalty,
         difference(pixels),
         difference(untrained),
-    )
-
-
-def layer_row(
-    one: Compared, layer: str, values: Tensor, before: DuelingNetwork | None, generator: np.random.Generator
-) -> LayerRow:
-    """Measure the activity and the weights of a layer; `values` are its activations [N, filters, ...]."""
-    active = values.flatten(2) > 0 if values.dim() > 2 else (values > 0)[:, :, None]
-    weight = one.network.get_parameter(f"{layer}.weight").detach()
-    changed = None
-    if before is not None:
-        old = before.get_parameter(f"{layer}.weight").detach()
-        changed = float((weight - old).norm() / old.norm())
-    return LayerRow(
-        one.name,
-        one.role,
-        layer,
-        filters=active.shape[1],
-        silent=int((~active.any(2).any(0)).sum()),
-        active=float(active.float().mean()),
-        changed=changed,
-        neighbours=neighbour_correlation(weight, generator) if layer == "conv1" else None,
     )
 
 
@@ -171,7 +147,6 @@ def measure_erased(
     """Compare the greedy actions of every network with and without each thing, on held-out states."""
     held_out = torch.from_numpy(states.held_out)
     pixels, episodes = states.pixels[held_out], states.episode[states.held_out]
-    slopes = {one.name: gradient(one.network, pixels) for one in networks}
     actions = {one.name: greedy_actions(one.network, pixels) for one in networks}
     rows = []
     for thing in erased:
@@ -190,7 +165,6 @@ def measure_erased(
                 state_mean(values, episode, np.random.default_rng([seed, 103]))
                 for values in (changed[one.name], changed[one.name] - untrained)
             )
-            slope = slopes[one.name]
             rows.append(
                 ErasedRow(
                     one.name,
@@ -199,8 +173,6 @@ def measure_erased(
                     states=int(visible.sum()),
                     changed=share,
                     over_untrained=None if one.role is Role.untrained else over_untrained,
-                    moved=advantage_change(one.network, pixels[visible], without),
-                    gradient=float(slope[thing.mask].mean() / slope[visible].mean()),
                 )
             )
     return rows

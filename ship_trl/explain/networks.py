@@ -7,13 +7,11 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from torch import Generator
 from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.config.network import load_network
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config, plain
 from ship_trl.explain.rows import Compared, Role
@@ -141,16 +139,8 @@ def read_config(path: Path) -> Config:
     Raises:
         ConfigError: the file is missing, damaged or incomplete.
     """
-    # Keys that older versions did not write, with what those versions did.
-    older = {
-        "network": plain(load_network()),
-        "checkpoint": {"every": 1.0, "seconds": 0.0},
-        "learn": {"backend": "auto"},
-        "demonstrations": None,
-        "objective": "late",
-    }
     try:
-        values = OmegaConf.merge(older, read_yaml(path))
+        values = read_yaml(path)
     except (OSError, ValueError, TypeError, OmegaConfBaseException, YAMLError) as error:
         raise ConfigError(f"{path} is not a configuration: {' '.join(str(error).split())}") from None
     return read_as(Config, values, f"{path}: ")

@@ -12,7 +12,7 @@ import numpy as np
 
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.networks import Origin
-from ship_trl.explain.rows import CKARow, ErasedRow, LayerRow, Measured, ProbeRow, Role
+from ship_trl.explain.rows import CKARow, ErasedRow, FilterRow, Measured, ProbeRow, Role
 from ship_trl.explain.states import StateSet
 from ship_trl.policies.entry import Entry
 
@@ -87,19 +87,10 @@ ERASED: dict[str, Callable[[ErasedRow], str]] = {
     "states": lambda row: str(row.states),
     "action changes": lambda row: share(row.changed),
     "over untrained": lambda row: difference(row.over_untrained),
-    "advantages": lambda row: f"{row.moved:.2f}",
-    "gradient": lambda row: f"{row.gradient:.1f}",
 }
-FILTERS: dict[str, Callable[[LayerRow], str]] = {
+FILTERS: dict[str, Callable[[FilterRow], str]] = {
     "network": lambda row: row.network,
     "correlation of neighbouring weights": lambda row: number(row.neighbours),
-}
-WEIGHTS: dict[str, Callable[[LayerRow], str]] = {
-    "layer": lambda row: row.layer,
-    "filters or units": lambda row: str(row.filters),
-    "always zero": lambda row: str(row.silent),
-    "active": lambda row: f"{row.active:.0%}",
-    "change of weights": lambda row: MISSING if row.changed is None else f"{row.changed:.1%}",
 }
 
 
@@ -140,8 +131,7 @@ def make_tables(measured: Measured) -> dict[str, Table]:
         "cka": make_table(change, measured.layers),
         "erased": make_table(ERASED, (row for row in erased if row.network == name), labels=2),
         "erased_all": make_table(ERASED, erased, labels=2),
-        "filters": make_table(FILTERS, (row for row in measured.by_layer if row.neighbours)),
-        "weights": make_table(WEIGHTS, (row for row in measured.by_layer if row.network == name)),
+        "filters": make_table(FILTERS, measured.filters),
     }
 
 

@@ -1,13 +1,10 @@
-"""Pictures of one network: filters of its first layer, activations of each layer, and saliency maps."""
+"""Pictures of networks: filters of the first layer, and saliency maps."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -21,24 +18,11 @@ from ship_trl.explain.saliency import gradient, greedy_actions, occlusion
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
 
-# Activation maps drawn of a conv layer.
-MAX_MAPS = 16
 # Blue below zero, orange above, from Okabe and Ito; in grey they differ from zero in brightness.
 SIGNED = LinearSegmentedColormap.from_list("signed", ["#0072B2", "#F2F2F2", "#D55E00"])
 # Keyword arguments of pictures and maps from 0 to 1.
 GREY: dict[str, Any] = {"cmap": "gray", "vmin": 0, "vmax": 1, "interpolation": "nearest"}
 UNIT: dict[str, Any] = GREY | {"cmap": "cividis"}
-
-
-@dataclass(frozen=True)
-class SaliencyMaps:
-    """Saliency of a state: the picture, gradients of network and untrained control, and occlusion."""
-
-    title: str
-    picture: Floats
-    gradient: Floats
-    control: Floats
-    occlusion: Floats
 
 
 def to_image(picture: Tensor) -> Floats:
@@ -48,9 +32,8 @@ def to_image(picture: Tensor) -> Floats:
 
 
 def tile(maps: Floats, columns: int) -> Floats:
-    """Arrange maps [M, S, S] in a grid, with empty lines between them if they are larger than a pixel."""
-    side = maps.shape[1]
-    step = side + 1 if side > 1 else 1
+    """Arrange maps [M, S, S] in a grid, with empty lines between them."""
+    side, step = maps.shape[1], maps.shape[1] + 1
     sheet = np.full((-(-len(maps) // columns) * step, columns * step), np.nan)
     for k, values in enumerate(maps):
         top, left = k // columns * step, k % columns * step
@@ -90,61 +73,41 @@ def draw_filters(measured: Measured) -> Figure:
     return figure
 
 
-def draw_activations(network: DuelingNetwork, picture: Tensor, pixels: Tensor) -> Figure:
-    """Draw the activations of each layer for one picture.
+def draw_saliency(network: DuelingNetwork, untrained: DuelingNetwork, env: ShipEnv, states: Tensor) -> Figure:
+    """Draw the picture, the gradient, that of an untrained network, and occlusion in three states.
 
-    Args:
-        network: the network.
-        picture: uint8 [C, 84, 84].
-        pixels: pictures [N, C, 84, 84]; of a conv layer the maps that vary most over them are drawn.
-    """
-    with torch.no_grad():
-        values, over_states = network.activations(picture[None]), network.activations(pixels)
-    columns = 3
-    rows = -(-(1 + len(values)) // columns)
-    figure = new_figure(4.0 * rows)
-    axes = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0.05}).flatten()
-    show(axes[0], to_image(picture), "input", **GREY)
-    for axis, (layer, value) in zip(axes[1:], values.items(), strict=False):
-        maps = value[0].reshape(value.shape[1], *(value.shape[2:] or (1, 1))).double().numpy()
-        title = f"{layer}: {len(maps)} units, {int((maps > 0).sum())} active"
-        side, across, largest = maps.shape[-1], math.ceil(math.sqrt(len(maps))), maps.max()
-        if side > 1:
-            spread = over_states[layer].transpose(0, 1).flatten(1).std(1)
-            chosen = spread.argsort(descending=True)[:MAX_MAPS].sort().values.numpy()
-            title = f"{layer}: {len(chosen)} of {len(maps)} maps, {side} x {side}"
-            maps, across = maps[chosen], 4
-            largest = maps.max(axis=(1, 2), keepdims=True)
-        shares = np.divide(maps, largest, out=np.zeros_like(maps), where=largest > 0)
-        image = show(axis, tile(shares, across), title, **UNIT)
-    for axis in axes[1 + len(values) :]:
-        axis.axis("off")
-    bar = figure.colorbar(image, ax=list(axes), shrink=0.5, aspect=40, pad=0.01)
-    bar.set_label("share of the maximum", fontsize=10)
-    return figure
-
-
-def episode_saliency(
-    network: DuelingNetwork, untrained: DuelingNetwork, env: ShipEnv, states: Tensor
-) -> list[SaliencyMaps]:
-    """Compute saliency at a sixth, a half and five sixths of an episode [T + 1, 4].
-
-    The shares are fixed, so that nobody picks the best-looking pictures.
+    The states are at a sixth, a half and five sixths of an episode [T + 1, 4]: the shares are fixed, so that
+    nobody picks the best-looking pictures.
     """
     steps = [round((len(states) - 1) * share) for share in (1 / 6, 1 / 2, 5 / 6)]
     pixels = env.rasteriser(states[steps])
     actions = greedy_actions(network, pixels).tolist()
-    slopes, control = gradient(network, pixels), gradient(untrained, pixels)
-    return [
-        SaliencyMaps(
-            f"step {step}: {action_name(env.world, actions[k])}",
-            to_image(pixels[k]),
-            slopes[k].double().numpy(),
-            control[k].double().numpy(),
-            occlusion(network, pixels[k], env.rasteriser.background).double().numpy(),
-        )
-        for k, step in enumerate(steps)
-    ]
+    slopes, controls = (gradient(one, pixels).double().numpy() for one in (network, untrained))
+    drops = [occlusion(network, one, env.rasteriser.background).double().numpy() for one in pixels]
+    limit = max(float(np.abs(drop).max()) for drop in drops) or 1.0
+    signed: dict[str, Any] = {"cmap": SIGNED, "vmin": -limit, "vmax": limit, "interpolation": "nearest"}
+    figure = new_figure(3.02 * len(steps) + 0.9)
+    # The last row holds the colour bars.
+    cells = figure.add_gridspec(len(steps) + 1, 4, height_ratios=[*[1.0] * len(steps), 0.05])
+    titles = ("input", "gradient", "gradient, untrained (control)", "occlusion")
+    for k, step in enumerate(steps):
+        axes, picture = [figure.add_subplot(cells[k, column]) for column in range(4)], to_image(pixels[k])
+        show(axes[0], picture, **GREY)
+        axes[0].set_ylabel(f"step {step}: {action_name(env.world, actions[k])}", fontsize=10)
+        for axis, values in ((axes[1], slopes[k]), (axes[2], controls[k])):
+            slope = show(axis, values / (float(np.quantile(values, 0.998)) or 1.0), **UNIT)
+            outline(axis, picture)
+        drop = show(axes[3], drops[k], **signed)
+        outline(axes[3], picture)
+        for axis, title in zip(axes, titles if k == 0 else (), strict=False):
+            axis.set_title(title, fontsize=12)
+    for cell, image, label in (
+        (cells[-1, 1:3], slope, "share of the 99.8th percentile of the map"),
+        (cells[-1, 3], drop, "drop of the action's advantage, in Q"),
+    ):
+        bar = figure.colorbar(image, cax=figure.add_subplot(cell), orientation="horizontal")
+        bar.set_label(label, fontsize=10)
+    return figure
 
 
 def action_name(world: World, action: int) -> str:
@@ -152,35 +115,6 @@ def action_name(world: World, action: int) -> str:
     speed, turn = world.actions[action]
     side = "port" if turn > 0 else "starboard"
     return f"{speed:g} m/s, " + (f"{abs(np.degrees(turn)):.1f}°/s to {side}" if turn else "straight on")
-
-
-def draw_saliency(maps: list[SaliencyMaps]) -> Figure:
-    """Draw a row for each state: the picture, the gradient, that of an untrained network, occlusion."""
-    count = len(maps)
-    figure = new_figure(3.02 * count + 0.9)
-    # The last row holds the colour bars.
-    cells = figure.add_gridspec(count + 1, 4, height_ratios=[*[1.0] * count, 0.05])
-    titles = ("input", "gradient", "gradient, untrained (control)", "occlusion")
-    limit = max(float(np.abs(one.occlusion).max()) for one in maps) or 1.0
-    signed: dict[str, Any] = {"cmap": SIGNED, "vmin": -limit, "vmax": limit, "interpolation": "nearest"}
-    for k, one in enumerate(maps):
-        axes = [figure.add_subplot(cells[k, column]) for column in range(4)]
-        show(axes[0], one.picture, **GREY)
-        axes[0].set_ylabel(one.title, fontsize=10)
-        for axis, values in ((axes[1], one.gradient), (axes[2], one.control)):
-            slope = show(axis, values / (float(np.quantile(values, 0.998)) or 1.0), **UNIT)
-            outline(axis, one.picture)
-        drop = show(axes[3], one.occlusion, **signed)
-        outline(axes[3], one.picture)
-        for axis, title in zip(axes, titles if k == 0 else (), strict=False):
-            axis.set_title(title, fontsize=12)
-    for cell, image, label in (
-        (cells[count, 1:3], slope, "share of the 99.8th percentile of the map"),
-        (cells[count, 3], drop, "drop of the action's advantage, in Q"),
-    ):
-        bar = figure.colorbar(image, cax=figure.add_subplot(cell), orientation="horizontal")
-        bar.set_label(label, fontsize=10)
-    return figure
 
 
 def outline(axis: Axes, picture: Floats) -> None:

@@ -26,7 +26,7 @@ class Probe:
 
     `errors` [E] are squared errors, summed by episode. `moments` [E, 2 + D] are counts of states, sums of
     squares and sums of the labels, which give their variance. `validation_r2` is R² on the episodes that
-    choose the `penalty`, `shuffled_r2` that of a probe with shuffled labels. `predicted` and `labels` are
+    choose the penalty, `shuffled_r2` that of a probe with shuffled labels. `predicted` and `labels` are
     [N, D].
     """
 
@@ -34,7 +34,6 @@ class Probe:
     moments: Floats
     validation_r2: float
     shuffled_r2: float
-    penalty: float
     predicted: Floats
     labels: Floats
 
@@ -83,7 +82,6 @@ def fit_probe(kernel: Floats, quantity: Quantity, states: StateSet, generator: n
         moments=per_episode(moments, episode),
         validation_r2=max(scores[0]),
         shuffled_r2=r2(control, truth),
-        penalty=penalties[0],
         predicted=predicted,
         labels=truth,
     )

@@ -44,7 +44,6 @@ class ProbeRow:
     r2: Estimate
     checked_r2: float
     shuffled_r2: float
-    penalty: float
     over_pixels: Estimate | None
     over_untrained: Estimate | None
 
@@ -63,32 +62,17 @@ class CKARow:
 
 
 @dataclass(frozen=True)
-class LayerRow:
-    """Activity and weights of a layer.
-
-    `silent` counts filters that are zero on all states, `active` is the share of positive activations.
-    `changed` is the norm of the change of the weights by training, over their norm before. `neighbours` is
-    the correlation of neighbouring weights of conv1, with an interval over filters.
-    """
+class FilterRow:
+    """Correlation of neighbouring weights of conv1, with an interval over filters."""
 
     network: str
     role: str
-    layer: str
-    filters: int
-    silent: int
-    active: float
-    changed: float | None
-    neighbours: Estimate | None
+    neighbours: Estimate
 
 
 @dataclass(frozen=True)
 class ErasedRow:
-    """Effect of erasing a thing from the pictures of the states that show it.
-
-    `changed` is the share of states in which the greedy action changes. `moved` is the change of the
-    advantages over their spread between states, `gradient` the mean gradient on the thing's pixels over that
-    of all pixels.
-    """
+    """Share of the states that show a thing in which the greedy action changes without it."""
 
     network: str
     role: str
@@ -96,8 +80,6 @@ class ErasedRow:
     states: int
     changed: Estimate
     over_untrained: Estimate | None
-    moved: float
-    gradient: float
 
 
 @dataclass(frozen=True)
@@ -108,7 +90,7 @@ class Measured:
     layers: tuple[str, ...]
     probes: list[ProbeRow]
     cka: list[CKARow]
-    by_layer: list[LayerRow]
+    filters: list[FilterRow]
     erased: list[ErasedRow]
 
     @property
@@ -131,14 +113,8 @@ class Measured:
         return [row for row in self.cka if row.layer == layer and {row.first_role, row.second_role} == roles]
 
     def cka_between_seeds(self, layer: str) -> list[CKARow]:
-        """Select CKA of a layer between networks that differ in their seed only.
-
-        These are networks with the settings of the explained one if there are two, else all.
-        """
-        rows = [row for row in self.cka if row.layer == layer and row.alike]
-        settings = self.explained.settings
-        same = {one.name for one in self.networks if one.settings is not None and one.settings == settings}
-        return [row for row in rows if {row.first, row.second} <= same] or rows
+        """Select CKA of a layer between networks that differ in their seed only."""
+        return [row for row in self.cka if row.layer == layer and row.alike]
 
     def best_probes(self) -> Iterator[ProbeRow]:
         """Select the best layer of each quantity, by R² on the validation episodes.

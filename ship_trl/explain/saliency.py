@@ -72,16 +72,6 @@ def advantage(network: DuelingNetwork, pixels: Tensor, action: Tensor) -> Tensor
     return q.gather(1, action[:, None])[:, 0] - q.mean(1)
 
 
-@torch.no_grad()
-def advantage_change(network: DuelingNetwork, pixels: Tensor, erased: Tensor) -> float:
-    """Compute how far erasing changes the advantages, over their spread between the pictures.
-
-    Both are root mean squares over pictures and actions: pixels and erased [N, C, 84, 84].
-    """
-    before, after = (q - q.mean(1, keepdim=True) for q in (network(pixels), network(erased)))
-    return float(((after - before) ** 2).mean().sqrt() / before.std(0).square().mean().sqrt())
-
-
 def gradient(network: DuelingNetwork, pixels: Tensor) -> Tensor:
     """Compute the gradient of the greedy action's advantage by each pixel (Simonyan et al. 2014).
 

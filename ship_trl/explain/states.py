@@ -61,7 +61,6 @@ class StateSet:
     """N states of a case: `states` float [N, 4], `pixels` uint8 [N, C, 84, 84], `episode` int [N].
 
     `held_out` [N] marks test episodes, `checked` [N] validation episodes, which choose a probe's penalty.
-    `random` [N] marks episodes of random actions; the others take those of the explained network.
     """
 
     states: Tensor
@@ -69,7 +68,6 @@ class StateSet:
     episode: Ints
     held_out: Bools
     checked: Bools
-    random: Bools
     quantities: tuple[Quantity, ...]
 
     @property
@@ -96,12 +94,10 @@ def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator:
         ConfigError: nearly all episodes end too early.
     """
     rows: list[Tensor] = []
-    kinds: list[bool] = []
     for _ in range(MAX_BATCHES):
-        for states, is_random in run_episodes(env, network, episodes, generator):
+        for states in run_episodes(env, network, episodes, generator):
             picked = torch.randperm(len(states), generator=generator)[:STATES_PER_EPISODE].sort().values
             rows.append(states[picked])
-            kinds.append(is_random)
         if len(rows) >= episodes:
             break
     else:
@@ -121,16 +117,13 @@ def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator:
         episode,
         held_out[episode],
         checked[episode],
-        np.array(kinds[:episodes])[episode],
         tuple(measure_quantities(env, states)),
     )
     return dataclasses.replace(found, quantities=tuple(filter(found.has_enough, found.quantities)))
 
 
-def run_episodes(
-    env: ShipEnv, network: DuelingNetwork, count: int, generator: Generator
-) -> list[tuple[Tensor, bool]]:
-    """Run `count` episodes side by side; return the states of the long ones, and whether at random."""
+def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: Generator) -> list[Tensor]:
+    """Run `count` episodes side by side, every other one at random; return the states of the long ones."""
     world = env.world
     motion = Transition(env.case, world, torch.device("cpu"))
     along = START_SHARE * torch.rand(count, 1, generator=generator)
@@ -156,11 +149,8 @@ def run_episodes(
         after = motion(state, action)
         running = running & ~(after.goal | after.collision | after.truncated)
         state = after.state
-    return [
-        (row[alive], bool(kind))
-        for row, alive, kind in zip(torch.stack(states, 1), torch.stack(valid, 1), is_random, strict=True)
-        if int(alive.sum()) >= STATES_PER_EPISODE
-    ]
+    found = zip(torch.stack(states, 1), torch.stack(valid, 1), strict=True)
+    return [row[alive] for row, alive in found if int(alive.sum()) >= STATES_PER_EPISODE]
 
 
 def measure_quantities(env: ShipEnv, states: Tensor) -> list[Quantity]:

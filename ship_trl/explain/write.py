@@ -22,6 +22,7 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
+from ship_trl.view.chart import save
 
 PAGE = "index.html"
 
@@ -57,23 +58,17 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     erased = erase_things(env, states.states[torch.from_numpy(states.held_out)])
     measured = measure(networks, states, erased, seed, log)
     episode = rollout(env, greedy_policy(network, env.rasteriser))[0].states
-    saliency = pictures.episode_saliency(network, networks[-1].network, env, episode)
-    # The middle one of the saliency maps' states.
-    picture = env.rasteriser(episode[round((len(episode) - 1) / 2)][None])[0]
-    write_tables(output, measured, states, saliency, picture)
+    write_tables(output, measured)
     figures = {
         "probes": charts.draw_probes(measured),
         "change": charts.draw_change(measured),
         "erased": charts.draw_erased(measured),
-        "saliency": pictures.draw_saliency(saliency),
+        "saliency": pictures.draw_saliency(network, networks[-1].network, env, episode),
         "filters": pictures.draw_filters(measured),
-        "maps": pictures.draw_activations(network, picture, states.pixels),
     }
     files = {name: output / f"{name}.png" for name in figures}
     for name, figure in figures.items():
-        with replacing(files[name]) as draft:
-            # Without the version of Matplotlib the same figure gives the same bytes.
-            figure.savefig(draft, format="png", metadata={"Software": None})
+        save(figure, files[name])
     log(f"{len(figures)} figures")
     page = render(measured, list_facts(first, origin, states, measured), files, first.case.name, command)
     with replacing(output / PAGE) as draft:

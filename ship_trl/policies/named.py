@@ -17,6 +17,7 @@ from tensordict import TensorDictBase
 from torch import Generator, nn
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
@@ -39,11 +40,14 @@ def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
     return policy
 
 
+def straight_action(world: World) -> int:
+    """Return the index of the action that turns least; of several, the fastest."""
+    return min(range(len(world.actions)), key=lambda k: (abs(world.actions[k][1]), -world.actions[k][0]))
+
+
 def keep_course(env: ShipEnv, _: int = 0) -> Policy:
-    """Return the policy that turns as little as table 1 allows, at the highest speed of those actions."""
-    actions = env.world.actions
-    chosen = min(range(len(actions)), key=lambda k: (abs(actions[k][1]), -actions[k][0]))
-    return follow([chosen] * env.world.max_steps)
+    """Return the policy that keeps its course."""
+    return follow([straight_action(env.world)])
 
 
 def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,9 +12,9 @@ from ship_trl.files.disk import replacing
 from ship_trl.view.palette import GRID
 
 
-def tidy(axes: Axes) -> None:
+def tidy(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
     """Draw a grid behind the lines, and no frame above and right of them."""
-    axes.grid(color=GRID, linewidth=0.8)
+    axes.grid(axis=grid, color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 
@@ -25,4 +26,5 @@ def save(figure: Figure, path: Path) -> None:
         OSError: the file cannot be written.
     """
     with replacing(path) as draft:
-        figure.savefig(draft, format="png")
+        # Without the version of Matplotlib the same figure gives the same bytes.
+        figure.savefig(draft, format="png", metadata={"Software": None})

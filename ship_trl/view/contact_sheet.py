@@ -11,6 +11,7 @@ from PIL import Image
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import replacing
+from ship_trl.policies.named import straight_action
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
@@ -18,7 +19,6 @@ from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.painter import draw_legend, draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
-from ship_trl.view.telemetry import straight_action
 from ship_trl.view.words import counted
 
 # Steps of keeping course until the later moment: by then the ships of the paper's cases are near.

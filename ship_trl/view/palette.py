@@ -23,11 +23,10 @@ SERIES = (SKY, ORANGE, GREEN, PURPLE, YELLOW, VERMILION)
 # The first and the second of two episodes beside each other.
 PAIR = (SKY, ORANGE)
 
-# Charts: the colours of Okabe and Ito on white. Dashes and markers tell lines apart without colour.
+# Charts: the colours of Okabe and Ito on white. Dashes tell lines apart without colour.
 SCRATCH = "#000000"
 CHART_SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 CHART_DASHES = ("-", "--", "-.", ":")
-CHART_MARKERS = ("o", "s", "^")
 CHART_OUTCOMES = {"goal": ("#009E73", "o"), "collision": ("#D55E00", "x"), "timeout": ("#7A7A7A", "^")}
 BEST_KNOWN, EPSILON = "#CC79A7", "#E69F00"
 GRID, MUTED, OTHERS, SHIPS, GOAL = "#E4E4E4", "#7A7A7A", "#D4D4D4", "#5A5A5A", "#B02020"

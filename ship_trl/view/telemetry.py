@@ -91,11 +91,6 @@ class Telemetry:
         return bool(self.tcpa[step, ship] > 0 and self.dcpa[step, ship] < self.world.safe_distance)
 
 
-def straight_action(world: World) -> int:
-    """Return the fastest action of the least turn, by its index."""
-    return min(range(len(world.actions)), key=lambda k: (abs(world.actions[k][1]), -world.actions[k][0]))
-
-
 def split_q(q: Numbers) -> tuple[Numbers, Numbers]:
     """Split Q-values [..., A] into the value [...] and the advantage of each action [..., A].
 

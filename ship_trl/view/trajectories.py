@@ -1,4 +1,4 @@
-"""A chart of paths, north up: own ship under several policies, the target ships, start and goal."""
+"""Charts of paths, north up: own ship under each policy, the target ships, start and goal."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
 from ship_trl.view.chart import save, tidy
-from ship_trl.view.palette import CHART_DASHES, CHART_MARKERS, CHART_SERIES, GOAL, OTHERS, SHIPS
+from ship_trl.view.palette import CHART_SERIES, GOAL, OTHERS, SHIPS
 from ship_trl.view.telemetry import Telemetry, measure_episode
 from ship_trl.view.words import circle_names, counted, number
 
 ENDS = {"collision": ("x", "ends in a collision"), "timeout": ("|", "ends by the time limit")}
 # Seconds between marks on a path, and metres around everything.
 MARK_TIME, MARGIN = 10.0, 70.0
-# More groups than `MAX_TOGETHER` have a panel each, of so many inches, `COLUMNS` in a row.
-MAX_TOGETHER, COLUMNS, PANEL = 3, 5, 3.0
+# Panels in a row, and the inches of one: wider where there are few.
+COLUMNS, PANEL, MIN_WIDTH = 5, 3.0, 5.5
 START: dict[str, Any] = {"marker": "o", "color": "black", "fillstyle": "none", "markersize": 9, "mew": 2}
+PATH: dict[str, Any] = {"color": CHART_SERIES[0], "marker": "o"}
 
 Paths = Sequence[Telemetry]
 
@@ -35,46 +36,36 @@ Paths = Sequence[Telemetry]
 def draw_trajectories(
     path: Path, case: Case, world: World, episodes: Mapping[str, Sequence[Episode]]
 ) -> None:
-    """Write a PNG of the episodes of groups, by name: metres on both axes, a mark on every path each 10 s.
+    """Write a PNG with a panel for the episodes of each group, by name, and all others in grey.
 
-    A few groups are drawn over each other, each with a colour, line and marker of its own. More have a panel
-    each, with the others in grey.
+    Axes are in metres; there is a mark on every path each 10 s.
 
     Raises:
         OSError: the file cannot be written.
     """
     groups = {name: [measure_episode(case, world, one) for one in some] for name, some in episodes.items()}
     paths = [one for group in groups.values() for one in group]
-    is_split = len(groups) > MAX_TOGETHER
-    rows = math.ceil(len(groups) / COLUMNS) if is_split else 1
-    columns = math.ceil(len(groups) / rows) if is_split else 1
-    size = (PANEL * columns, 1.75 * PANEL * rows + 1) if is_split else (8.6, 9.8)
+    rows = math.ceil(len(groups) / COLUMNS)
+    columns = math.ceil(len(groups) / rows)
+    width = max(PANEL, MIN_WIDTH / columns)
+    size = (width * columns, 1.75 * width * rows + 1)
     figure = Figure(figsize=size, dpi=120, layout="constrained")
     panels: list[Axes] = list(figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).flat)
-    shown = panels[: len(groups) if is_split else 1]
-    for axes in panels[len(shown) :]:
+    for axes in panels[len(groups) :]:
         axes.set_visible(False)
-    for axes in shown:
-        _set_limits(axes, paths, 0.5 if is_split else 0.85)
-        _draw_places(axes, case, world, has_words=not is_split)
-        _draw_ships(axes, max(paths, key=lambda one: one.steps), has_times=not is_split)
+    for axes, (name, group) in zip(panels, groups.items(), strict=False):
+        _set_limits(axes, paths)
+        _draw_places(axes, case, world)
+        _draw_ships(axes, max(paths, key=lambda one: one.steps))
         axes.set(xlabel="east, m", ylabel="north, m")
         axes.label_outer()
-    handles = []
-    for k, (name, group) in enumerate(groups.items()):
-        axes, style = shown[k if is_split else 0], _style(0 if is_split else k)
-        label = name + ("\n" if is_split else ": ") + _result(group)
-        if is_split:
-            axes.set_title(label, fontsize=10, loc="left", parse_math=False)
-            for one in paths:
-                axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1)
-        else:
-            handles.append(Line2D([], [], label=label, linewidth=1.8, **style))
+        axes.set_title(f"{name}\n{_result(group)}", fontsize=10, loc="left", parse_math=False)
+        for one in paths:
+            axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1)
         for one in group:
-            _draw_path(axes, one, style, is_thin=len(group) > 1)
-    handles += _legend(world, paths, is_split)
-    columns = 2 if columns < 3 else 3
-    figure.legend(handles=handles, loc="outside lower left", ncols=columns, frameon=False, fontsize=9.5)
+            _draw_path(axes, one, is_thin=len(group) > 1)
+    handles, wide = _legend(world, paths, len(groups) > 1), 2 if columns < 3 else 3
+    figure.legend(handles=handles, loc="outside lower left", ncols=wide, frameon=False, fontsize=9.5)
     title = f"case {case.name}"
     figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left", parse_math=False)
     save(figure, path)
@@ -89,21 +80,16 @@ def _result(group: Paths) -> str:
     return f"{counted(len(group), 'seed')}, mean {mean}, goal {goals}"
 
 
-def _style(group: int) -> dict[str, Any]:
-    style: dict[str, Any] = {"color": CHART_SERIES[group], "linestyle": CHART_DASHES[group]}
-    return style | {"marker": CHART_MARKERS[group], "markersize": 5}
-
-
-def _draw_path(axes: Axes, one: Telemetry, style: dict[str, Any], is_thin: bool) -> None:
+def _draw_path(axes: Axes, one: Telemetry, is_thin: bool) -> None:
     """Draw a path, the safe distance where it was closest to a ship, and a bad end."""
-    colour, alpha, own = style["color"], 0.45 if is_thin else 1.0, one.states[:, :2]
-    style = style | {"linewidth": 1.0 if is_thin else 1.8, "markersize": 3 if is_thin else 5}
-    axes.plot(*own.T, markevery=max(1, round(MARK_TIME / one.world.dt)), zorder=4, **style)
+    colour, alpha, own = PATH["color"], 0.45 if is_thin else 1.0, one.states[:, :2]
+    every, size = max(1, round(MARK_TIME / one.world.dt)), 3 if is_thin else 5
+    axes.plot(*own.T, markevery=every, zorder=4, markersize=size, linewidth=size / 3, **PATH)
     closest = one.closest_places()
     if closest is not None:
         x, y = closest[0].tolist()
         circle = Circle((x, y), one.world.safe_distance, fill=False, zorder=3, alpha=alpha)
-        circle.set(edgecolor=colour, linestyle=style["linestyle"])
+        circle.set_edgecolor(colour)
         axes.add_patch(circle)
         axes.plot(*np.stack(closest).T, "-", color=colour, linewidth=1, zorder=3, alpha=alpha)
         axes.plot(*closest[1], ".", color=colour, markersize=7, zorder=5, alpha=alpha)
@@ -111,22 +97,14 @@ def _draw_path(axes: Axes, one: Telemetry, style: dict[str, Any], is_thin: bool)
         axes.plot(*own[-1], ENDS[one.outcome][0], color=colour, markersize=13, mew=3, zorder=6)
 
 
-def _draw_ships(axes: Axes, longest: Telemetry, has_times: bool) -> None:
-    """Draw the target ships' paths with times, and their numbers where they come into the picture."""
+def _draw_ships(axes: Axes, longest: Telemetry) -> None:
+    """Draw the target ships' paths, and their numbers where they come into the picture."""
     every = max(1, round(MARK_TIME / longest.world.dt))
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     inset = 0.04 * (north - south)
     badge = {"boxstyle": "circle,pad=0.25", "facecolor": SHIPS, "edgecolor": "none"}
     for k, places in enumerate(longest.ships.swapaxes(0, 1), 1):
         axes.plot(*places.T, "-", color=SHIPS, lw=1.2, marker="o", ms=3.5, markevery=every, zorder=2)
-        for step in range(0, len(places), every) if has_times else ():
-            near: dict[str, Any] = {
-                "xytext": (5, -9),
-                "textcoords": "offset points",
-                "fontsize": 7.5,
-                "color": SHIPS,
-            }
-            axes.annotate(f"{step // every * MARK_TIME:g} s", places[step], annotation_clip=True, **near)
         course = np.concatenate([np.linspace(*pair, 50) for pair in pairwise(places)])
         inside = (course > (west + inset, south + inset)) & (course < (east - inset, north - inset))
         if inside.all(1).any():
@@ -135,43 +113,41 @@ def _draw_ships(axes: Axes, longest: Telemetry, has_times: bool) -> None:
             axes.text(at[0], at[1], f"{k}", color="white", bbox=badge, zorder=7, **middle)
 
 
-def _draw_places(axes: Axes, case: Case, world: World, has_words: bool) -> None:
+def _draw_places(axes: Axes, case: Case, world: World) -> None:
     """Mark start and goal."""
     start, goal = (case.start[0], case.start[1]), (case.goal[0], case.goal[1])
     axes.plot(*start, zorder=5, **START)
     axes.plot(*goal, "*", color=GOAL, markersize=15, zorder=5)
-    for place, word, beside in ((start, "start", (9, -12)), (goal, "goal", (10, 6))) if has_words else ():
-        axes.annotate(word, place, xytext=beside, textcoords="offset points", fontsize=10)
     axes.add_patch(Circle(goal, world.goal_distance, facecolor=GOAL, alpha=0.12, zorder=1))
     axes.add_patch(Circle(goal, world.goal_distance, fill=False, edgecolor=GOAL, zorder=1))
 
 
-def _set_limits(axes: Axes, paths: Paths, least: float) -> None:
-    """Show own ship's paths whole, at least `least` times as wide as high and as high as wide."""
+def _set_limits(axes: Axes, paths: Paths) -> None:
+    """Show own ship's paths whole, at least half as wide as high and as high as wide."""
     case, reach = paths[0].case, paths[0].world.goal_distance
     above, below = (case.goal[0], case.goal[1] + reach), (case.goal[0], case.goal[1] - reach)
     places = np.concatenate([[case.start, above, below], *(one.states[:, :2] for one in paths)])
     low, high = places.min(0) - MARGIN, places.max(0) + MARGIN
     sides = high - low
-    more = np.maximum(0, least * sides[::-1] - sides) / 2
+    more = np.maximum(0, 0.5 * sides[::-1] - sides) / 2
     axes.set_xlim(low[0] - more[0], high[0] + more[0])
     axes.set_ylim(low[1] - more[1], high[1] + more[1])
     axes.set_aspect("equal")
     tidy(axes)
 
 
-def _legend(world: World, paths: Paths, is_split: bool) -> list[Line2D]:
+def _legend(world: World, paths: Paths, has_others: bool) -> list[Line2D]:
     """Explain what is drawn once for all."""
     expected, safe = circle_names(world)
     ship, outcomes = {"linestyle": "-", "markersize": 3.5}, {one.outcome for one in paths}
     ring = {"fillstyle": "none", "markersize": 13}
     entries: list[tuple[bool, str, dict[str, Any]]] = [
-        (is_split, "start", START),
+        (True, "start", START),
         (True, f"goal and {expected}", {"marker": "*", "color": GOAL, "markersize": 13}),
-        (is_split, "the other policies", {"marker": "", "linestyle": "-", "color": OTHERS}),
+        (has_others, "the other policies", {"marker": "", "linestyle": "-", "color": OTHERS}),
         (bool(paths[0].case.target_ships), "target ship, numbered", ship),
         (bool(paths[0].case.target_ships), f"{safe} at the closest approach", ring),
-        (True, f"a mark on each path every {MARK_TIME:g} s", _style(0) if is_split else {}),
+        (True, f"a mark on each path every {MARK_TIME:g} s", PATH | {"linestyle": "-", "markersize": 5}),
     ]
     for outcome, (marker, words) in ENDS.items():
         entries.append((outcome in outcomes, words, {"marker": marker, "markersize": 11, "mew": 3}))

@@ -8,7 +8,7 @@ from PIL import Image
 from ship_trl.cli.cases import main
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.transfer.casebase import CaseBase
-from tests.command import ship_trl
+from tests.command import ROOT, ship_trl
 
 
 def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
@@ -40,7 +40,12 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("line", [["--no-picture"], ["--picture", "a.png"]])
-def test_the_picture_of_a_target_goes_where_it_is_asked_to(line: list[str], tmp_path: Path) -> None:
-    main(["--target", "new", *line])
-    assert [path.name for path in tmp_path.rglob("*.png")] == (["a.png"] if "--picture" in line else [])
+def test_the_picture_of_a_target_goes_where_it_is_asked_to(tmp_path: Path) -> None:
+    main(["--target", "new", "--picture", "a.png"])
+    assert [path.name for path in tmp_path.rglob("*.png")] == ["a.png"]
+
+
+@pytest.mark.skipif(not (ROOT / ".gitignore").exists(), reason="no checkout")
+def test_pictures_of_the_cases_change_no_file_of_the_checkout() -> None:
+    kept = [line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("!/outputs/")]
+    assert kept and not any("case" in line for line in kept)

@@ -26,8 +26,8 @@ SMOKE = (
     "output=runs",
 )
 RUN, SOURCE = Path("runs/high/FE2/seed=0"), Path("runs/1/scratch/seed=0")
-FIGURES = {"probes", "change", "erased", "saliency", "filters", "maps"}
-TABLES = {"probes", "cka", "layers", "erased", "saliency", "filters", "maps", "states"}
+FIGURES = {"probes", "change", "erased", "saliency", "filters"}
+TABLES = {"probes", "cka", "erased", "filters"}
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +67,7 @@ def test_frozen_layers_stay_and_the_others_change(page: Path) -> None:
     assert mine.cka[["conv1", "conv2"]].tolist() == pytest.approx([1, 1])
     source = rows[(rows.first_role == "before training") & (rows.second_role == "source")].set_index("layer")
     assert source.cka[["conv1", "conv2"]].tolist() == pytest.approx([1, 1])
-    assert source.cka["conv4"] < 0.99
-    changed = pd.read_csv(page / "layers.csv").query("role == 'explained'").set_index("layer").changed
-    assert changed[["conv1", "conv2"]].tolist() == [0, 0] and changed["conv4"] > 0
+    assert source.cka["conv4"] < 0.99 and mine.cka["conv4"] < 1
 
 
 def test_shuffled_labels_are_not_read(page: Path) -> None:
@@ -82,7 +80,7 @@ def test_a_file_alone_gets_a_page_too(trained: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone.safetensors"
     shutil.copyfile(trained / RUN / "policy.safetensors", alone)
     main([str(alone), "target=1", "--episodes", "60", "--seed", "3"])
-    roles = set(pd.read_csv(tmp_path / "outputs/explain/layers.csv").role)
+    roles = set(pd.read_csv(tmp_path / "outputs/explain/filters.csv").role)
     assert roles == {"explained", "untrained"} and (tmp_path / "outputs/explain/index.html").is_file()
 
 

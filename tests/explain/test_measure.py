@@ -13,8 +13,7 @@ from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.measure import PIXELS, measure, neighbour_correlation
 from ship_trl.explain.networks import Origin, add_controls, make_untrained
 from ship_trl.explain.page import make_tables
-from ship_trl.explain.pictures import draw_activations
-from ship_trl.explain.rows import CKARow, Compared, Measured, Role
+from ship_trl.explain.rows import Compared, Measured, Role
 from ship_trl.explain.saliency import erase_things
 from ship_trl.learn.network import DuelingNetwork
 from tests.explain.worlds import env_of, some_states
@@ -68,27 +67,6 @@ def test_every_pair_of_networks_is_compared_once() -> None:
     assert len(pairs) == len(set(pairs)) == 7 * 6 // 2
 
 
-def test_training_is_measured_from_its_start() -> None:
-    found = measured()
-    new, old = (
-        one.network.get_parameter("conv1.weight").detach()
-        for one in (found.explained, *found.with_role(Role.before))
-    )
-    (row,) = (r for r in found.by_layer if r.network == "mine" and r.layer == "conv1")
-    assert row.changed == pytest.approx(float((new - old).norm() / old.norm()))
-    assert all(r.changed is None for r in found.by_layer if r.network != "mine")
-
-
-def test_a_filter_that_is_always_zero_is_silent() -> None:
-    net = network("single")
-    with torch.no_grad():
-        net.get_parameter("conv1.bias")[0] = -1e6
-    found = measure_some(net, Origin())
-    (row,) = (r for r in found.by_layer if r.network == "mine" and r.layer == "conv1")
-    active = net.activations(some_states().pixels)["conv1"].flatten(1) > 0
-    assert row.silent == int((~active.any(0)).sum()) >= 1
-
-
 def test_neighbouring_weights_of_a_smooth_filter_correlate() -> None:
     noise = torch.randn(32, 1, 8, 8, generator=Generator().manual_seed(0))
     ramp = torch.linspace(-1, 1, 8).expand(32, 1, 8, 8) * torch.arange(1, 33)[:, None, None, None]
@@ -110,23 +88,3 @@ def test_the_best_layer_is_chosen_on_validation_episodes_and_marked_against_cont
     assert best[:2] == [row.quantity, "conv1"]
     assert best[3:5] == ["0.20 (0.10 to 0.30) ▲", "-0.20 (-0.30 to -0.10) ▼"]
     assert [line[-2:] for line in tables["layers"].rows] == [["0 ▲ 1 ▼", "1 ▲ 0 ▼"], ["1 ▲ 0 ▼", "0 ▲ 0 ▼"]]
-
-
-def test_seeds_of_the_same_settings_come_first() -> None:
-    net, mine, other = network("single"), ("low", "FT3", "4"), ("low", "scratch", "4")
-    networks = [Compared(name, Role.beside, net, other) for name in ("one", "two")]
-    networks = [
-        Compared("mine", Role.explained, net, mine),
-        Compared("twin", Role.beside, net, mine),
-        *networks,
-    ]
-    value = Estimate(0.5, 0.4, 0.6)
-    rows = [CKARow(a, "", b, "", "conv1", True, value) for a, b in (("one", "two"), ("mine", "twin"))]
-    found = dataclasses.replace(measured(), networks=tuple(networks), cka=rows)
-    assert found.cka_between_seeds("conv1") == rows[1:]
-    assert dataclasses.replace(found, cka=rows[:1]).cka_between_seeds("conv1") == rows[:1]
-
-
-def test_activations_of_layers_without_maps_are_drawn() -> None:
-    pixels = some_states().pixels[:3]
-    assert len(draw_activations(network("single"), pixels[0], pixels).axes) > 3

@@ -40,15 +40,16 @@ TABLES = ("tables/study.json", "tables/runs.csv", "tables/curves.csv.xz", "table
 ENTRY_FILES = tuple(f"{BASE}/near/*/*/{name}" for name in ("entry.json", "policy.safetensors", "config.yaml"))
 # Demonstrations are of the whole world.
 DEMOS = [word for word in (*ALONE, "output=o") if not word.startswith(("world.max_steps", "target"))]
-SHOWN = ("--target", "met", "--no-picture")
 COMMANDS = {
     "evaluate": Command(("evaluate", RUN), (*RUN_FILES, CASE)),
     "results": Command(
         ("results", "outputs", "--stability", "--csv", "n.csv"), (*RUN_FILES, f"{RUN}/curve.csv")
     ),
     "record": Command(("record", RUN, "--trajectories", "chart.png"), (*RUN_FILES, CASE)),
-    "cases": Command(("cases", *SHOWN, "--case-base", BASE), (CASE, ENTRY_FILES[0])),
-    "measured": Command(("cases", *SHOWN, "--measured", "tables/transfers.csv"), ("tables/transfers.csv",)),
+    "cases": Command(("cases", "--target", "met"), (CASE,)),
+    "measured": Command(
+        ("cases", "--target", "met", "--measured", "tables/transfers.csv"), ("tables/transfers.csv",)
+    ),
     "report": Command(("report", "study"), STUDY_FILES),
     "report of tables": Command(("report", "tables", "--output", "page"), TABLES),
     "keep": Command(("keep", "study", "copy"), STUDY_FILES),

@@ -1,5 +1,6 @@
 """The case base: retention, retrieval, ranking."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -38,29 +39,13 @@ def test_what_is_retained_is_found(tmp_path: Path, finished: Path, case: Case) -
     assert sorted(p.name for p in found.path.iterdir()) == ["config.yaml", "entry.json", "policy.safetensors"]
 
 
-def test_the_best_network_of_a_case_stands_for_it(tmp_path: Path, finished: Path, case: Case) -> None:
-    base = CaseBase(tmp_path / "base")
-    assert base.representative(case) is None
+def test_scores_may_be_missing_and_layers_are_kept(tmp_path: Path, finished: Path, case: Case) -> None:
+    base, layers = CaseBase(tmp_path / "base"), plain(load_network("five"))
     known: list[dict[str, Any]] = [{}, {"best": None}, {"best": {"return": 70.0}}]
     for seed, scores in enumerate(known):
-        base.retain(case, "scratch", seed, "abc", scores, finished)
-    best = base.retain(case, "FTW-from-1", 1, "abd", {"best": {"return": 80.0}}, finished)
-    assert base.representative(case) == best
-    best.policy.unlink()
-    found = base.representative(case)
-    assert found is not None and (found.arm, found.seed, found.best_return) == ("scratch", 2, 70.0)
-    case.target_ships[0].x += 1.0
-    assert base.representative(case) is None
-
-
-def test_a_network_of_other_layers_stands_for_no_case(tmp_path: Path, finished: Path, case: Case) -> None:
-    base, scores = CaseBase(tmp_path / "base"), {"best": {"return": 90.0}}
-    layers = plain(load_network("five"))
-    stored = base.retain(case, "scratch", 0, "abc", scores, finished, layers)
-    assert base.find(case, "scratch", 0, "abc") == stored and stored.network == layers
-    assert base.representative(case) is None
-    paper = base.retain(case, "scratch", 1, "abc", {"best": {"return": 80.0}}, finished)
-    assert base.representative(case) == paper
+        base.retain(case, "scratch", seed, "abc", scores, finished, layers)
+    assert [one.best_return for one in base.entries()] == [-math.inf, -math.inf, 70.0]
+    assert all(one.network == layers for one in base.entries())
 
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])

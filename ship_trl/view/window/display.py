@@ -9,28 +9,26 @@ from contextlib import contextmanager
 
 import pygame
 
+from ship_trl.config.errors import ConfigError
+
 # Drivers of SDL that show nothing; SDL takes them without being asked where there is no screen.
 INVISIBLE = ("dummy", "offscreen", "evdev")
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 DRIVER = "SDL_VIDEODRIVER"
 
 
-class NoScreenError(Exception):
-    """There is no screen for a window."""
-
-
 @contextmanager
-def open_window(size: tuple[int, int], title: str) -> Iterator[None]:
-    """Open a window of variable size, and close it in the end.
+def open_window(size: tuple[int, int], without: str = "") -> Iterator[None]:
+    """Open a window of variable size, and close it in the end; `without` says what to do without a screen.
 
     Raises:
-        NoScreenError: there is no screen, and `SDL_VIDEODRIVER` asks for no driver.
+        ConfigError: there is no screen, and `SDL_VIDEODRIVER` asks for no driver.
     """
     asked = os.environ.get(DRIVER)
     screens = [name for name in SCREENS if os.environ.get(name)]
     if not asked and sys.platform.startswith("linux"):
         if not screens:
-            raise NoScreenError("neither DISPLAY nor WAYLAND_DISPLAY is set")
+            raise ConfigError(f"no screen (neither DISPLAY nor WAYLAND_DISPLAY is set); {without}")
         if screens == ["DISPLAY"]:
             # SDL would try Wayland first, and print a complaint.
             os.environ[DRIVER] = "x11"
@@ -41,13 +39,13 @@ def open_window(size: tuple[int, int], title: str) -> Iterator[None]:
         pygame.display.init()
         driver = pygame.display.get_driver()
         if driver in INVISIBLE and asked != driver:
-            raise NoScreenError(f"SDL finds none, and offers {driver}")
+            raise ConfigError(f"no screen (SDL finds none, and offers {driver}); {without}")
         pygame.display.set_mode(size, pygame.RESIZABLE)
-        pygame.display.set_caption(title)
+        pygame.display.set_caption("ship_trl")
         pygame.key.set_repeat(350, 60)
         yield
     except pygame.error as error:
-        raise NoScreenError(str(error)) from None
+        raise ConfigError(f"no screen ({error}); {without}") from None
     finally:
         pygame.display.quit()
         if not asked:

@@ -9,17 +9,20 @@ import torch
 
 from ship_trl.config.types import World
 from ship_trl.policies.demonstrations import write_demonstration
+from ship_trl.policies.named import straight_action
 from ship_trl.sim.cases import Case
 from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.telemetry import Telemetry, measure, straight_action
+from ship_trl.view.telemetry import Telemetry, measure
 from ship_trl.view.window.interactive import LEFT, RIGHT, UP, Interactive
 from ship_trl.view.window.player import Player
 from ship_trl.view.words import action_text, number
 
 AUTHOR = "keyboard"
+# Seconds of the world in one of ours.
+SPEED = 2.0
 
 
 class Helm:
@@ -65,7 +68,7 @@ class Game(Interactive):
     `speed` is seconds of the world in one of ours.
     """
 
-    def __init__(self, cases: list[Case], world: World, folder: Path | None, speed: float) -> None:
+    def __init__(self, cases: list[Case], world: World, folder: Path | None, speed: float = SPEED) -> None:
         super().__init__()
         self.cases, self.world, self.folder = cases, world, folder
         self.kept: list[Path] = []

@@ -79,8 +79,10 @@ def test_the_transfer_that_is_shown_to_gain_most_is_recommended(
 
     def said(target: str, *rows: dict[str, str]) -> list[str]:
         write_csv(given, rows)
-        cases(["--target", target, "--no-picture", "--measured", str(given)])
-        return capsys.readouterr().out.splitlines()
+        cases(["--target", target, "--measured", str(given)])
+        *lines, picture = capsys.readouterr().out.splitlines()
+        assert picture == f"outputs/case_{target}.png"
+        return lines
 
     def wide(row: dict[str, str]) -> dict[str, str]:
         return row | {"gain": "0.5", "high": "0.9"}

@@ -10,5 +10,5 @@ from ship_trl.view.window.display import open_window
 @pytest.fixture
 def window(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    with open_window((1120, 630), "test"):
+    with open_window((1120, 630)):
         yield

@@ -11,7 +11,8 @@ from pathlib import Path
 import pygame
 import pytest
 
-from ship_trl.view.window.display import NoScreenError, open_window
+from ship_trl.config.errors import ConfigError
+from ship_trl.view.window.display import open_window
 from tests.command import environment
 
 PROGRAMS = ("Xvfb", "xdotool")
@@ -22,11 +23,11 @@ PATIENCE = 90.0
 def test_without_a_screen_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(NoScreenError, match="DISPLAY"), open_window((640, 360), "test"):
+    with pytest.raises(ConfigError, match="DISPLAY"), open_window((640, 360)):
         pass
     # One that is named and not there.
     monkeypatch.setenv("DISPLAY", ":4711")
-    with pytest.raises(NoScreenError), open_window((640, 360), "test"):
+    with pytest.raises(ConfigError), open_window((640, 360)):
         pass
     assert "SDL_VIDEODRIVER" not in os.environ
 
@@ -34,7 +35,7 @@ def test_without_a_screen_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_driver_that_was_asked_for_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    with open_window((640, 360), "test"):
+    with open_window((640, 360)):
         assert pygame.display.get_window_size() == (640, 360)
 
 

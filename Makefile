@@ -43,7 +43,7 @@ test: $(VENV)/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
-	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m precision $(PRECISION)
+	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m "precision and not long" $(PRECISION)
 
 test-long: $(VENV)/.test
 	$(BIN)/python -m pytest -m long

@@ -14,6 +14,7 @@ from benchmarks.timing import measure
 from ship_trl.config.types import BFLOAT16
 
 
+@pytest.mark.long
 @pytest.mark.precision
 def test_memory_from_arguments_to_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

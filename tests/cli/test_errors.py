@@ -129,6 +129,7 @@ def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> Non
     assert len(set(curves)) == 3
 
 
+@pytest.mark.long
 def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
     done = ship_trl("-m", *SMOKE[:2], "+arm=FE3,FT3", folder=tmp_path)
     assert "Joblib" in done.stdout

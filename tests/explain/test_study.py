@@ -11,6 +11,8 @@ from ship_trl.study.records.layers import LAYERS, read_layers
 from tests.command import ship_trl
 from tests.study.commands import SMALL, study
 
+# It trains a study of its own.
+pytestmark = pytest.mark.long
 STUDY = Path("outputs/smoke_study")
 FE2 = STUDY / "pairs/high/FE2"
 

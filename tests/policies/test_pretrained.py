@@ -130,5 +130,5 @@ def test_without_a_pair_the_most_similar_case_is_the_source(tmp_path: Path) -> N
 def test_a_network_of_other_layers_is_refused(tmp_path: Path) -> None:
     line = ("+pair=high", "source=pretrained", *SMOKE, "colour=true", "output=runs")
     told = ship_trl(*line, folder=tmp_path, code=1)
-    assert told.stderr.startswith("ship_trl: source: ") and "another architecture" in told.stderr
+    assert told.stderr.startswith("ship_trl: source: ") and "does not fit the network" in told.stderr
     assert not (tmp_path / "runs" / "high").exists() and ROOT.is_dir()

@@ -47,6 +47,7 @@ def test_processes_of_their_own_learn_the_same(processes: str, whole: Path, tmp_
     assert learned(tmp_path) == learned(whole)
 
 
+@pytest.mark.long
 def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
     child = Child(("study", *SMALL), tmp_path)
     # While it trains, anywhere: the time is not important, and printed if it ever is.
@@ -59,6 +60,7 @@ def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> 
     assert learned(tmp_path) == learned(whole), f"killed after {after} s"
 
 
+@pytest.mark.long
 def test_damaged_runs_are_kept_and_trained_again(whole: Path, tmp_path: Path) -> None:
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
     arm = tmp_path / "outputs/smoke_study/pairs/high/FTW"

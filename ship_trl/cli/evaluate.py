@@ -18,7 +18,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.policies.entry import SHOWN, Entry, sail
+from ship_trl.policies.entry import SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.entries import find_entries
 
@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_seed(parser)
     add_output(parser, "--gif", (".gif",), "film the first episode of the last policy")
     parser.add_argument(
-        "--demonstrations", type=Path, metavar="FOLDER", help="keep what is sailed as demonstrations"
+        "--demonstrations", type=Path, metavar="FOLDER", help="keep the episodes as demonstrations"
     )
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_intermixed_args(arguments)
@@ -62,7 +62,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     film: tuple[Entry, Any, Episode] | None = None
     for entry in entries:
         try:
-            env, _, sailed = sail(entry, options.episodes, options.seed)
+            env, _, episodes = rollout_entry(entry, options.episodes, options.seed)
         except ConfigError as error:
             # Of a folder the other networks are shown; a policy that was named must be right.
             if entry.label == entry.policy or len(entries) == 1:
@@ -70,13 +70,13 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             print_error(f"{error}; left out")
             wrong.append(f"{entry.label} cannot be read")
             continue
-        reached = sum(episode.episode_return for episode in sailed) / len(sailed)
-        rows.append(row(entry, sailed, reached, best_known(entry.case, entry.world).episode_return))
+        reached = sum(episode.episode_return for episode in episodes) / len(episodes)
+        rows.append(row(entry, episodes, reached, best_known(entry.case, entry.world).episode_return))
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
-        film = entry, env, sailed[0]
+        film = entry, env, episodes[0]
         if options.demonstrations is not None:
-            keep(entry, sailed, options.demonstrations)
+            keep(entry, episodes, options.demonstrations)
     show(HEADINGS, rows, options.markdown)
     if options.gif is not None and film is not None:
         from ship_trl.view.film import write_gif
@@ -87,23 +87,23 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     return wrong
 
 
-def keep(entry: Entry, sailed: list[Episode], folder: Path) -> None:
+def keep(entry: Entry, episodes: list[Episode], folder: Path) -> None:
     """Keep episodes as demonstrations."""
     from ship_trl.policies.demonstrations import write_demonstration
 
-    for episode in sailed:
+    for episode in episodes:
         ended = episode.episode_return, episode.outcome
         write_demonstration(folder, entry.case, entry.world, episode.actions.tolist(), ended, entry.label)
 
 
-def row(entry: Entry, sailed: list[Episode], reached: float, best: float) -> list[str]:
+def row(entry: Entry, episodes: list[Episode], reached: float, best: float) -> list[str]:
     """Make the row of one policy: means over its episodes, that of their returns is `reached`."""
-    ends = [episode.outcome for episode in sailed]
+    ends = [episode.outcome for episode in episodes]
     often = {end: ends.count(end) for end in ("goal", "collision", "timeout") if end in ends}
     ended = (
         ends[0] if len(often) == 1 else ", ".join(f"{end} {n / len(ends):.0%}" for end, n in often.items())
     )
-    apart = sum(episode.dcpa for episode in sailed) / len(sailed)
+    apart = sum(episode.dcpa for episode in episodes) / len(episodes)
     return [
         entry.case.name,
         entry.label,
@@ -111,6 +111,6 @@ def row(entry: Entry, sailed: list[Episode], reached: float, best: float) -> lis
         f"{reached / best:.0%}" if best > 0 and reached > 0 else "-",
         ended,
         f"{apart:.0f}" if math.isfinite(apart) else "-",
-        f"{sum(episode.length for episode in sailed) / len(sailed):.0f}",
+        f"{sum(episode.length for episode in episodes) / len(episodes):.0f}",
         "" if entry.claimed is None else f"{entry.claimed:.1f}",
     ]

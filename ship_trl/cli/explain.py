@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     with refusals():
         if options.output is None and OUTPUT.is_symlink():
-            # A stranger's folder of results may be called outputs.
+            # An untrusted folder of results may be called outputs.
             raise ConfigError(f"--output: {OUTPUT} is a link; allowed: the folder that it leads to, named")
         entries = choose_entries(options.words, options.colour)
         from ship_trl.explain.write import write
@@ -51,7 +51,7 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
     """Find the networks that are meant: of a result folder its best one.
 
     Raises:
-        ConfigError: there is none, or they are not of one case, one world and one way of seeing.
+        ConfigError: there is none, or they differ in case, world or colours.
     """
     entries = best_of_folders(find_entries(words, colour))
     first = entries[0]

@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("policy", metavar="POLICY", help="a result folder or a safetensors file")
     add_output(parser, "file", (".onnx",), "what is written")
     parser.add_argument(
-        "target", nargs="?", metavar="target=CASE", help="what it sails; a folder brings its own"
+        "target", nargs="?", metavar="target=CASE", help="its case; a result folder has its own"
     )
     parser.add_argument("--colour", action="store_true", help="the network of a file sees colours")
     options = parser.parse_args(arguments)

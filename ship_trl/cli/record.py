@@ -28,7 +28,7 @@ Speed = Annotated[float, limit(0.1, 100)]
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read the words, sail, draw."""
+    """Read the words, roll out the policies, draw."""
     parser = make_parser("record", __doc__)
     add_policies(parser)
     add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
@@ -103,12 +103,12 @@ def film(entries: list[Entry], options: Namespace) -> None:
 
 
 def chart(path: Path, entries: list[Entry], seed: int) -> None:
-    """Draw what all entries sailed, of one case; the seeds of an arm are one group.
+    """Draw the paths of all entries in one case; the seeds of an arm are one group.
 
     Raises:
         ConfigError: a policy is not right.
     """
-    from ship_trl.policies.entry import sail
+    from ship_trl.policies.entry import rollout_entry
     from ship_trl.run.process import configure_process
     from ship_trl.view.trajectories import draw_trajectories
 
@@ -116,7 +116,7 @@ def chart(path: Path, entries: list[Entry], seed: int) -> None:
     case, world = entries[0].case, entries[0].world
     groups: dict[str, list[Episode]] = {}
     for entry in entries:
-        _, _, sailed = sail(entry, seed=seed)
-        groups.setdefault(entry.label.split(" seed ")[0], []).append(sailed[0])
+        _, _, episodes = rollout_entry(entry, seed=seed)
+        groups.setdefault(entry.label.split(" seed ")[0], []).append(episodes[0])
     draw_trajectories(path, case, world, groups)
     sys.stdout.write(f"{path}\n")

@@ -13,7 +13,7 @@ from ship_trl.config.schema import Rule, limit
 
 # Episodes and steps only take time: a run of a billion would take years.
 MAX_COUNT, MAX_DRAWS = 10**9, 10**6
-# With so many steps the planner's table of returns takes at most 2.3 GB.
+# At this number of steps the planner's table of returns takes 2.3 GB.
 MAX_STEPS = 1000
 # Seconds of a step, and metres of a circle or a place.
 MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5

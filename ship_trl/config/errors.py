@@ -14,7 +14,7 @@ MAX_LINE_LENGTH = 1000
 
 
 class ConfigError(Exception):
-    """Wrong input; its text is one line for the user, whatever was given."""
+    """Wrong input; its text is always one line for the user."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())

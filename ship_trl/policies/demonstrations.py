@@ -1,7 +1,7 @@
-"""Demonstrations: episodes that somebody sailed, kept as one JSON file each. No torch.
+"""Demonstrations: recorded episodes, one JSON file each. No torch.
 
-The world is deterministic, so that a case and its actions are the whole episode: whoever reads a
-demonstration sails it again. docs/tools.md describes the format.
+The world is deterministic, so a case and its actions are the whole episode: a reader runs the actions again.
+docs/tools.md describes the format.
 """
 
 from __future__ import annotations
@@ -45,25 +45,25 @@ class Demonstration:
 
 
 def digest(world: World) -> str:
-    """Twelve hex digits over the physics and the reward."""
+    """Return twelve hex digits of a digest over the physics and the reward."""
     return hashlib.sha256(json.dumps(plain(world), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def write_demonstration(
     folder: Path, case: Case, world: World, actions: Sequence[int], ended: tuple[float, str], by: str
 ) -> Path:
-    """Keep an episode as the next `CASE-NUMBER.json` of a folder, which is made; returns the file.
+    """Write an episode as the next `CASE-NUMBER.json` of a folder, which is created; return the file.
 
     Args:
-        folder: where demonstrations lie.
-        case: where it was sailed.
+        folder: of the demonstrations.
+        case: the case of the episode.
         world: its physics.
         actions: indices into table 1, one a step.
         ended: raw return, and goal, collision or timeout.
         by: who chose the actions.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     given = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
@@ -74,7 +74,7 @@ def write_demonstration(
         for number in itertools.count(1):
             path = folder / f"{case.name}-{number:03d}.json"
             with suppress(FileExistsError):
-                # Of two processes that want the same number, the second takes the next one.
+                # If two processes want the same number, the second takes the next one.
                 os.link(draft, path)
                 break
     finally:
@@ -83,10 +83,10 @@ def write_demonstration(
 
 
 def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstration]:
-    """Read the demonstrations of a case in a folder, by name; those of other cases are passed over.
+    """Read the demonstrations of a case in a folder, sorted by name; other cases are skipped.
 
     Raises:
-        ConfigError: there is none, a file is not whole, or it was sailed in another world.
+        ConfigError: there is none, a file is damaged, or it was recorded in another world.
     """
     found = []
     for path in sorted(folder.glob("*.json")):
@@ -94,20 +94,20 @@ def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstr
         if one.fingerprint != case.fingerprint:
             continue
         if one.world != digest(world):
-            raise ConfigError(f"demonstrations: {path} was sailed in another world (world=)")
+            raise ConfigError(f"demonstrations: {path} was recorded in another world (world=)")
         found.append(one)
     if not found:
         raise ConfigError(
-            f"demonstrations: none of case {case.name} in {folder}; python -m ship_trl play keeps some"
+            f"demonstrations: none of case {case.name} in {folder}; python -m ship_trl play records some"
         )
     return found
 
 
 def read_demonstration(path: Path, actions: int) -> Demonstration:
-    """Read one file of a world with so many actions.
+    """Read one file; each action index must be below `actions`.
 
     Raises:
-        ConfigError: it is no demonstration, or damaged.
+        ConfigError: the file is not a demonstration, or is damaged.
     """
     where = f"demonstrations: {path}: "
     try:

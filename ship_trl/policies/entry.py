@@ -28,7 +28,7 @@ class Entry:
     claimed: float | None = None
 
 
-def sail(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipEnv, Policy, list[Episode]]:
+def rollout_entry(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipEnv, Policy, list[Episode]]:
     """Roll out episodes in one batch; returns the environment, the policy and the episodes.
 
     Args:

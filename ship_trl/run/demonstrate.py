@@ -34,5 +34,5 @@ def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
         if not done or abs(total - demonstration.episode_return) > RETURN_TOLERANCE:
             raise ConfigError(
                 f"demonstrations: number {number} of case {demonstration.case} in {folder} "
-                f"says a return of {demonstration.episode_return:.2f} and sails to one of {total:.2f}"
+                f"says a return of {demonstration.episode_return:.2f} and reaches one of {total:.2f}"
             )

@@ -47,7 +47,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     # Printed first, because the planner and the jumpstart draws take a while.
     console.say(f"{place}: {run.title}" if place else run.title)
     if own := shadowing_case(str(run.config.target)):
-        console.say(f"case {run.config.target}: {own}, not the one of this name that comes with us")
+        console.say(f"case {run.config.target}: {own}, not the bundled case of this name")
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)
     journal.resume(in_a_grid=bool(place))

@@ -67,7 +67,7 @@ def test_demonstrations_of_other_cases_are_skipped(tmp_path: Path) -> None:
         ({"episode_return": 10**400}, ": episode_return: must be at most"),
         ({"by": None}, ": by: must be plain text, got null"),
         ({"schema_version": 2}, ": schema_version: must be 1, got 2"),
-        ({"world": "x"}, " was sailed in another world"),
+        ({"world": "x"}, " was recorded in another world"),
     ],
 )
 def test_a_file_that_is_not_right_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
@@ -111,7 +111,7 @@ def test_a_demonstration_with_a_wrong_return_is_refused(tmp_path: Path) -> None:
     kept(tmp_path / "demos", episode_return=500.0)
     told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path, code=1)
     assert (
-        "demonstrations: number 1 of case 4 in demos says a return of 500.00 and sails to one of"
+        "demonstrations: number 1 of case 4 in demos says a return of 500.00 and reaches one of"
         in told.stderr
     )
     assert not (tmp_path / "runs" / "4").exists()
@@ -120,5 +120,5 @@ def test_a_demonstration_with_a_wrong_return_is_refused(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
     told = ship_trl(*LINE, "demonstrations=nowhere", folder=tmp_path, code=1)
     assert told.stderr == (
-        "ship_trl: demonstrations: none of case 4 in nowhere; python -m ship_trl play keeps some\n"
+        "ship_trl: demonstrations: none of case 4 in nowhere; python -m ship_trl play records some\n"
     )

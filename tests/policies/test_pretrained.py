@@ -92,7 +92,7 @@ def test_a_policy_in_one_line() -> None:
 def test_an_own_case_has_no_pretrained_network() -> None:
     Path("mine.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
     with pytest.raises(
-        ConfigError, match="policy: no trained network of case mine comes with us; allowed: 1, "
+        ConfigError, match="policy: no bundled network of case mine; allowed: 1, "
     ):
         pretrained.find("pretrained", load_case("mine.yaml", WORLD))
     # The same case by another name is the same.
@@ -110,7 +110,7 @@ def test_a_changed_bundled_case_is_evaluated_without_claim(
     claims = {row[0]: row[7] for row in table(capsys)}
     assert claims["4"] == "" and all(claim for case, claim in claims.items() if case != "4")
     told = refused(capsys, "pretrained", "target=4")
-    assert "case 4 is not here as the trained network knows it; allowed: pretrained:4" in told
+    assert "case 4 differs from the bundled case of this name; allowed: pretrained:4" in told
 
 
 def test_a_run_begins_with_one(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from torch import Generator
 from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
-from ship_trl.policies.entry import sail
+from ship_trl.policies.entry import rollout_entry
 from ship_trl.policies.named import network_of
 from ship_trl.view.episode_view import saliency
 from tests.view.episodes import entry
@@ -53,5 +53,5 @@ def test_a_network_without_weights_has_no_saliency() -> None:
 def test_only_networks_have_saliency(world: World) -> None:
     made = network()
     assert network_of(greedy_policy(made, lambda state: state)) is made
-    env, policy, _ = sail(entry())
+    env, policy, _ = rollout_entry(entry())
     assert env.batch_size == (1,) and network_of(policy) is None

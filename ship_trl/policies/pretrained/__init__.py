@@ -55,18 +55,18 @@ class Pretrained:
 
 @cache
 def networks() -> tuple[Pretrained, ...]:
-    """Read which networks there are, by case."""
+    """Return the bundled networks, by case."""
     return tuple(Pretrained(**values) for values in read()["networks"])
 
 
 def read() -> dict[str, Any]:
-    """Read the manifest: `networks`, and of which `runs` (case, seed, config_hash, best_return)."""
+    """Read the manifest: `networks`, and the `runs` they come from (case, seed, config_hash, best_return)."""
     found: dict[str, Any] = json.loads((NETWORKS / MANIFEST).read_text())
     return found
 
 
 def is_pretrained(name: str) -> bool:
-    """Whether a policy's name is `pretrained` or `pretrained:CASE`."""
+    """Return whether a policy's name is `pretrained` or `pretrained:CASE`."""
     return name.partition(":")[0] == PRETRAINED
 
 
@@ -74,12 +74,12 @@ def find(name: str, case: Case | None, key: str = "policy") -> Pretrained:
     """Find the network that a name stands for.
 
     Args:
-        name: `pretrained`, the network of `case`, or `pretrained:NAME`, that of another.
-        case: where it will sail; only `pretrained` asks. The same case by another name is the same.
-        key: what a complaint is about.
+        name: `pretrained` for the network of `case`, or `pretrained:NAME` for that of another case.
+        case: where it will act; used for `pretrained` only. The name of the case does not matter.
+        key: the key that errors name.
 
     Raises:
-        ConfigError: no network is of that case.
+        ConfigError: there is no network of that case.
     """
     wanted = name.partition(":")[2]
     for one in networks():
@@ -87,18 +87,18 @@ def find(name: str, case: Case | None, key: str = "policy") -> Pretrained:
             return one
     if case and not wanted and any(one.case == case.name for one in networks()):
         raise ConfigError(
-            f"{key}: case {case.name} is not here as the trained network knows it; "
-            f"allowed: {PRETRAINED}:{case.name}, which was trained on the one that comes with us"
+            f"{key}: case {case.name} differs from the bundled case of this name; "
+            f"allowed: {PRETRAINED}:{case.name}, which was trained on the bundled one"
         )
     of, allowed = wanted or (case.name if case else "none"), ", ".join(one.case for one in networks())
-    raise ConfigError(f"{key}: no trained network of case {of} comes with us; allowed: {allowed}")
+    raise ConfigError(f"{key}: no bundled network of case {of}; allowed: {allowed}")
 
 
 def training_returns(config_hashes: set[str]) -> pd.DataFrame:
-    """Read the training returns of runs whose configuration is one of these.
+    """Read the training returns of the runs with these configuration hashes.
 
     Returns:
-        `config_hash`, `episode`, `return` (raw); no row where none of the runs is of these.
+        `config_hash`, `episode`, `return` (raw); empty if no run has one of them.
     """
     import pandas as pd
 

@@ -92,7 +92,7 @@ class Finding:
         return value > 0 if self.claimed is Claimed.above else value <= (self.margin or 0.0)
 
     def min_detectable(self, level: float = LEVEL / 2) -> float:
-        """Return the least difference that so many seeds detect four times in five at a level."""
+        """Return the least difference that these seeds detect four times in five at a level."""
         return min_detectable_effect(self.seeds, level) * self.error
 
 

@@ -19,7 +19,7 @@ from ship_trl.study.records.record import Record
 WINDOW, THRESHOLDS = 0.03, (0.65, 0.5, 0.8)
 # The last tenth and the first fifth of the episodes.
 LAST, EARLY = 0.1, 0.2
-# A run has fallen back if it misses the goal in so many training episodes in a row after exploration.
+# A run has fallen back if it misses the goal in this many training episodes in a row after exploration.
 FALLEN_EPISODES = 10
 # Points along a curve of moving scores; more of them do not change its mean.
 CURVE_POINTS = 100
@@ -161,7 +161,7 @@ METRICS: dict[str, Callable[[Record], float]] = {
     # The least distance (m) to a target ship in the last greedy episode; NaN without ships.
     "DCPA": lambda run: float(run.greedy.dcpa[-1]),
 }
-# Metrics of which less is better.
+# Metrics for which less is better.
 TIMES = ("time", "time to 0.5", "time to 0.8", "total time")
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import optimize, special, stats
 
 Sample = NDArray[np.float64]
-# With so many resamples the ends of a 95 % interval vary by less than a hundredth of its width.
+# With this many resamples the ends of a 95 % interval vary by less than a hundredth of its width.
 RESAMPLES = 10_000
 CONFIDENCE = 0.95
 # Two-sided error of a test.
@@ -245,7 +245,7 @@ def seeds_needed(difference: float, error: float, seeds: int, level: float, powe
 
     Args:
         difference: above zero.
-        error: the standard error of so many `seeds`; it falls with their root.
+        error: the standard error with `seeds` seeds; it falls with their root.
         seeds: at least two.
         level: one-sided.
         power: above a half.

@@ -81,7 +81,7 @@ class Study:
 
     @property
     def whole_looks(self) -> tuple[int, ...]:
-        """The looks of which all seeds have runs, and always the first look."""
+        """The looks whose seeds all have runs, and always the first look."""
         begun = {key[3] for key in self.records}
         first, *others = self.looks
         return (first, *(count for count in others if begun.issuperset(self.seeds[:count])))
@@ -147,7 +147,7 @@ def finished_study(folder: Path, seeds: int | None = None) -> Study:
     """Read a study, or its first `seeds`; runs that cannot be read are named on stderr and left out.
 
     Raises:
-        ConfigError: there is no finished run, there are not so many seeds, or tables are not whole.
+        ConfigError: there is no finished run, there are fewer seeds, or tables are not whole.
     """
     study = read_study(folder)
     if seeds is not None:

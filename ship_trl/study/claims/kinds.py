@@ -56,7 +56,7 @@ def weighted(
     metric: str,
     claimed: Claimed = Claimed.above,
 ) -> Test:
-    """Test a weighted sum of arms, with the opposite sign for times, of which less is better.
+    """Test a weighted sum of arms, with the opposite sign for times, where less is better.
 
     Raises:
         ValueError: there is no such metric.

@@ -23,9 +23,9 @@ from ship_trl.study.plan.jobs import Job
 console = Console(highlight=False)
 # Bytes that hold the last line of a learning curve.
 TAIL_BYTES = 400
-# Without a terminal: a line after this share of the study, and at least so many seconds after the last.
+# Without a terminal: a line after this share of the study, and at least this many seconds after the last.
 LINE_SHARE, LINE_SECONDS = 0.01, 60.0
-# With so many finished runs their mean is used.
+# From this many finished runs on, their mean is used.
 MIN_FINISHED = 4
 # Episodes of the two short runs; a line through their times gives the time of a whole run.
 SHORT, LONG = 8, 40

@@ -104,7 +104,7 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     plan = {
         "settings": settings,
         "cases": known | cases,
-        # The seeds and rules that the study was begun with stay, whatever is added.
+        # The seeds and rules that the study was begun with stay, even if more is added.
         "judged": begun.get("judged", list(config.numbers)),
         "rules": begun.get("rules", stamp()),
         "jobs": [dataclasses.asdict(job) for job in jobs],

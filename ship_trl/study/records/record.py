@@ -35,7 +35,7 @@ class Episodes:
     """Training episodes or greedy evaluations in order, all [N].
 
     `episode` is the number of training episodes done. `dcpa` is NaN without target ships, `epsilon` NaN for
-    greedy evaluations, of which the first is before training.
+    greedy evaluations; the first one is before training.
     """
 
     episode: NDArray[np.int64]

@@ -132,7 +132,7 @@ def lay_out(
     Args:
         width: in inches; a narrow figure has two columns.
         sections: the panels; each section begins a row under its heading.
-        columns: at most so many panels in a row of a wide figure.
+        columns: maximum number of panels in a row of a wide figure.
         heights: of each panel's axes in inches, from top to bottom, by what is drawn in them.
         label: of the horizontal axes.
         handles: of a legend below all panels.

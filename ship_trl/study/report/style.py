@@ -27,7 +27,7 @@ WIDE, NARROW = 11.0, 3.6
 DPI = {WIDE: 110, NARROW: 180}
 # In points.
 FONT, SMALL = 8.0, 7.5
-# A curve is a moving mean over this share of its values, drawn at so many points.
+# A curve is a moving mean over this share of its values, drawn at this many points.
 SMOOTH, POINTS = 0.05, 150
 GREY, PALE = "#6b7280", "#d9dce1"
 
@@ -74,7 +74,7 @@ def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def points(count: int) -> NDArray[np.int64]:
-    """Return `POINTS` of so many indices, evenly, with the first and the last."""
+    """Return `POINTS` evenly spaced indices, with the first and the last."""
     return np.unique(np.linspace(0, count - 1, min(count, POINTS)).round().astype(np.int64))
 
 

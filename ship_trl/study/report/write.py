@@ -28,10 +28,10 @@ def report(folder: Path, output: Path, seeds: int | None = None) -> None:
     Args:
         folder: of a study, or of its tables.
         output: where the report goes.
-        seeds: of the first so many seeds only.
+        seeds: use only this many of the first seeds.
 
     Raises:
-        ConfigError: there is no finished run, there are not so many seeds, the report cannot be written, or
+        ConfigError: there is no finished run, there are fewer seeds, the report cannot be written, or
             the verdicts of the earlier study cannot be read.
     """
     path = folder / EARLIER

@@ -1,4 +1,4 @@
-"""Opening a window, or saying why there is none."""
+"""Open a window, or say why that is impossible."""
 
 from __future__ import annotations
 

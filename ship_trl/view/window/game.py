@@ -81,7 +81,7 @@ class Game(Interactive):
             (f"{LEFT} {RIGHT}", "an action to port, to starboard", {"left": port, "right": starboard}),
             (UP, "keep course, full speed", {"up": partial(self.steer, straight_action(world))}),
             ("1 to 7", "the actions a1 to a7 of table 1", digits),
-            ("Space", "sail, pause; after the end, once more", {"space": self.pause}),
+            ("Space", "start, pause; after the end, once more", {"space": self.pause}),
             ("+ \N{MINUS SIGN}", "faster, slower", {"+": faster, "=": faster, "-": slower}),
             ("R", "begin again; the episode is not kept", {"r": lambda: self.begin(0)}),
             ("C", "next case", {"c": lambda: self.begin(1)}),
@@ -95,7 +95,7 @@ class Game(Interactive):
         self.rasteriser = Rasteriser(case, self.world)
         self.best = best_known(case, self.world).episode_return
         self.player = Player(0, self.world.dt, running=False, speed=self.speed)
-        self.message = "Space: sail"
+        self.message = "Space: start"
         self._show()
 
     def steer(self, action: int) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.policies.entry import Entry, sail
+from ship_trl.policies.entry import Entry, rollout_entry
 from ship_trl.policies.named import network_of
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.view.episode_view import EpisodeView
@@ -77,14 +77,14 @@ def view_episode(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
     Raises:
         ConfigError: the policy cannot be loaded.
     """
-    env, policy, episodes = sail(entry, seed=seed)
+    env, policy, episodes = rollout_entry(entry, seed=seed)
     title = shorten(entry.label) + (f", episode {episode}" if episode > 1 else "")
     telemetry = measure_episode(entry.case, entry.world, episodes[0])
     return EpisodeView(title, telemetry, env.rasteriser, network_of(policy))
 
 
 def distinct(cases: Sequence[Case]) -> list[Case]:
-    """Leave out repeated cases, whatever they are called."""
+    """Leave out repeated cases, also under other names."""
     return list({case.fingerprint: case for case in reversed(cases)}.values())[::-1]
 
 

@@ -91,9 +91,7 @@ def test_a_policy_in_one_line() -> None:
 
 def test_an_own_case_has_no_pretrained_network() -> None:
     Path("mine.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
-    with pytest.raises(
-        ConfigError, match="policy: no bundled network of case mine; allowed: 1, "
-    ):
+    with pytest.raises(ConfigError, match="policy: no bundled network of case mine; allowed: 1, "):
         pretrained.find("pretrained", load_case("mine.yaml", WORLD))
     # The same case by another name is the same.
     Path("same.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text())

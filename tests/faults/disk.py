@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 
 from tests.faults.changes import counted, full_at
-from tests.faults.library import ALONE, RUN, STUDY, TRANSFER, copy_library, marks
+from tests.faults.samples import ALONE, RUN, STUDY, TRANSFER, copy_samples, marks
 from tests.faults.trial import DRAFT, Trial, contents, difference
 from tests.forked import run
 
@@ -37,7 +37,7 @@ MIN_SIZE = 4096
 @cache
 def undisturbed(name: str) -> tuple[dict[str, bytes], int, int]:
     """Run a command in a copy of the library; return what it leaves, its steps, and its largest file."""
-    folder = copy_library(Path(mkdtemp(prefix="faults-")) / "whole")
+    folder = copy_samples(Path(mkdtemp(prefix="faults-")) / "whole")
     before = marks(folder)
     with TemporaryDirectory() as place:
         ended = run(*COMMANDS[name], folder=folder, before=counted(Path(place) / "steps"))
@@ -70,7 +70,7 @@ def trials(rng: random.Random, place: Path) -> Iterator[Trial]:
 def trial(name: str, what: str, fault: Callable[[], None], folder: Path) -> Trial:
     """Run a command with a fault, and again without."""
     words, wanted = COMMANDS[name], undisturbed(name)[0]
-    before = marks(copy_library(folder))
+    before = marks(copy_samples(folder))
     ended = run(*words, folder=folder, before=fault)
     after = marks(folder)
     problems = [] if ended.code == 0 or ended.is_refusal else [f"not explained: {ended}"]

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from tests.faults.damage import DAMAGES, EXECUTED
-from tests.faults.library import ALONE, BASE, RUN, SOURCE, STOPPED, TRANSFER, copy_library, marks
+from tests.faults.samples import ALONE, BASE, RUN, SOURCE, STOPPED, TRANSFER, copy_samples, marks
 from tests.faults.trial import DRAFT, Trial
 from tests.forked import Ended, run
 
@@ -97,7 +97,7 @@ def usual_seconds(name: str) -> float:
 def read(name: str, folder: Path, damage: Callable[[Path], None], seconds: float) -> tuple[Ended, str]:
     """Run a command in a damaged copy of the library; return how it ended, and what is wrong with that."""
     command = COMMANDS[name]
-    copy_library(folder)
+    copy_samples(folder)
     if command.removed:
         shutil.rmtree(folder / command.removed)
     damage(folder)

@@ -35,7 +35,7 @@ from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.manifest import run_config
 from tests.faults.damage import ODD, hostile_files
 from tests.faults.judge import RUN_KEYS, STUDY_KEYS, check_line, guarded, roll_out
-from tests.faults.library import CASES
+from tests.faults.samples import CASES
 from tests.faults.trial import Trial
 
 BATCH = 200

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tests.faults.changes import counted, die_at
-from tests.faults.library import ALONE, STUDY, TRANSFER, expected, new_folder, undisturbed
+from tests.faults.samples import ALONE, STUDY, TRANSFER, expected, new_folder, undisturbed
 from tests.faults.trial import Trial, contents, difference, drop_drafts
 from tests.forked import Child, Ended, run
 from tests.study.commands import descendants

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.faults.library import ALONE, SHORT, TRANSFER, expected, new_folder, undisturbed
+from tests.faults.samples import ALONE, SHORT, TRANSFER, expected, new_folder, undisturbed
 from tests.faults.trial import Trial, contents, difference, drop_drafts
 from tests.forked import Child, run
 

@@ -100,7 +100,7 @@ def library() -> Path:
     return folder
 
 
-def copy_library(folder: Path) -> Path:
+def copy_samples(folder: Path) -> Path:
     """Link the files of the library into a new folder; to change one, replace it."""
     for source in library().iterdir():
         if source.is_dir():

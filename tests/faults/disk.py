@@ -36,7 +36,7 @@ MIN_SIZE = 4096
 
 @cache
 def undisturbed(name: str) -> tuple[dict[str, bytes], int, int]:
-    """Run a command in a copy of the library; return what it leaves, its steps, and its largest file."""
+    """Run a command in a copy of the samples; return what it leaves, its steps, and its largest file."""
     folder = copy_samples(Path(mkdtemp(prefix="faults-")) / "whole")
     before = marks(folder)
     with TemporaryDirectory() as place:

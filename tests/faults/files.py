@@ -1,4 +1,4 @@
-"""Damage one file of the library, and run a command that reads it.
+"""Damage one file of the samples, and run a command that reads it.
 
 Passed: the command ends with exit code 0 or as a refusal, without a traceback, in time and with 3 GiB of
 memory; nothing that was there is lost but what the command replaces; no draft is left; nothing was executed.
@@ -88,14 +88,14 @@ def limit(seconds: float) -> Callable[[], None]:
 
 @cache
 def usual_seconds(name: str) -> float:
-    """Run a command on the undamaged library, and return how long it took."""
+    """Run a command on the undamaged samples, and return how long it took."""
     ended, problem = read(name, Path(mkdtemp(prefix="faults-")) / "whole", lambda folder: None, 300.0)
     assert ended.code == 0 and not problem, (ended, problem)
     return ended.seconds
 
 
 def read(name: str, folder: Path, damage: Callable[[Path], None], seconds: float) -> tuple[Ended, str]:
-    """Run a command in a damaged copy of the library; return how it ended, and what is wrong with that."""
+    """Run a command in a damaged copy of the samples; return how it ended, and what is wrong with that."""
     command = COMMANDS[name]
     copy_samples(folder)
     if command.removed:

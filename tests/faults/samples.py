@@ -39,7 +39,7 @@ STUDY = (
     *("study", "profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false"),
     *("processes=1", "overrides=[learn.episodes=2,learn.jumpstart_draws=0]"),
 )
-# Folders of the library.
+# Folders of the samples.
 OUTPUT = "outputs/smoke"
 BASE = f"{OUTPUT}/case_base"
 SOURCE, RUN = f"{OUTPUT}/near/scratch/seed=0", f"{OUTPUT}/near-met/FT3/seed=0"
@@ -72,7 +72,7 @@ def expected(*commands: tuple[str, ...]) -> dict[str, bytes]:
 
 
 @cache
-def library() -> Path:
+def samples() -> Path:
     """Make a folder with one of each file that we read."""
     folder = new_folder(Path(mkdtemp(prefix="faults-")))
     shutil.copytree(undisturbed(TRANSFER)[0], folder, dirs_exist_ok=True)
@@ -101,8 +101,8 @@ def library() -> Path:
 
 
 def copy_samples(folder: Path) -> Path:
-    """Link the files of the library into a new folder; to change one, replace it."""
-    for source in library().iterdir():
+    """Link the files of the samples into a new folder; to change one, replace it."""
+    for source in samples().iterdir():
         if source.is_dir():
             shutil.copytree(source, folder / source.name, symlinks=True, copy_function=os.link)
     return folder

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests import forked
-from tests.faults import disk, files, inputs, judge, kills, library, together
+from tests.faults import disk, files, inputs, judge, kills, samples, together
 from tests.faults.__main__ import KINDS, find
 from tests.faults.changes import die_at
 from tests.faults.trial import Trial
@@ -18,14 +18,14 @@ def passed(*trials: Trial) -> None:
 
 
 def test_a_run_killed_between_any_two_steps_goes_on(tmp_path: Path) -> None:
-    folder = library.new_folder(tmp_path)
+    folder = samples.new_folder(tmp_path)
     for step in (2, 9, 16):
-        assert forked.run(*library.ALONE, folder=folder, before=die_at(step)).code == -9
-    assert kills.finish(library.ALONE, folder) == ""
+        assert forked.run(*samples.ALONE, folder=folder, before=die_at(step)).code == -9
+    assert kills.finish(samples.ALONE, folder) == ""
 
 
 def test_two_commands_that_want_one_run_train_it_once(tmp_path: Path) -> None:
-    passed(together.trial("the same run", 0.0, None, library.new_folder(tmp_path)))
+    passed(together.trial("the same run", 0.0, None, samples.new_folder(tmp_path)))
 
 
 @pytest.mark.parametrize("fault", [disk.full_at(0), disk.full_at(9), disk.small_files(disk.MIN_SIZE)])

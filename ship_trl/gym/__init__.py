@@ -1,10 +1,10 @@
-"""The same world for Gymnasium, one ship or many.
+"""The world for Gymnasium, one ship or many.
 
     import gymnasium
     env = gymnasium.make("ship_trl.gym:ShipCollision-v0", case="4")
 
 Gymnasium imports the module before the colon, which registers the name. After `import ship_trl.gym` the name
-alone is enough. Gymnasium 1.0 and later reads no entry points of packages, so one of the two is needed.
+alone is enough.
 """
 
 import gymnasium

@@ -1,4 +1,4 @@
-"""Ships of one case for both Gymnasium environments: stepped and drawn at once, pictures channels last."""
+"""Ships of one case for both Gymnasium environments, stepped and drawn in a batch, channels last."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Infos = dict[str, Any]
 
 
 class Ships:
-    """N own ships, each in an episode of its own: `state` float32 [N, 4] and `dcpa` float32 [N] so far.
+    """N own ships, each in its own episode: `state` float32 [N, 4] and `dcpa` float32 [N] so far.
 
     Raises:
         ConfigError: no such case.
@@ -32,23 +32,19 @@ class Ships:
         self.world = load_world()
         self.case = load_case(case, self.world)
         rasteriser = Rasteriser(self.case, self.world, colour=colour)
-        reference = Transition(self.case, self.world, torch.device("cpu"))
+        transition = Transition(self.case, self.world, torch.device("cpu"))
         assert rasteriser.compiled is not None
-        self._draw, self._step = rasteriser.compiled.draw_into, CompiledStep(reference).step_into
-        self._start, self._count = reference.start.numpy(), count
+        self._draw, self._step = rasteriser.compiled.draw_into, CompiledStep(transition).step_into
+        self._start = transition.start.numpy()
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
         self.observation_space = spaces.Box(0, 255, self._shape, np.uint8)
         self.action_space = spaces.Discrete(len(self.world.actions))
-        self.begin()
+        self.state, self.dcpa = np.empty((count, 4), np.float32), np.empty(count, np.float32)
+        self.reset()
 
-    def begin(self) -> None:
-        """Put all ships at the start."""
-        self.state = np.tile(self._start, (self._count, 1))
-        self.dcpa = np.full(self._count, np.inf, np.float32)
-
-    def begin_again(self, over: Flags) -> None:
-        """Put the ships of some rows at the start."""
-        self.state[over], self.dcpa[over] = self._start, np.inf
+    def reset(self, rows: Flags | slice = slice(None)) -> None:
+        """Put the ships of some rows, or all, at the start."""
+        self.state[rows], self.dcpa[rows] = self._start, np.inf
 
     def advance(self, actions: NDArray[np.int64]) -> tuple[NDArray[np.float32], Flags]:
         """Advance by a step; return raw rewards [N], and goal, collision and truncated [3, N].
@@ -56,10 +52,11 @@ class Ships:
         Raises:
             IndexError: an action index is out of range.
         """
-        after, flags = np.empty_like(self.state), np.empty((3, self._count), np.bool_)
-        reward, apart = np.empty((2, self._count), np.float32)
-        self._step(self.state, actions, after, reward, flags, apart)
-        self.state, self.dcpa = after, np.minimum(self.dcpa, apart)
+        count = len(actions)
+        after, flags = np.empty_like(self.state), np.empty((3, count), np.bool_)
+        reward, distance = np.empty((2, count), np.float32)
+        self._step(self.state, actions, after, reward, flags, distance)
+        self.state, self.dcpa = after, np.minimum(self.dcpa, distance)
         return reward, flags
 
     def draw(self, state: NDArray[np.float32]) -> Pixels:
@@ -68,7 +65,3 @@ class Ships:
         pictures = np.empty((len(state), channels, math.prod(image)), np.uint8)
         self._draw(state, pictures)
         return np.ascontiguousarray(pictures.swapaxes(1, 2)).reshape(len(state), *image, channels)
-
-    def infos(self, goal: Flags, collision: Flags) -> Infos:
-        """Return copies of state and DCPA beside the flags of the last step."""
-        return {"state": self.state.copy(), "goal": goal, "collision": collision, "dcpa": self.dcpa.copy()}

@@ -1,4 +1,4 @@
-"""Many ships of one case for Gymnasium, stepped and drawn at once: `ShipCollision-v0` as a vector.
+"""Many ships of one case for Gymnasium, stepped and drawn in a batch: `ShipCollision-v0` as a vector.
 
 import gymnasium
 name = "ship_trl.gym:ShipCollision-v0"
@@ -20,19 +20,12 @@ from ship_trl.gym.ships import Flags, Infos, Pixels, Ships
 
 
 class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64], NDArray[Any]]):
-    """N own ships in one case, each in an episode of its own.
+    """N own ships in one case, each in its own episode; arguments and `infos` as in `ShipCollisionEnv`.
 
-    Observation: uint8 [N, 84, 84, C], C = 1 (grey) or 3 (`colour`). Action: int64 [N], index into
-    table 1. Reward: float32 [N], raw (equation 4) times `reward_scale`. `infos` has `state` [N, 4],
-    `goal`, `collision` and `dcpa` [N] as in `ShipCollisionEnv`. An episode that ends is reset in the
-    same step: its first observation is returned, and `infos["final_obs"]` (objects [N], a picture or
-    None) and `infos["final_info"]` hold the last one, for the rows in `infos["_final_obs"]` (bool [N]).
-
-    Args:
-        num_envs: N.
-        case: name of a case, or the path of a YAML file.
-        colour: three channels instead of one.
-        reward_scale: factor of the reward.
+    Observation: uint8 [N, 84, 84, C]. Action: int64 [N]. Reward: float32 [N]. An episode that ends is reset
+    in the same step. The first observation of the next one is returned. The last one is in
+    `infos["final_obs"]` (objects [N], a picture or None) with `infos["final_info"]`, for the rows in
+    `infos["_final_obs"]` (bool [N]).
 
     Raises:
         ConfigError: no such case.
@@ -45,7 +38,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         self, num_envs: int = 1, case: str = "1", colour: bool = False, reward_scale: float = 1.0
     ) -> None:
         if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}; at least 1 is needed")
+            raise ValueError(f"num_envs: must be at least 1, got {num_envs}")
         self._ships = Ships(num_envs, case, colour)
         self._scale, self.num_envs = np.float32(reward_scale), num_envs
         self.single_observation_space: spaces.Box = self._ships.observation_space
@@ -57,9 +50,8 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Pixels, Infos]:
         """Reset all episodes; the case fixes the start, so the seed changes nothing."""
-        ships = self._ships
-        ships.begin()
-        return ships.draw(ships.state), ships.infos(*np.zeros((2, self.num_envs), np.bool_))
+        self._ships.reset()
+        return self._ships.draw(self._ships.state), self._infos(*np.zeros((2, self.num_envs), np.bool_))
 
     def step(self, actions: NDArray[np.int64]) -> tuple[Pixels, NDArray[np.float32], Flags, Flags, Infos]:
         """Advance every ship by one second: turn, then move.
@@ -68,11 +60,10 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
             ValueError: `actions` is not one action per ship.
             IndexError: an action index is out of range.
         """
-        count = self.num_envs
+        ships, count = self._ships, self.num_envs
         actions = np.ascontiguousarray(actions, np.int64)
         if actions.shape != (count,):
-            raise ValueError(f"{count} actions are needed, not an array of shape {actions.shape}")
-        ships = self._ships
+            raise ValueError(f"actions: must have the shape ({count},), got {actions.shape}")
         reward, (goal, collision, truncated) = ships.advance(actions)
         terminated = goal | collision
         over = terminated | truncated
@@ -81,8 +72,12 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
             last = np.full(count, None, object)
             for row, picture in zip(over.nonzero()[0], ships.draw(ships.state[over]), strict=True):
                 last[row] = picture
-            ends = {"final_obs": last, "final_info": ships.infos(goal, collision)}
-            ends |= {f"_{key}": over for key in tuple(ends)}
-            ships.begin_again(over)
-        infos = ships.infos(goal & ~over, collision & ~over) | ends
+            ends = {"final_obs": last, "final_info": self._infos(goal, collision)}
+            ends |= {"_final_obs": over, "_final_info": over}
+            ships.reset(over)
+        infos = self._infos(goal & ~over, collision & ~over) | ends
         return ships.draw(ships.state), reward * self._scale, terminated, truncated, infos
+
+    def _infos(self, goal: Flags, collision: Flags) -> Infos:
+        ships = self._ships
+        return {"state": ships.state.copy(), "goal": goal, "collision": collision, "dcpa": ships.dcpa.copy()}

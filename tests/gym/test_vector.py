@@ -22,11 +22,11 @@ def pair(count: int, case: str, colour: bool = False) -> tuple[ShipCollisionVect
 
 
 def alike(got: object, wanted: object) -> None:
-    """Equal arrays, in dictionaries of any depth, whatever their types are called."""
+    """Compare arrays, also in nested dictionaries."""
     if isinstance(wanted, dict):
         assert isinstance(got, dict)
         for key in wanted:
-            # Masks of what every row has are of no use to anybody.
+            # A mask of what every row has says nothing.
             if not (key.startswith("_") and np.asarray(wanted[key]).all()):
                 alike(got[key], wanted[key])
     elif isinstance(wanted, np.ndarray) and wanted.dtype == object:
@@ -56,7 +56,7 @@ def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool) -> None
         infos = dict(wanted[4])
         if ends.any():
             ended += int(ends.sum())
-            # Of rows that go on, Gymnasium's final info holds zeros and ours the present.
+            # For rows that go on, Gymnasium's final info holds zeros and ours the present values.
             final = infos.pop("final_info")
             for key in ("state", "goal", "collision", "dcpa"):
                 alike(got[4]["final_info"][key][ends], final[key][ends])
@@ -71,7 +71,7 @@ def test_returned_arrays_are_not_overwritten() -> None:
     kept = first.copy()
     _, _, _, _, infos = envs.step(np.array([0, 3, 6]))
     assert np.array_equal(first, kept)
-    # And what is done to it does not reach the ships.
+    # Changing a returned array does not change the ships.
     mine, other = ShipCollisionVectorEnv(3, "4"), infos["state"].copy()
     mine.reset()
     infos["state"][:], infos["dcpa"][:] = 0.0, 0.0
@@ -101,11 +101,11 @@ def test_the_documents_line_needs_nothing_before_it() -> None:
 
 
 def test_bad_input_is_refused() -> None:
-    with pytest.raises(ValueError, match="num_envs is 0"):
+    with pytest.raises(ValueError, match="num_envs: must be at least 1, got 0"):
         ShipCollisionVectorEnv(0)
     with pytest.raises(ConfigError, match="nowhere"):
         ShipCollisionVectorEnv(2, "nowhere")
     with pytest.raises(IndexError, match="no such action"):
         ShipCollisionVectorEnv(2).step(np.array([0, 7]))
-    with pytest.raises(ValueError, match="2 actions"):
+    with pytest.raises(ValueError, match="actions: must have the shape"):
         ShipCollisionVectorEnv(2).step(np.array([0, 1, 2]))

@@ -3,7 +3,10 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+
+import pytest
 
 from tests import forked
 
@@ -54,6 +57,15 @@ def ship_trl(
     )
     assert done.returncode == code, done.stdout + done.stderr
     return done
+
+
+def refused(capsys: pytest.CaptureFixture[str], main: Callable[[list[str]], None], *words: str) -> str:
+    """Run a command that must exit with code 1 and one line; return the line."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    error = capsys.readouterr().err
+    assert ended.value.code == 1 and error.count("\n") == 1 and error.startswith("ship_trl: ")
+    return error
 
 
 def files(folder: Path) -> dict[str, bytes]:

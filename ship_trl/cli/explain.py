@@ -1,7 +1,7 @@
 """`python -m ship_trl explain POLICY... target=CASE`: what networks have learned to see, on one page.
 
-POLICY is a result folder (its best network; it brings its target, its source and its own beginning with it)
-or a safetensors file. The first is explained; the others, as other seeds, stand beside it.
+POLICY is a result folder (its best network, with its target, its source and itself before training) or a
+safetensors file. The first is explained and compared with the others, for example other seeds.
 """
 
 from __future__ import annotations
@@ -26,21 +26,16 @@ def main(arguments: list[str] | None = None) -> None:
     """Read the command line, and write page, figures and tables."""
     parser = make_parser("explain", __doc__)
     add_policies(parser, is_required=True)
-    parser.add_argument(
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help=f"default: {OUTPUT}",
-    )
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help=f"default: {OUTPUT}")
     add_seed(parser, "of states, untrained networks and resamples")
-    add_number(parser, "--episodes", Episodes, 120, "ten states are taken of each (default 120)")
+    add_number(parser, "--episodes", Episodes, 120, "each gives ten states (default 120)")
     options = parser.parse_args(arguments)
     with refusals():
         if options.output is None and OUTPUT.is_symlink():
             # An untrusted folder of results may be called outputs.
-            raise ConfigError(f"--output: {OUTPUT} is a link; allowed: the folder that it leads to, named")
+            raise ConfigError(f"--output: {OUTPUT} is a link; allowed: --output=FOLDER")
         entries = choose_entries(options.words, options.colour)
-        from ship_trl.explain.write import write
+        from ship_trl.explain.page import write
 
         given = sys.argv[1:] if arguments is None else arguments
         command = shlex.join(["python", "-m", "ship_trl", "explain", *given])
@@ -48,19 +43,19 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def choose_entries(words: list[str], colour: bool) -> list[Entry]:
-    """Find the networks that are meant: of a result folder its best one.
+    """Find the networks that the words name; of a result folder its best one.
 
     Raises:
-        ConfigError: there is none, or they differ in case, world or colours.
+        ConfigError: there is no network, or they differ in case, world or colours.
     """
     entries = best_of_folders(find_entries(words, colour))
     first = entries[0]
     for other in entries[1:]:
         if other.case.fingerprint != first.case.fingerprint:
             raise ConfigError(
-                f"target: {first.label} is of case {first.case.name} and {other.label} of case "
+                f"target: {first.label} is for case {first.case.name}, and {other.label} is for case "
                 f"{other.case.name}; allowed: one, given as target=CASE"
             )
         if other.world != first.world or other.colour != first.colour:
-            raise ConfigError(f"policy: {first.label} and {other.label} are of different worlds or colours")
+            raise ConfigError(f"policy: {first.label} and {other.label} differ in world or colours")
     return entries

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 RESAMPLES = 2000
-# Of every interval.
+# Confidence level of all intervals.
 LEVEL = 0.95
 
 
@@ -22,6 +23,13 @@ class Estimate(NamedTuple):
     value: float
     low: float
     high: float
+
+    def columns(self, name: str) -> dict[str, float]:
+        """Return the columns `name`, `name_low` and `name_high` of a table."""
+        return {name: self.value, f"{name}_low": self.low, f"{name}_high": self.high}
+
+
+UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 
 
 def resamples(episodes: int, generator: np.random.Generator, count: int = RESAMPLES) -> Floats:

@@ -3,8 +3,8 @@
 Linear CKA (Kornblith, Norouzi, Lee and Hinton 2019, Similarity of Neural Network Representations Revisited)
 is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)), where K = X X' and L = Y Y' are the Gram matrices of the
 activations X [N, P] and Y [N, Q]. It is 1 if Y is a rotated and scaled X. HSIC is estimated without bias
-(Song et al. 2012, Feature Selection via Dependence Maximization). The biased estimator reports independent
-noise as similar where features outnumber states, as they do in the first layers.
+(Song et al. 2012, Feature Selection via Dependence Maximization). With bias, independent noise would look
+similar in the first layers, where features outnumber states.
 """
 
 from __future__ import annotations
@@ -23,10 +23,7 @@ assert LEVEL == 0.95
 
 
 def gram(activations: Tensor) -> Floats:
-    """Compute the Gram matrix of activations, [N, ...] to [N, N], scaled to a diagonal of mean 1.
-
-    A layer without any activity gives zeros.
-    """
+    """Compute the Gram matrix of activations, [N, ...] to [N, N], with a diagonal of mean 1 (or zeros)."""
     flat = activations.flatten(1).float()
     flat = flat - flat.mean(0)
     kernel = (flat @ flat.T).double().numpy()

@@ -1,133 +1,164 @@
-"""Measure networks on a set of states."""
+"""Measure networks on a set of states: tables of probes, CKA, filters and erased things."""
 
 from __future__ import annotations
 
 import itertools
-import math
-import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.explain.bootstrap import Estimate, Floats, interval, resamples, state_mean
+from ship_trl.explain.bootstrap import UNKNOWN, Estimate, Floats, interval, resamples, state_mean
 from ship_trl.explain.cka import estimate, gram
+from ship_trl.explain.networks import Compared, Role
 from ship_trl.explain.probes import Probe, fit_probe
-from ship_trl.explain.rows import CKARow, Compared, ErasedRow, FilterRow, Measured, ProbeRow, Role
 from ship_trl.explain.saliency import Erased, greedy_actions
 from ship_trl.explain.states import StateSet
 
 # Network, role and layer of the probes on raw pixels.
 PIXELS = "pixels"
-# Probes by network, layer and quantity.
-Probes = dict[tuple[str, str, str], Probe]
+# Pairs of roles whose layers are compared, in the order of the networks; other seeds come beside them.
+PAIRS = {
+    "source, before training": (Role.before, Role.source),
+    "before, after training": (Role.explained, Role.before),
+    "source, after training": (Role.explained, Role.source),
+    "after training, untrained": (Role.explained, Role.untrained),
+}
+OTHER_SEEDS = "different seeds"
+Row = dict[str, Any]
+# Probes of one layer by quantity.
+Probes = dict[str, Probe]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Tables of all measurements; each estimate has two more columns, `_low` and `_high`.
+
+    Attributes:
+        networks: the explained network is the first.
+        layers: the conv layers and `shared`.
+        probes: R² on held-out (`r2`) and validation episodes (`checked_r2`), with shuffled labels, and over
+            both controls, by network, layer and quantity.
+        cka: CKA of a layer of two networks; `alike` marks networks that differ only in their seed.
+        filters: correlation of neighbouring weights in conv1.
+        erased: share of the states that show a thing in which the action changes without it.
+    """
+
+    networks: list[Compared]
+    layers: tuple[str, ...]
+    probes: pd.DataFrame
+    cka: pd.DataFrame
+    filters: pd.DataFrame
+    erased: pd.DataFrame
+
+    def cka_by_layer(self) -> dict[str, pd.DataFrame]:
+        """Return CKA by layer of each comparison; the interval of several pairs is their range."""
+        rows = self.cka
+        chosen = {
+            name: rows[(rows.first_role == first) & (rows.second_role == second)]
+            for name, (first, second) in PAIRS.items()
+        }
+        chosen[OTHER_SEEDS] = rows[rows.alike]
+        for name, pairs in chosen.items():
+            if len(pairs) > len(self.layers):
+                values = pairs.groupby("layer", sort=False).cka
+                chosen[name] = values.agg(cka="mean", cka_low="min", cka_high="max")
+        return {name: pairs for name, pairs in chosen.items() if len(pairs)}
 
 
 def measure(
-    networks: tuple[Compared, ...],
+    networks: list[Compared],
     states: StateSet,
     erased: list[Erased],
     seed: int,
     log: Callable[[str], None],
 ) -> Measured:
-    """Measure every network on the states.
+    """Measure every network on the states; `log` takes lines of progress.
 
-    Args:
-        networks: the networks, the explained one first.
-        states: the states.
-        erased: pictures of the held-out states with things erased.
-        seed: of shuffled labels and resamples.
-        log: takes a line of progress as each network is done.
+    `erased` are pictures of the held-out states, `seed` is of shuffled labels and resamples.
     """
     layers = (*networks[0].network.conv_names, "shared")
     held_out = np.flatnonzero(states.held_out)
     kernels: dict[tuple[str, str], Floats] = {}
-    probes: Probes = {}
-
-    def fit_probes(name: str, layer: str, kernel: Floats) -> None:
-        for k, quantity in enumerate(states.quantities):
-            # The same shuffle for every layer and network.
-            generator = np.random.default_rng([seed, k])
-            probes[name, layer, quantity.name] = fit_probe(kernel, quantity, states, generator)
-
-    fit_probes(PIXELS, PIXELS, gram(states.pixels))
-    filters: list[FilterRow] = []
+    probes = {(PIXELS, PIXELS): fit_probes(gram(states.pixels), states, seed)}
+    filters: list[Row] = []
     for count, one in enumerate(networks, 1):
-        started = time.monotonic()
         with torch.no_grad():
             activations = one.network.activations(states.pixels)
         for layer, values in activations.items():
             kernel = gram(values)
-            fit_probes(one.name, layer, kernel)
+            probes[one.name, layer] = fit_probes(kernel, states, seed)
             kernels[one.name, layer] = kernel[np.ix_(held_out, held_out)]
         weight = one.network.get_parameter("conv1.weight").detach()
         correlation = neighbour_correlation(weight, np.random.default_rng([seed, 101]))
-        filters.append(FilterRow(one.name, one.role, correlation))
-        log(f"probes {count} of {len(networks)}: {one.name}, {time.monotonic() - started:.1f} s")
-    cka = [
-        CKARow(
-            a.name, a.role, b.name, b.role, layer, a.settings is not None and a.settings == b.settings, found
-        )
-        for a, b in itertools.combinations(networks, 2)
-        for layer in layers
-        for found in [estimate(kernels[a.name, layer], kernels[b.name, layer], states.episode[held_out])]
-    ]
+        filters.append({"network": one.name, "role": one.role, **correlation.columns("neighbours")})
+        log(f"probes {count} of {len(networks)}: {one.name}")
+    cka: list[Row] = []
+    for a, b in itertools.combinations(networks, 2):
+        alike = a.settings is not None and a.settings == b.settings
+        names = {"first": a.name, "first_role": a.role, "second": b.name, "second_role": b.role}
+        for layer in layers:
+            found = estimate(kernels[a.name, layer], kernels[b.name, layer], states.episode[held_out])
+            cka.append({**names, "layer": layer, "alike": alike, **found.columns("cka")})
     log(f"CKA of {len(networks)} networks")
-    probe_rows = judge_probes(networks, layers, states, probes, seed)
+    probe_rows = judge_probes(networks, layers, probes, seed)
     erased_rows = measure_erased(networks, states, erased, seed)
     log("things erased")
-    return Measured(networks, layers, probe_rows, cka, filters, erased_rows)
+    return Measured(networks, layers, *map(pd.DataFrame, (probe_rows, cka, filters, erased_rows)))
+
+
+def fit_probes(kernel: Floats, states: StateSet, seed: int) -> Probes:
+    """Fit a probe of each quantity; labels are shuffled alike for every layer and network."""
+    return {
+        quantity.name: fit_probe(kernel, quantity, states, np.random.default_rng([seed, k]))
+        for k, quantity in enumerate(states.quantities)
+    }
 
 
 def judge_probes(
-    networks: tuple[Compared, ...], layers: tuple[str, ...], states: StateSet, probes: Probes, seed: int
-) -> list[ProbeRow]:
+    networks: list[Compared],
+    layers: tuple[str, ...],
+    probes: dict[tuple[str, str], Probes],
+    seed: int,
+) -> list[Row]:
     """Compare every probe with its controls, on the same resamples of episodes."""
+    untrained = [one.name for one in networks if one.role is Role.untrained]
+    cells = [(one.name, str(one.role), layer) for layer in layers for one in networks]
     rows = []
-    for name in (quantity.name for quantity in states.quantities):
-        pixels = probes[PIXELS, PIXELS, name]
+    for quantity, pixels in probes[PIXELS, PIXELS].items():
         counts = resamples(len(pixels.errors), np.random.default_rng([seed, 102]))
-        rows.append(probe_row((PIXELS, PIXELS, PIXELS, name), pixels, counts, (), ()))
-        for layer in layers:
-            untrained = [probes[one.name, layer, name] for one in networks if one.role is Role.untrained]
-            for one in networks:
-                controls = () if one.role is Role.untrained else untrained
-                labels = (one.name, one.role, layer, name)
-                rows.append(probe_row(labels, probes[one.name, layer, name], counts, (pixels,), controls))
+        for network, role, layer in [(PIXELS, PIXELS, PIXELS), *cells]:
+            probe = probes[network, layer][quantity]
+            row: Row = {"network": network, "role": role, "layer": layer, "quantity": quantity}
+            row |= interval(probe.r2, probe.resampled_r2(counts)).columns("r2")
+            row |= {"checked_r2": probe.validation_r2, "shuffled_r2": probe.shuffled_r2}
+            controls = [] if role == PIXELS else [pixels]
+            row |= difference(probe, controls, counts).columns("over_pixels")
+            is_control = role in (PIXELS, Role.untrained)
+            controls = [] if is_control else [probes[name, layer][quantity] for name in untrained]
+            row |= difference(probe, controls, counts).columns("over_untrained")
+            rows.append(row)
     return rows
 
 
-def probe_row(
-    labels: tuple[str, str, str, str],
-    probe: Probe,
-    counts: Floats,
-    pixels: Sequence[Probe],
-    untrained: Sequence[Probe],
-) -> ProbeRow:
-    """Make the row of a probe; `labels` are network, role, layer and quantity, controls may be empty."""
-    resampled = probe.resampled_r2(counts)
-
-    def difference(controls: Sequence[Probe]) -> Estimate | None:
-        if not controls:
-            return None
-        control = np.mean([one.resampled_r2(counts) for one in controls], axis=0)
-        return interval(probe.r2 - float(np.mean([one.r2 for one in controls])), resampled - control)
-
-    return ProbeRow(
-        *labels,
-        interval(probe.r2, resampled),
-        probe.validation_r2,
-        probe.shuffled_r2,
-        difference(pixels),
-        difference(untrained),
-    )
+def difference(probe: Probe, controls: Sequence[Probe], counts: Floats) -> Estimate:
+    """Estimate how far the R² of a probe is above the mean of its controls; unknown without controls."""
+    if not controls:
+        return UNKNOWN
+    value = probe.r2 - float(np.mean([one.r2 for one in controls]))
+    control = np.mean([one.resampled_r2(counts) for one in controls], axis=0)
+    return interval(value, probe.resampled_r2(counts) - control)
 
 
 def neighbour_correlation(weight: Tensor, generator: np.random.Generator) -> Estimate:
     """Correlate neighbouring weights of filters [O, C, K, K], across and down, with an interval over filters.
 
-    It is near 0 for untrained weights and 1 for filters that change slowly from place to place.
+    It is near 0 for untrained weights, near 1 for smooth filters, and unknown for constant ones.
     """
     values = (weight - weight.mean((2, 3), keepdim=True)).double()
     across, down = values[..., 1:] * values[..., :-1], values[..., 1:, :] * values[..., :-1, :]
@@ -135,44 +166,36 @@ def neighbour_correlation(weight: Tensor, generator: np.random.Generator) -> Est
     moments = torch.stack((covariance, (values**2).mean((1, 2, 3))), 1).numpy()
     whole = moments.sum(0)
     if whole[1] == 0:
-        # Constant filters have no correlation.
-        return Estimate(math.nan, math.nan, math.nan)
+        return UNKNOWN
     sums = resamples(len(moments), generator) @ moments
     return interval(float(whole[0] / whole[1]), sums[:, 0] / sums[:, 1])
 
 
-def measure_erased(
-    networks: tuple[Compared, ...], states: StateSet, erased: list[Erased], seed: int
-) -> list[ErasedRow]:
+def measure_erased(networks: list[Compared], states: StateSet, erased: list[Erased], seed: int) -> list[Row]:
     """Compare the greedy actions of every network with and without each thing, on held-out states."""
-    held_out = torch.from_numpy(states.held_out)
-    pixels, episodes = states.pixels[held_out], states.episode[states.held_out]
-    actions = {one.name: greedy_actions(one.network, pixels) for one in networks}
-    rows = []
+
+    def choose(pixels: Tensor) -> NDArray[np.int64]:
+        return np.stack([greedy_actions(one.network, pixels).numpy() for one in networks])
+
+    actions = choose(states.pixels[torch.from_numpy(states.held_out)])
+    episodes = states.episode[states.held_out]
+    is_untrained = np.array([one.role is Role.untrained for one in networks])
+    rows: list[Row] = []
     for thing in erased:
-        visible = thing.visible
-        if not bool(visible.any()):
+        visible = thing.visible.numpy()
+        if not visible.any():
             continue
-        episode, without = episodes[visible.numpy()], thing.pixels[visible]
-        changed = {
-            one.name: (greedy_actions(one.network, without) != actions[one.name][visible]).numpy()
-            for one in networks
-        }
-        untrained = np.mean([changed[one.name] for one in networks if one.role is Role.untrained], axis=0)
-        for one in networks:
+        episode = episodes[visible]
+        changed = choose(thing.pixels[thing.visible]) != actions[:, visible]
+        control = changed[is_untrained].mean(0)
+        for one, change in zip(networks, changed, strict=True):
             # The same resamples for every network and thing.
             share, over_untrained = (
                 state_mean(values, episode, np.random.default_rng([seed, 103]))
-                for values in (changed[one.name], changed[one.name] - untrained)
+                for values in (change, change - control)
             )
-            rows.append(
-                ErasedRow(
-                    one.name,
-                    one.role,
-                    thing.thing,
-                    states=int(visible.sum()),
-                    changed=share,
-                    over_untrained=None if one.role is Role.untrained else over_untrained,
-                )
-            )
+            if one.role is Role.untrained:
+                over_untrained = UNKNOWN
+            labels = {"network": one.name, "role": one.role, "thing": thing.thing, "states": len(episode)}
+            rows.append(labels | share.columns("changed") | over_untrained.columns("over_untrained"))
     return rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 from omegaconf.errors import OmegaConfBaseException
@@ -14,7 +15,6 @@ from yaml import YAMLError
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config, plain
-from ship_trl.explain.rows import Compared, Role
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork
@@ -33,36 +33,55 @@ from ship_trl.transfer.layers import copy_layers
 UNTRAINED_NETWORKS = 3
 
 
+class Role(StrEnum):
+    """Why a network is measured; `before` is the explained network before its training."""
+
+    explained = "explained"
+    before = "before training"
+    source = "source"
+    beside = "beside"
+    untrained = "untrained"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A network to measure. Networks with the same `settings` differ only in their seed; None if unknown."""
+
+    name: str
+    role: Role
+    network: DuelingNetwork
+    settings: tuple[str, ...] | None = None
+
+
 @dataclass(frozen=True)
 class Origin:
-    """What the result folder of a network tells of its training; None where that is not known.
+    """What the result folder of a network says about its training; None where that is unknown.
 
-    `source` is the network that layers were `copied` from, `before` the network as training began.
+    `source` is the network that layers were `copied` from, `before` the network before training.
     """
 
     result: Result | None = None
     source: DuelingNetwork | None = None
     before: DuelingNetwork | None = None
     copied: tuple[str, ...] = ()
-    is_frozen: bool = False
 
 
 def load_networks(entries: list[Entry]) -> list[Compared]:
-    """Load every network of the command line; the first is the explained one.
+    """Load the networks of the command line; the first is the explained one.
 
     Raises:
-        ConfigError: a policy without a network, or networks of different layers, observations or actions.
+        ConfigError: a policy has no network, or two networks differ in layers, observations or actions.
     """
-    results = [result_of(entry) for entry in entries]
     found: list[Compared] = []
-    for entry, result, name in zip(entries, results, name_entries(entries, results), strict=True):
+    for entry, name in zip(entries, name_entries(entries), strict=True):
         env = ShipEnv(entry.case, entry.world, 1, colour=entry.colour)
         _, network = load_with_network(entry.policy, env)
         if found and plain(network.config) != plain(found[0].network.config):
             raise ConfigError(
-                f"policy: {entry.policy} is of another network than {entries[0].policy}; "
+                f"policy: {entry.policy} has other layers than {entries[0].policy}; "
                 "allowed: networks of the same layers"
             )
+        result = result_of(entry)
         settings = (result.pair, result.arm, result.target) if result else None
         found.append(Compared(name, Role.beside if found else Role.explained, network, settings))
     return found
@@ -76,28 +95,29 @@ def result_of(entry: Entry) -> Result | None:
         return None
 
 
-def name_entries(entries: list[Entry], results: list[Result | None]) -> list[str]:
-    """Give networks short names that differ: arm and seed, else with the pair, else the path."""
-    forms = (
-        lambda r, e: f"{r.arm} seed {r.seed}" if r else Path(e.policy).stem,
-        lambda r, e: f"{r.pair} {r.arm} seed {r.seed}" if r else e.policy,
-        lambda _, e: e.policy,
-    )
-    for form in forms:
-        names = [form(result, entry) for result, entry in zip(results, entries, strict=True)]
-        if len(set(names)) == len(names):
-            return names
-    raise ConfigError(f"policy: {next(n for n in names if names.count(n) > 1)} is given twice")
+def name_entries(entries: list[Entry]) -> list[str]:
+    """Return the labels of the entries, or their paths if two labels are the same.
+
+    Raises:
+        ConfigError: two paths are the same.
+    """
+    labels = [entry.label.removesuffix(", best") for entry in entries]
+    paths = [entry.policy for entry in entries]
+    for path in paths:
+        if paths.count(path) > 1:
+            raise ConfigError(f"policy: {path} is given twice")
+    return labels if len(set(labels)) == len(labels) else paths
 
 
 def find_origin(entry: Entry, name: str) -> Origin:
-    """Find the source of a network, and draw the network as training began from the seed of its run.
+    """Find the source of a network, and draw the network before training from the seed of its run.
 
-    Without a result, or if that network does not return what the result says, they are left out.
+    Both are left out without a result. The drawn network must reach the return in the result.
     """
     result, folder = result_of(entry), Path(entry.policy).parent
     if result is None:
         return Origin()
+    left_out = f"{name}: the network before training is left out"
     try:
         config = read_config(folder / CONFIG)
         given = result.source_network
@@ -107,7 +127,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
         case = load_case(result.target, entry.world, f"{folder / RESULT}: target")
         run = Run(config, case, None, folder, result.config_hash, pretrained)
         channels, actions = (3 if entry.colour else 1), len(entry.world.actions)
-        # As make_parts does.
+        # The same weights as make_parts draws.
         weights = Generator().manual_seed(run.stream("weights"))
         before = DuelingNetwork(channels, actions, weights, config.network)
         found, source = read_source(run), None
@@ -118,19 +138,14 @@ def find_origin(entry: Entry, name: str) -> Origin:
         env = ShipEnv(case, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:
-        print_error(f"{name}: the network before training is left out: {error}")
+        print_error(f"{left_out}: {error}")
         return Origin(result)
-    if not abs(reached - result.before.episode_return) < SHOWN:
-        print_error(
-            f"{name}: the network before training is left out: it should return "
-            f"{result.before.episode_return:.1f} and returns {reached:.1f}"
-        )
+    expected = result.before.episode_return
+    if not abs(reached - expected) < SHOWN:
+        print_error(f"{left_out}: it should return {expected:.1f} and returns {reached:.1f}")
         return Origin(result, source)
-    layers = before.conv_names
-    copied = layers[: run.arm.copied_layers(len(layers))]
-    if run.arm.copies_all:
-        copied = (*copied, "shared")
-    return Origin(result, source, before, copied, run.arm.frozen_layers > 0)
+    copied = before.conv_names[: run.arm.copied_layers(len(before.conv_names))]
+    return Origin(result, source, before, (*copied, "shared") if run.arm.copies_all else copied)
 
 
 def read_config(path: Path) -> Config:
@@ -146,28 +161,23 @@ def read_config(path: Path) -> Config:
     return read_as(Config, values, f"{path}: ")
 
 
-def make_untrained(like: DuelingNetwork, generator: Generator) -> list[DuelingNetwork]:
-    """Draw networks of the same layers as `like`, with the weights that training begins with."""
-    found = []
-    for _ in range(UNTRAINED_NETWORKS):
-        network = copy.deepcopy(like)
-        network.reset(generator)
-        found.append(network)
-    return found
+def make_untrained(like: DuelingNetwork, generator: Generator) -> DuelingNetwork:
+    """Draw an untrained network with the layers of `like`."""
+    network = copy.deepcopy(like)
+    network.reset(generator)
+    return network
 
 
-def add_controls(
-    named: list[Compared], origin: Origin, untrained: list[DuelingNetwork]
-) -> tuple[Compared, ...]:
+def add_controls(named: list[Compared], origin: Origin, generator: Generator) -> list[Compared]:
     """Add the origin of the first network and untrained networks to the named ones."""
-    first = named[0].name
-    past = [
-        (f"{first} before training", Role.before, origin.before),
-        (f"source of {first}", Role.source, origin.source),
-    ]
-    return (
-        named[0],
-        *(Compared(name, role, network) for name, role, network in past if network is not None),
-        *named[1:],
-        *(Compared(f"untrained {k}", Role.untrained, one) for k, one in enumerate(untrained, 1)),
-    )
+    first, *others = named
+    found = [first]
+    if origin.before is not None:
+        found.append(Compared(f"{first.name} before training", Role.before, origin.before))
+    if origin.source is not None:
+        found.append(Compared(f"source of {first.name}", Role.source, origin.source))
+    found += others
+    for k in range(1, UNTRAINED_NETWORKS + 1):
+        untrained = make_untrained(first.network, generator)
+        found.append(Compared(f"untrained {k}", Role.untrained, untrained))
+    return found

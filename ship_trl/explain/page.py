@@ -1,180 +1,151 @@
-"""The page: one HTML file with all figures and tables. `page.html` holds the captions."""
+"""Explain networks: load them, draw states, measure, and write tables, figures and a page.
+
+`page.html` holds the captions.
+"""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable
+import math
+import sys
+import time
 from pathlib import Path
-from typing import NamedTuple, TypeVar
 
 import jinja2
-import numpy as np
+import pandas as pd
+import torch
+from torch import Generator
 
-from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.networks import Origin
-from ship_trl.explain.rows import CKARow, ErasedRow, FilterRow, Measured, ProbeRow, Role
-from ship_trl.explain.states import StateSet
+from ship_trl.explain import figures
+from ship_trl.explain.measure import Measured, measure
+from ship_trl.explain.networks import Origin, Role, add_controls, find_origin, load_networks
+from ship_trl.explain.saliency import erase_things
+from ship_trl.explain.states import StateSet, draw_states
+from ship_trl.files.disk import replacing
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
+from ship_trl.run.process import configure_process
+from ship_trl.sim.env import ShipEnv
+from ship_trl.view.chart import save
 
+PAGE, TABLES = "index.html", ("probes", "cka", "erased", "filters")
 MISSING = "-"
-Row = TypeVar("Row")
+# One end of a 95 % interval.
+CHANCE = 0.025
 
 
-class Table(NamedTuple):
-    """A table; the first `labels` columns are text, the others numbers."""
+def write(entries: list[Entry], output: Path, episodes: int, seed: int, command: str) -> None:
+    """Explain the first network beside the others; write tables, figures and last the page into a folder.
 
-    head: list[str]
-    rows: list[list[str]]
-    labels: int
+    Raises:
+        ConfigError: a network cannot be read, or no states can be drawn in the case.
+    """
+    configure_process()
+    started = time.monotonic()
 
+    def log(line: str) -> None:
+        sys.stdout.write(f"{time.monotonic() - started:5.0f} s  {line}\n")
+        sys.stdout.flush()
 
-def make_table(columns: dict[str, Callable[[Row], str]], rows: Iterable[Row], labels: int = 1) -> Table:
-    """Make a table of formatted columns, a line for each row."""
-    return Table(list(columns), [[cell(row) for cell in columns.values()] for row in rows], labels)
-
-
-def number(found: Estimate | None, digits: int = 2) -> str:
-    """Format an estimate with its interval."""
-    if found is None:
-        return MISSING
-    value, low, high = (f"{one:z.{digits}f}" for one in found)
-    return f"{value} ({low} to {high})"
-
-
-def share(found: Estimate) -> str:
-    """Format a share with its interval."""
-    return f"{found.value:.0%} ({found.low:.0%} to {found.high:.0%})"
-
-
-def sign(found: Estimate | None) -> int:
-    """Return 1 if the interval is above zero, -1 if it is below, else 0."""
-    return 0 if found is None else int(found.low > 0) - int(found.high < 0)
-
-
-def difference(found: Estimate | None) -> str:
-    """Format a difference, with a mark if its interval excludes zero."""
-    return number(found) + ("", " ▲", " ▼")[sign(found)]
-
-
-def count_signs(found: list[Estimate | None]) -> str:
-    """Count the differences whose interval excludes zero."""
-    signs = list(map(sign, found))
-    return f"{signs.count(1)} ▲ {signs.count(-1)} ▼"
-
-
-def mean_r2(rows: list[ProbeRow]) -> str:
-    """Average R² over probes."""
-    return f"{np.mean([row.r2.value for row in rows]):.2f}"
-
-
-def cka_range(rows: list[CKARow]) -> str:
-    """Format the range of CKA over pairs of networks."""
-    values = [row.cka.value for row in rows]
-    return f"{min(values):.3f} to {max(values):.3f}" if values else MISSING
-
-
-PROBES: dict[str, Callable[[ProbeRow], str]] = {
-    "quantity": lambda row: row.quantity,
-    "layer": lambda row: row.layer,
-    "R²": lambda row: number(row.r2),
-    "over pixels": lambda row: difference(row.over_pixels),
-    "over untrained": lambda row: difference(row.over_untrained),
-    "R², shuffled labels": lambda row: f"{row.shuffled_r2:.2f}",
-}
-ERASED: dict[str, Callable[[ErasedRow], str]] = {
-    "thing": lambda row: row.thing,
-    "network": lambda row: row.network,
-    "states": lambda row: str(row.states),
-    "action changes": lambda row: share(row.changed),
-    "over untrained": lambda row: difference(row.over_untrained),
-}
-FILTERS: dict[str, Callable[[FilterRow], str]] = {
-    "network": lambda row: row.network,
-    "correlation of neighbouring weights": lambda row: number(row.neighbours),
-}
-
-
-def make_tables(measured: Measured) -> dict[str, Table]:
-    """Make every table, by the name that `page.html` uses."""
-    name, probes, erased = measured.explained.name, measured.explained_probes, measured.erased
-
-    def of(layer: str) -> list[ProbeRow]:
-        return [row for row in probes if row.layer == layer]
-
-    def untrained(layer: str) -> list[ProbeRow]:
-        return [row for row in measured.probes if row.layer == layer and row.role == Role.untrained]
-
-    def cka(first: Role, second: Role) -> Callable[[str], str]:
-        return lambda layer: "".join(number(row.cka, 3) for row in measured.cka_between(first, second, layer))
-
-    by_layer: dict[str, Callable[[str], str]] = {
-        "layer": str,
-        "mean R²": lambda layer: mean_r2(of(layer)),
-        "untrained": lambda layer: mean_r2(untrained(layer)),
-        "quantities over untrained": lambda layer: count_signs([row.over_untrained for row in of(layer)]),
-        "quantities over pixels": lambda layer: count_signs([row.over_pixels for row in of(layer)]),
+    first = entries[0]
+    named = load_networks(entries)
+    name, network = named[0].name, named[0].network
+    # Fail before the long computation if the folder cannot be written.
+    output.mkdir(parents=True, exist_ok=True)
+    log(f"case {first.case.name}: {len(named)} networks, {name} is explained")
+    origin = find_origin(first, name)
+    # One random stream for each purpose.
+    state_draws, weight_draws = (Generator().manual_seed(seed + k) for k in range(2))
+    env = ShipEnv(first.case, first.world, 1, colour=first.colour)
+    states = draw_states(env, network, episodes, state_draws)
+    log(f"{len(states.states)} states of {episodes} episodes")
+    networks = add_controls(named, origin, weight_draws)
+    erased = erase_things(env, states.states[torch.from_numpy(states.held_out)])
+    measured = measure(networks, states, erased, seed, log)
+    for table in TABLES:
+        with replacing(output / f"{table}.csv") as draft:
+            getattr(measured, table).to_csv(draft, index=False)
+    episode = rollout(env, greedy_policy(network, env.rasteriser))[0].states
+    drawn = {
+        "probes": figures.draw_probes(measured),
+        "change": figures.draw_change(measured),
+        "erased": figures.draw_erased(measured),
+        "saliency": figures.draw_saliency(network, networks[-1].network, env, episode),
+        "filters": figures.draw_filters(measured),
     }
-    change: dict[str, Callable[[str], str]] = {
-        "layer": str,
-        "source, before training": cka(Role.source, Role.before),
-        "before, after training": cka(Role.before, Role.explained),
-        "source, after training": cka(Role.source, Role.explained),
-        "different seeds": lambda layer: cka_range(measured.cka_between_seeds(layer)),
-        "after training, untrained": lambda layer: cka_range(
-            measured.cka_between(Role.explained, Role.untrained, layer)
-        ),
-    }
-    return {
-        "best": make_table(PROBES, measured.best_probes(), labels=2),
-        "probes": make_table(PROBES, probes, labels=2),
-        "layers": make_table(by_layer, measured.layers),
-        "cka": make_table(change, measured.layers),
-        "erased": make_table(ERASED, (row for row in erased if row.network == name), labels=2),
-        "erased_all": make_table(ERASED, erased, labels=2),
-        "filters": make_table(FILTERS, measured.filters),
-    }
+    images = {}
+    for key, figure in drawn.items():
+        save(figure, output / f"{key}.png")
+        images[key] = base64.b64encode((output / f"{key}.png").read_bytes()).decode()
+    log(f"{len(drawn)} figures")
+    loader = jinja2.FileSystemLoader(Path(__file__).parent)
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    page = environment.get_template("page.html").render(
+        name=name,
+        case=first.case.name,
+        command=command,
+        facts=list_facts(first, origin, states, measured),
+        tables=make_tables(measured),
+        figures=images,
+    )
+    with replacing(output / PAGE) as draft:
+        draft.write_text(page)
+    sys.stdout.write(f"{output / PAGE}\n")
 
 
 def list_facts(entry: Entry, origin: Origin, states: StateSet, measured: Measured) -> dict[str, str]:
     """List what was compared, and on how many states."""
     result = origin.result
-    pairs = measured.cka_between_seeds(measured.layers[0])
-    seeds = dict.fromkeys(name for row in pairs for name in (row.first, row.second))
+    episodes, held_out = len(set(states.episode)), len(set(states.episode[states.held_out]))
     # Each probe with pixels and with untrained networks.
-    comparisons = 2 * len(measured.explained_probes)
+    comparisons = 2 * int((measured.probes.role == Role.explained).sum())
     facts = {
-        "network": f"{measured.explained.name} ({entry.policy})",
-        "trained on case": result.target if result else "",
-        "source case": (result.source or "") if result else "",
+        "network": f"{measured.networks[0].name} ({entry.policy})",
+        "trained on case": result and result.target,
+        "source case": result and result.source,
         "copied layers": ", ".join(origin.copied),
-        "frozen layers": ", ".join(origin.copied) if origin.is_frozen else "",
         "all networks": ", ".join(f"{one.name} ({one.role})" for one in measured.networks),
-        "different seeds": ", ".join(seeds),
-        "states": f"{len(states.states)} of {len(set(states.episode))} episodes",
-        "held-out episodes": str(len(set(states.episode[states.held_out]))),
-        "probe comparisons": str(comparisons),
-        # One end of a 95 % interval.
-        "expected ▲ by chance": f"{0.025 * comparisons:.1f}",
+        "states": f"{len(states.states)} of {episodes} episodes, {held_out} of them held out",
+        "probe comparisons": f"{comparisons}; by chance {CHANCE * comparisons:.1f} get a ▲",
     }
     return {key: value or MISSING for key, value in facts.items()}
 
 
-def render(
-    measured: Measured, facts: dict[str, str], figures: dict[str, Path], case: str, command: str
-) -> str:
-    """Render the page; `figures` are PNG files by name."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html").render(
-        name=measured.explained.name,
-        case=case,
-        command=command,
-        facts=facts,
-        tables=make_tables(measured),
-        figures={name: base64.b64encode(path.read_bytes()).decode() for name, path in figures.items()},
-    )
+def make_tables(measured: Measured) -> dict[str, pd.DataFrame]:
+    """Make every table, by the name that `page.html` uses."""
+    probes, erased, filters = measured.probes, measured.erased, measured.filters
+    explained = probes[probes.role == Role.explained]
+    # On held-out episodes the best of several layers would look better than it is.
+    best = explained.loc[explained.groupby("quantity", sort=False).checked_r2.idxmax()]
+    change = {name: number(table, "cka", "z.3f") for name, table in measured.cka_by_layer().items()}
+    columns = {
+        "probes": {
+            "quantity": best.quantity,
+            "layer": best.layer,
+            "R²": number(best, "r2"),
+            "over pixels": number(best, "over_pixels", mark=True),
+            "over untrained": number(best, "over_untrained", mark=True),
+            "R², shuffled labels": best.shuffled_r2.map("{:.2f}".format),
+        },
+        "cka": {"layer": measured.layers} | change,
+        "erased": {
+            "thing": erased.thing,
+            "network": erased.network,
+            "states": erased.states,
+            "action changes": number(erased, "changed", ".0%"),
+            "over untrained": number(erased, "over_untrained", mark=True),
+        },
+        "filters": {"network": filters.network, "correlation": number(filters, "neighbours")},
+    }
+    return {name: pd.DataFrame(table) for name, table in columns.items()}
+
+
+def number(table: pd.DataFrame, name: str, form: str = "z.2f", mark: bool = False) -> list[str]:
+    """Format a column of estimates with intervals; `mark` shows which intervals exclude zero."""
+    cells = []
+    for value, low, high in zip(*(table[name + end] for end in ("", "_low", "_high")), strict=True):
+        sign = (" ▲" if low > 0 else " ▼" if high < 0 else "") if mark else ""
+        text = f"{value:{form}} ({low:{form}} to {high:{form}}){sign}"
+        cells.append(MISSING if math.isnan(value) else text)
+    return cells

@@ -1,8 +1,7 @@
 """Linear probes: how well ridge regression reads a quantity from a layer (Alain and Bengio 2016).
 
-A layer that a probe reads well holds the quantity. That does not mean that training put it there: pixels and
-layers with random weights hold it too. So the controls are probes on raw pixels, on the same layer of
-untrained networks, and with shuffled labels.
+A good probe does not show that training put the quantity into the layer: pixels and random layers hold it
+too. The controls are raw pixels, the same layer of untrained networks, and shuffled labels.
 """
 
 from __future__ import annotations
@@ -26,16 +25,13 @@ class Probe:
 
     `errors` [E] are squared errors, summed by episode. `moments` [E, 2 + D] are counts of states, sums of
     squares and sums of the labels, which give their variance. `validation_r2` is R² on the episodes that
-    choose the penalty, `shuffled_r2` that of a probe with shuffled labels. `predicted` and `labels` are
-    [N, D].
+    choose the penalty, `shuffled_r2` is R² with shuffled labels.
     """
 
     errors: Floats
     moments: Floats
     validation_r2: float
     shuffled_r2: float
-    predicted: Floats
-    labels: Floats
 
     @property
     def r2(self) -> float:
@@ -46,30 +42,27 @@ class Probe:
         """Compute R² of resampled episodes: counts [B, E] to [B]."""
         sums = counts @ self.moments
         total = sums[:, 1] - (sums[:, 2:] ** 2).sum(1) / sums[:, 0]
-        left: Floats = 1.0 - counts @ self.errors / total
-        return left
+        found: Floats = 1.0 - counts @ self.errors / total
+        return found
 
 
 def fit_probe(kernel: Floats, quantity: Quantity, states: StateSet, generator: np.random.Generator) -> Probe:
-    """Fit a probe and test it on held-out episodes.
+    """Fit a probe and test it on held-out episodes; `generator` shuffles the labels of the control.
 
-    Args:
-        kernel: Gram matrix of a layer's activations [N, N].
-        quantity: the labels; states in which it is not visible are left out.
-        states: how episodes are split.
-        generator: shuffles the labels of the control.
+    `kernel` is the Gram matrix [N, N] of a layer's activations. States without the quantity are left out.
     """
-    fitted, checked, tested = (
-        np.flatnonzero(part & quantity.visible) for part in (states.fitted, states.checked, states.held_out)
+    training, validation, tested = (
+        np.flatnonzero(part & quantity.visible)
+        for part in (states.training, states.validation, states.held_out)
     )
-    both = np.concatenate((fitted, checked))
+    both = np.concatenate((training, validation))
     # Bearings and distances get the same scale, so that a penalty means the same for both.
     labels = quantity.values / quantity.values[both].std(0).mean()
     shuffled = labels.copy()
     shuffled[both] = labels[generator.permutation(both)]
     kinds = (labels, shuffled)
-    tried = np.split(predict(kernel, np.hstack(kinds), fitted, checked, PENALTIES), 2, axis=-1)
-    scores = [[r2(one, y[checked]) for one in half] for half, y in zip(tried, kinds, strict=True)]
+    tried = np.split(predict(kernel, np.hstack(kinds), training, validation, PENALTIES), 2, axis=-1)
+    scores = [[r2(one, y[validation]) for one in half] for half, y in zip(tried, kinds, strict=True)]
     penalties = [PENALTIES[int(np.argmax(score))] for score in scores]
     predicted, control = (
         predict(kernel, y, both, tested, (penalty,))[0] for y, penalty in zip(kinds, penalties, strict=True)
@@ -82,13 +75,11 @@ def fit_probe(kernel: Floats, quantity: Quantity, states: StateSet, generator: n
         moments=per_episode(moments, episode),
         validation_r2=max(scores[0]),
         shuffled_r2=r2(control, truth),
-        predicted=predicted,
-        labels=truth,
     )
 
 
 def predict(kernel: Floats, labels: Floats, fitted: Ints, tested: Ints, penalties: Sequence[float]) -> Floats:
-    """Fit ridge regression, with an intercept that is not penalised, and predict.
+    """Fit ridge regression with an unpenalised intercept, and predict: float [P, len(tested), D].
 
     Args:
         kernel: Gram matrix of all states [N, N].
@@ -96,9 +87,6 @@ def predict(kernel: Floats, labels: Floats, fitted: Ints, tested: Ints, penaltie
         fitted: indices of the states to fit on.
         tested: indices of the states to predict.
         penalties: P penalties, in units of the mean diagonal over the fitted states.
-
-    Returns:
-        [P, len(tested), D].
     """
     inner, other = kernel[np.ix_(fitted, fitted)], kernel[np.ix_(tested, fitted)]
     columns, middle = inner.mean(0), float(inner.mean())

@@ -1,7 +1,7 @@
 """Which parts of the picture the greedy action depends on: gradient, occlusion, and erased things.
 
-All use the advantage of the greedy action over the mean of all actions. The value of the state, which the
-dueling network adds to every action alike, changes no choice.
+All use the advantage of the greedy action over the mean of all actions. The value of the state is the same
+for every action, so it changes no choice.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.sim.cases import TargetShip
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
 
@@ -22,7 +23,7 @@ PATCH = 7
 
 @dataclass(frozen=True)
 class Erased:
-    """Pictures without one thing: `pixels` uint8 [N, C, 84, 84]; `mask` bool [N, 84, 84] is where it was."""
+    """Pictures without one thing: `pixels` uint8 [N, C, 84, 84], `mask` bool [N, 84, 84] where it was."""
 
     thing: str
     pixels: Tensor
@@ -30,7 +31,7 @@ class Erased:
 
     @property
     def visible(self) -> Tensor:
-        """Which pictures showed it, bool [N]."""
+        """Pictures that showed it, bool [N]."""
         return self.mask.flatten(1).any(1)
 
 
@@ -38,10 +39,9 @@ def erase_things(env: ShipEnv, states: Tensor) -> list[Erased]:
     """Erase the line to the goal, each target ship, and all ships from the pictures of states [N, 4]."""
     pixels, background = env.rasteriser(states), env.rasteriser.background
     ships = env.case.target_ships
-    count = len(ships)
 
-    def draw_ships(numbers: list[int]) -> Tensor:
-        case = dataclasses.replace(env.case, target_ships=[ships[k] for k in numbers])
+    def draw_ships(shown: list[TargetShip]) -> Tensor:
+        case = dataclasses.replace(env.case, target_ships=shown)
         return Rasteriser(case, env.world, colour=env.rasteriser.channels == 3)(states)
 
     def differ(one: Tensor, other: Tensor) -> Tensor:
@@ -51,11 +51,10 @@ def erase_things(env: ShipEnv, states: Tensor) -> list[Erased]:
     # Ships are drawn over the line: their pixels stay.
     line = differ(without_ships, background) & ~differ(pixels, without_ships)
     found = [Erased("the line to the goal", torch.where(line[:, None], background, pixels), line)]
-    for k in range(count):
-        name = "the ship" if count == 1 else f"ship {k + 1}"
-        without = draw_ships([j for j in range(count) if j != k])
-        found.append(Erased(name, without, differ(pixels, without)))
-    if count > 1:
+    for k in range(len(ships)):
+        without = draw_ships(ships[:k] + ships[k + 1 :])
+        found.append(Erased(f"ship {k + 1}", without, differ(pixels, without)))
+    if len(ships) > 1:
         found.append(Erased("all ships", without_ships, differ(pixels, without_ships)))
     return found
 
@@ -73,10 +72,9 @@ def advantage(network: DuelingNetwork, pixels: Tensor, action: Tensor) -> Tensor
 
 
 def gradient(network: DuelingNetwork, pixels: Tensor) -> Tensor:
-    """Compute the gradient of the greedy action's advantage by each pixel (Simonyan et al. 2014).
+    """Compute the size of the gradient of the greedy action's advantage (Simonyan et al. 2014).
 
-    Returns:
-        Its absolute value for pixels from 0 to 1, summed over channels: float [N, 84, 84].
+    It is for pixels from 0 to 1 and summed over channels: float [N, 84, 84].
     """
     variable = pixels.float().requires_grad_(True)
     total = advantage(network, variable, greedy_actions(network, pixels)).sum()
@@ -88,15 +86,8 @@ def gradient(network: DuelingNetwork, pixels: Tensor) -> Tensor:
 def occlusion(network: DuelingNetwork, picture: Tensor, background: Tensor) -> Tensor:
     """Compute the drop of the greedy action's advantage when a square is hidden (Zeiler and Fergus 2014).
 
-    The square shows the background, so that it adds no edges; where nothing is drawn nothing changes.
-
-    Args:
-        network: computes the advantage.
-        picture: uint8 [C, 84, 84].
-        background: the picture without line and ships, of the same shape.
-
-    Returns:
-        The drop with the square around each pixel, in Q: float [84, 84]; negative where the advantage rises.
+    The square around each pixel of a picture, uint8 [C, 84, 84], shows the background, so that it adds no
+    edges. The drop is in units of Q, float [84, 84], and negative where the advantage rises.
     """
     side, half = picture.shape[-1], PATCH // 2
     hidden = picture.repeat(side * side, 1, 1, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -20,7 +19,7 @@ from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.scene import WINDOW
 from ship_trl.sim.transition import Transition
 
-# Neighbouring states hardly differ, so only some of an episode are taken.
+# Only some states of an episode are taken, because neighbouring states hardly differ.
 STATES_PER_EPISODE = 10
 EPISODE_STEPS = 30
 # Episodes start on the first part of the straight line from start to goal, then shifted by up to
@@ -32,72 +31,57 @@ HOLD_STEPS = 5
 # Share of random actions in episodes of the network.
 EXPLORATION = 0.25
 # Shares of the episodes; probes are fitted on the rest.
-HELD_OUT, CHECKED = 1 / 3, 1 / 6
-# A quantity needs this many episodes in each part.
+HELD_OUT, VALIDATION = 1 / 3, 1 / 6
+# A quantity must be visible in this many episodes of each part.
 MIN_EPISODES = 5
 MAX_BATCHES = 20
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Labels of a probe: `values` [N, D]; only states in which `visible` [N] count.
+    """Labels of a probe: `values` [N, D], which count only in the states that are `visible` [N].
 
     A bearing is (sin, cos) of the angle off the bow, a distance is in metres.
     """
 
-    thing: str
-    kind: str
+    name: str
     values: Floats
     visible: Bools
-
-    @property
-    def name(self) -> str:
-        """What figures and tables call it."""
-        return f"{self.kind} of {self.thing}"
 
 
 @dataclass(frozen=True)
 class StateSet:
     """N states of a case: `states` float [N, 4], `pixels` uint8 [N, C, 84, 84], `episode` int [N].
 
-    `held_out` [N] marks test episodes, `checked` [N] validation episodes, which choose a probe's penalty.
+    `held_out` [N] marks test episodes, `validation` [N] those that choose a probe's penalty.
     """
 
     states: Tensor
     pixels: Tensor
     episode: Ints
     held_out: Bools
-    checked: Bools
-    quantities: tuple[Quantity, ...]
+    validation: Bools
+    quantities: list[Quantity]
 
     @property
-    def fitted(self) -> Bools:
-        """States of the training episodes of probes."""
-        return ~(self.held_out | self.checked)
-
-    def has_enough(self, quantity: Quantity) -> bool:
-        """Whether a quantity is visible in enough episodes of each part."""
-        parts = (self.held_out, self.checked, self.fitted)
-        return all(len(set(self.episode[part & quantity.visible])) >= MIN_EPISODES for part in parts)
+    def training(self) -> Bools:
+        """States of the episodes that probes are fitted on."""
+        return ~(self.held_out | self.validation)
 
 
 def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator: Generator) -> StateSet:
-    """Run episodes from around the line to the goal, half of them at random, and take some states of each.
+    """Take some states of each of many episodes; half of the episodes take random actions.
 
-    Args:
-        env: gives case, world and pictures.
-        network: acts in the other half.
-        episodes: how many episodes.
-        generator: of all draws, on the CPU.
+    Quantities that are rarely visible are left out.
 
     Raises:
         ConfigError: nearly all episodes end too early.
     """
     rows: list[Tensor] = []
     for _ in range(MAX_BATCHES):
-        for states in run_episodes(env, network, episodes, generator):
-            picked = torch.randperm(len(states), generator=generator)[:STATES_PER_EPISODE].sort().values
-            rows.append(states[picked])
+        for running in run_episodes(env, network, episodes, generator):
+            picked = torch.randperm(len(running), generator=generator)[:STATES_PER_EPISODE].sort().values
+            rows.append(running[picked])
         if len(rows) >= episodes:
             break
     else:
@@ -106,24 +90,22 @@ def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator:
             f"{STATES_PER_EPISODE} steps"
         )
     states = torch.cat(rows[:episodes])
-    order = torch.randperm(episodes, generator=generator).numpy()
-    held_out, checked = np.zeros((2, episodes), dtype=bool)
-    first, second = round(episodes * HELD_OUT), round(episodes * (HELD_OUT + CHECKED))
-    held_out[order[:first]], checked[order[first:second]] = True, True
     episode = np.repeat(np.arange(episodes), STATES_PER_EPISODE)
-    found = StateSet(
-        states,
-        env.rasteriser(states),
-        episode,
-        held_out[episode],
-        checked[episode],
-        tuple(measure_quantities(env, states)),
-    )
-    return dataclasses.replace(found, quantities=tuple(filter(found.has_enough, found.quantities)))
+    # The place of each state's episode in a random order.
+    place = torch.randperm(episodes, generator=generator).argsort().numpy()[episode]
+    held_out = place < round(episodes * HELD_OUT)
+    validation = ~held_out & (place < round(episodes * (HELD_OUT + VALIDATION)))
+    parts = (held_out, validation, ~(held_out | validation))
+    quantities = [
+        quantity
+        for quantity in measure_quantities(env, states)
+        if all(len(set(episode[part & quantity.visible])) >= MIN_EPISODES for part in parts)
+    ]
+    return StateSet(states, env.rasteriser(states), episode, held_out, validation, quantities)
 
 
 def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: Generator) -> list[Tensor]:
-    """Run `count` episodes side by side, every other one at random; return the states of the long ones."""
+    """Run `count` episodes in a batch, half of them at random; return the states of the long ones."""
     world = env.world
     motion = Transition(env.case, world, torch.device("cpu"))
     along = START_SHARE * torch.rand(count, 1, generator=generator)
@@ -156,23 +138,21 @@ def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: G
 def measure_quantities(env: ShipEnv, states: Tensor) -> list[Quantity]:
     """Measure bearing and distance of the goal and of each target ship.
 
-    The bearing of the goal is always visible, as a line leads there. Ships and distances are visible only
-    inside the picture.
+    They are visible inside the picture; the line to the goal shows its bearing everywhere.
     """
     motion = Transition(env.case, env.world, torch.device("cpu"))
     ships = states[:, None, :2] + motion.away(states)
-    count = ships.shape[1]
-    names = ["the goal", *("the ship" if count == 1 else f"ship {k + 1}" for k in range(count))]
-    points = [motion.goal.expand(len(states), 2), *ships.unbind(1)]
+    points = {"the goal": motion.goal.expand(len(states), 2)}
+    points |= {f"ship {k}": ship for k, ship in enumerate(ships.unbind(1), 1)}
     found = []
-    for name, point in zip(names, points, strict=True):
+    for name, point in points.items():
         angle = angle_off_bow(states[:, :2], states[:, HEADING], point).double()
         distance = torch.linalg.vector_norm(point - states[:, :2], dim=-1).double()
         inside = (distance <= WINDOW).numpy()
         always = np.ones_like(inside) if name == "the goal" else inside
         bearing = torch.stack((angle.sin(), angle.cos()), 1).numpy()
         found += [
-            Quantity(name, "bearing", bearing, always),
-            Quantity(name, "distance", distance[:, None].numpy(), inside),
+            Quantity(f"bearing of {name}", bearing, always),
+            Quantity(f"distance of {name}", distance[:, None].numpy(), inside),
         ]
     return found

@@ -1,8 +1,7 @@
 """CKA by layer between the networks of a study (`python -m ship_trl layers FOLDER TABLE`).
 
-The kept tables of a study hold no networks, so this is measured while the runs are there. TABLE is a CSV;
-seeds that it lacks are added. The report draws it if it is called layers.csv and lies beside the study's
-tables. All seeds and arms are compared on the same states of the target case.
+The kept tables of a study hold no networks, so this is measured while the runs exist. All seeds and arms are
+compared on the same states of the target case. The report draws a layers.csv beside the study's tables.
 """
 
 from __future__ import annotations
@@ -43,21 +42,21 @@ Runs = dict[str, Path]
 
 
 def add_seeds(folder: Path, path: Path) -> None:
-    """Measure the complete seeds that the table lacks; write the table after each.
+    """Measure the complete seeds that the table (a CSV) lacks; write the table after each.
 
     Raises:
         ConfigError: the folder holds no study or no complete seed, or the table cannot be read.
     """
     rows = read_layers(path) if path.exists() else []
     done = {row.seed for row in rows}
-    complete = {seed: pairs for seed, pairs in sorted(find_runs(folder).items()) if is_complete(pairs)}
-    for seed in complete:
+    complete = find_complete(folder)
+    for seed, pairs in complete.items():
         if seed in done:
             continue
         started = time.monotonic()
         found = []
-        for pair, runs in complete[seed].items():
-            earlier = [s for s, pairs in complete.items() if s < seed and SCRATCH in pairs.get(pair, {})]
+        for pair, runs in pairs.items():
+            earlier = [s for s, others in complete.items() if s < seed and SCRATCH in others.get(pair, {})]
             other_seed = complete[earlier[-1]][pair][SCRATCH] if earlier else None
             found += compare_pair(seed, pair, runs, other_seed)
         rows += found
@@ -70,8 +69,8 @@ def add_seeds(folder: Path, path: Path) -> None:
     sys.stdout.write(f"{len(done)} seeds; {path}\n")
 
 
-def find_runs(folder: Path) -> dict[int, dict[str, Runs]]:
-    """Find the folders of a study's runs, by seed, pair and arm.
+def find_complete(folder: Path) -> dict[int, dict[str, Runs]]:
+    """Find the runs of the seeds with all their networks, by seed (sorted), pair and arm.
 
     Raises:
         ConfigError: the folder holds no study.
@@ -81,19 +80,18 @@ def find_runs(folder: Path) -> dict[int, dict[str, Runs]]:
         if job["part"] != PAIRS:
             continue
         if not (is_name(job["label"]) and is_name(job["arm"])):
-            raise ConfigError(f"folder: {folder / PLAN} has a pair or an arm that is no name")
+            raise ConfigError(f"folder: {folder / PLAN} has a pair or an arm whose name is not allowed")
         run = run_folder(folder, PAIRS, job["label"], job["arm"], job["seed"])
         found[job["seed"]][job["label"]][job["arm"]] = run
-    return found
-
-
-def is_complete(pairs: dict[str, Runs]) -> bool:
-    """Whether all networks of a seed are there."""
-    return all((run / POLICY).is_file() for runs in pairs.values() for run in runs.values())
+    return {
+        seed: pairs
+        for seed, pairs in sorted(found.items())
+        if all((run / POLICY).is_file() for runs in pairs.values() for run in runs.values())
+    }
 
 
 def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> list[Layer]:
-    """Compare the networks of a pair; `other_seed` is the run from scratch of the seed before, if any.
+    """Compare the networks of a pair; `other_seed` is the run from scratch of an earlier seed.
 
     Raises:
         ConfigError: a run or a network cannot be read, none is from scratch, or there are several sources.
@@ -117,8 +115,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
         wanted = "allowed: a run from scratch, and arms of one source, a safetensors file"
         raise ConfigError(f"folder: pair {pair}, seed {seed}: sources {sorted(map(str, sources))}; {wanted}")
     world, colour = settings_of(runs[SCRATCH])
-    case = load_case(results[SCRATCH].target, world)
-    env = ShipEnv(case, world, 1, colour=colour)
+    env = ShipEnv(load_case(results[SCRATCH].target, world), world, 1, colour=colour)
 
     def load(name: str | Path) -> DuelingNetwork:
         return load_with_network(str(name), env)[1]
@@ -130,7 +127,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
             return {layer: gram(values) for layer, values in network.activations(pixels).items()}
 
     of_arm = {arm: kernels(load(run / POLICY)) for arm, run in runs.items()}
-    untrained = make_untrained(load(runs[SCRATCH] / POLICY), Generator().manual_seed(seed))[0]
+    untrained = make_untrained(load(runs[SCRATCH] / POLICY), Generator().manual_seed(seed))
     shared = {SOURCE: kernels(load(source))}
     others = {arm: shared | {SCRATCH: of_arm[SCRATCH]} for arm in of_arm}
     others[SCRATCH] = shared | {UNTRAINED: kernels(untrained)}
@@ -149,7 +146,7 @@ def read_run(run: Path) -> Result:
     """Read the result of a run.
 
     Raises:
-        ConfigError: it is incomplete.
+        ConfigError: it is missing or damaged.
     """
     try:
         return read_result(run)

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from ship_trl.cli.evaluate import main
-from tests.command import ship_trl
+from tests.command import refused, ship_trl
 
 LINE = [
     *("target=2", "method=scratch", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30"),
@@ -27,15 +27,6 @@ def table(capsys: pytest.CaptureFixture[str], *words: str) -> list[list[str]]:
     main([*words, "--markdown"])
     lines = capsys.readouterr().out.splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    with pytest.raises(SystemExit) as left:
-        main(list(words))
-    assert left.value.code == 1
-    told = capsys.readouterr().err
-    assert len(told.splitlines()) == 1 and told.startswith("ship_trl: ")
-    return told
 
 
 def test_policies_without_training(capsys: pytest.CaptureFixture[str]) -> None:
@@ -72,9 +63,8 @@ def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.Capture
         claims = json.loads(whole)
         claims["best"]["return"] += 1.0
         path.write_text(json.dumps(claims))
-        assert "1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best" in refused(
-            capsys, str(trained)
-        )
+        error = refused(capsys, main, str(trained))
+        assert "1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best" in error
     finally:
         path.write_text(whole)
 
@@ -94,7 +84,7 @@ def test_a_damaged_network_does_not_stop_the_others(
     assert str(network) in first and first.endswith("; left out")
     assert last.endswith("1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best cannot be read")
     # One that was named must be right.
-    assert str(network) in refused(capsys, str(network), "random", "target=2")
+    assert str(network) in refused(capsys, main, str(network), "random", "target=2")
 
 
 OWN = """
@@ -139,7 +129,7 @@ def test_an_invalid_action_is_refused(
     file = tmp_path / "own.py"
     act = f"def act(step):\n        return {written}"
     file.write_text(f"import torch\n\ndef wrong(env, seed):\n    {act}\n    return {made}\n")
-    assert f"policy: {file}:wrong {said}" in refused(capsys, f"{file}:wrong", "target=2")
+    assert f"policy: {file}:wrong {said}" in refused(capsys, main, f"{file}:wrong", "target=2")
 
 
 def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -178,4 +168,4 @@ def test_wrong_input_is_refused(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.py").write_text("nothing\n")
     (tmp_path / "nothing.py").write_text("policy = lambda *_: None\n")
-    assert said in refused(capsys, *words.split())
+    assert said in refused(capsys, main, *words.split())

@@ -1,20 +1,11 @@
 """`python -m ship_trl watch`: its words, and what it says where there is no screen."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from ship_trl.cli.watch import main
-
-
-def refused(capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], None], *words: str) -> str:
-    with pytest.raises(SystemExit) as left:
-        command(list(words))
-    assert left.value.code == 1
-    told = capsys.readouterr().err
-    assert len(told.splitlines()) == 1 and told.startswith("ship_trl: ")
-    return told
+from tests.command import refused
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from ship_trl.config.network import load_network
 from ship_trl.explain.networks import Origin, find_origin, make_untrained
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import save_weights
-from tests.command import ship_trl
+from tests.command import refused, ship_trl
 
 # The paper's layers with few filters, so that a page takes seconds.
 SMALL = "conv: [[8, 8, 4], [8, 4, 2], [8, 3, 1], [20, 7, 1]]\nhidden: 20\n"
@@ -58,7 +58,7 @@ def test_everything_is_written(page: Path) -> None:
     html = (page / "index.html").read_text()
     assert html.count("data:image/png;base64,") == len(FIGURES)
     assert "http://" not in html and "https://" not in html
-    assert html.count("<td>conv1, conv2</td>") == 2, "copied and frozen layers"
+    assert html.count("<td>conv1, conv2</td>") == 1, "copied layers"
 
 
 def test_frozen_layers_stay_and_the_others_change(page: Path) -> None:
@@ -96,7 +96,7 @@ def test_a_missing_source_is_named(
     monkeypatch.chdir(trained)
     whole = origin_of(RUN)
     assert whole.source is not None and whole.before is not None
-    assert whole.copied == ("conv1", "conv2") and whole.is_frozen
+    assert whole.copied == ("conv1", "conv2")
     moved = tmp_path / "moved"
     shutil.copytree(RUN, moved)
     result = json.loads((moved / "result.json").read_text())
@@ -117,18 +117,10 @@ def test_the_start_of_a_run_from_scratch_is_drawn_again(
     monkeypatch.chdir(trained)
     first = origin_of(SOURCE)
     assert first.before is not None and first.source is None and first.copied == ()
-    networks = [first.before, *make_untrained(first.before, Generator().manual_seed(0))]
+    generator = Generator().manual_seed(0)
+    networks = [first.before, *(make_untrained(first.before, generator) for _ in range(2))]
     sums = {float(one.get_parameter("conv1.weight").detach().sum()) for one in networks}
     assert len(sums) == len(networks)
-
-
-def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    with pytest.raises(SystemExit) as left:
-        main(list(words))
-    assert left.value.code == 1
-    error = capsys.readouterr().err
-    assert len(error.splitlines()) == 1 and error.startswith("ship_trl: ")
-    return error
 
 
 @pytest.mark.parametrize(
@@ -143,11 +135,11 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
         ("RUN RUN target=2", "is given twice"),
         (
             "RUN SOURCE",
-            "is of case 2 and 1 scratch seed 0, best of case 1; allowed: one, given as target=CASE",
+            "is for case 2, and 1 scratch seed 0, best is for case 1; allowed: one, given as target=CASE",
         ),
         ("RUN target=1,2", "allowed: one, given as target=CASE"),
-        ("RUN FIVE target=2", "is of another network than"),
-        ("RUN WORLD target=2", "are of different worlds or colours"),
+        ("RUN FIVE target=2", "has other layers than"),
+        ("RUN WORLD target=2", "differ in world or colours"),
         ("RUN target=2 --output TAKEN", "TAKEN: File exists"),
     ],
 )
@@ -169,7 +161,7 @@ def test_wrong_input_is_refused(
         config = world / "config.yaml"
         config.write_text(config.read_text().replace("max_steps: 60", "max_steps: 61"))
     taken.write_text("mine")
-    assert message in refused(capsys, *(places.get(word, word) for word in words.split()))
+    assert message in refused(capsys, main, *(places.get(word, word) for word in words.split()))
     assert taken.read_text() == "mine"
 
 
@@ -180,7 +172,7 @@ def test_the_default_output_follows_no_link(
     (tmp_path / "outputs").mkdir()
     (tmp_path / "private").mkdir()
     (tmp_path / "outputs/explain").symlink_to(tmp_path / "private")
-    error = refused(capsys, str(trained / RUN), "target=2")
+    error = refused(capsys, main, str(trained / RUN), "target=2")
     assert "--output: outputs/explain is a link" in error and not list((tmp_path / "private").iterdir())
 
 

@@ -9,11 +9,9 @@ import pytest
 import torch
 from torch import Generator
 
-from ship_trl.explain.bootstrap import Estimate
-from ship_trl.explain.measure import PIXELS, measure, neighbour_correlation
-from ship_trl.explain.networks import Origin, add_controls, make_untrained
-from ship_trl.explain.page import make_tables
-from ship_trl.explain.rows import Compared, Measured, Role
+from ship_trl.explain.measure import PAIRS, PIXELS, Measured, measure, neighbour_correlation
+from ship_trl.explain.networks import Compared, Origin, Role, add_controls
+from ship_trl.explain.page import TABLES, make_tables
 from ship_trl.explain.saliency import erase_things
 from ship_trl.learn.network import DuelingNetwork
 from tests.explain.worlds import env_of, some_states
@@ -22,8 +20,8 @@ from tests.learn.networks import network
 
 def measure_some(first: DuelingNetwork, origin: Origin, *others: Compared) -> Measured:
     states = some_states()
-    untrained = make_untrained(first, Generator().manual_seed(1))
-    networks = add_controls([Compared("mine", Role.explained, first), *others], origin, untrained)
+    named = [Compared("mine", Role.explained, first), *others]
+    networks = add_controls(named, origin, Generator().manual_seed(1))
     erased = erase_things(env_of(), states.states[torch.from_numpy(states.held_out)])
     lines: list[str] = []
     found = measure(networks, states, erased, 0, lines.append)
@@ -47,23 +45,26 @@ def test_every_network_has_its_role() -> None:
 
 
 def test_the_same_seed_gives_the_same_numbers() -> None:
-    first, again = (dataclasses.replace(one, networks=()) for one in (measured(), measured.__wrapped__()))
-    assert first == again
+    first, again = measured(), measured.__wrapped__()
+    assert all(getattr(first, name).equals(getattr(again, name)) for name in TABLES)
 
 
 def test_every_probe_has_its_controls() -> None:
-    found = measured()
-    pixels = {row.quantity: row.r2.value for row in found.probes if row.role == PIXELS}
-    for row in found.probes:
-        assert (row.over_pixels is None) == (row.role == PIXELS)
-        assert (row.over_untrained is None) == (row.role in (PIXELS, Role.untrained))
-        if row.over_pixels is not None:
-            assert row.over_pixels.value == pytest.approx(row.r2.value - pixels[row.quantity])
-            assert row.over_pixels.low <= row.over_pixels.high
+    rows = measured().probes
+    is_pixels, is_untrained = rows.role == PIXELS, rows.role == Role.untrained
+    assert (rows.over_pixels.isna() == is_pixels).all()
+    assert (rows.over_untrained.isna() == (is_pixels | is_untrained)).all()
+    pixels = rows[is_pixels].set_index("quantity").r2
+    others = rows[~is_pixels]
+    assert others.over_pixels.to_numpy() == pytest.approx(
+        (others.r2 - others.quantity.map(pixels)).to_numpy()
+    )
+    assert (others.over_pixels_low <= others.over_pixels_high).all()
 
 
 def test_every_pair_of_networks_is_compared_once() -> None:
-    pairs = [frozenset((row.first, row.second)) for row in measured().cka if row.layer == "conv1"]
+    rows = measured().cka[measured().cka.layer == "conv1"]
+    pairs = list(map(frozenset, zip(rows["first"], rows["second"], strict=True)))
     assert len(pairs) == len(set(pairs)) == 7 * 6 // 2
 
 
@@ -76,15 +77,24 @@ def test_neighbouring_weights_of_a_smooth_filter_correlate() -> None:
 
 
 def test_the_best_layer_is_chosen_on_validation_episodes_and_marked_against_controls() -> None:
-    row = next(r for r in measured().explained_probes if r.over_pixels)
-    above, below, around = Estimate(0.2, 0.1, 0.3), Estimate(-0.2, -0.3, -0.1), Estimate(0, -0.1, 0.1)
-    rows = [
-        dataclasses.replace(row, layer="conv1", checked_r2=0.7, over_pixels=above, over_untrained=below),
-        dataclasses.replace(row, layer="shared", checked_r2=0.5, over_pixels=around, over_untrained=above),
-        *(r for r in measured().probes if r.role == Role.untrained),
-    ]
-    tables = make_tables(dataclasses.replace(measured(), probes=rows))
-    (best,) = tables["best"].rows
-    assert best[:2] == [row.quantity, "conv1"]
-    assert best[3:5] == ["0.20 (0.10 to 0.30) ▲", "-0.20 (-0.30 to -0.10) ▼"]
-    assert [line[-2:] for line in tables["layers"].rows] == [["0 ▲ 1 ▼", "1 ▲ 0 ▼"], ["1 ▲ 0 ▼", "0 ▲ 0 ▼"]]
+    probes = measured().probes
+    rows = probes[(probes.role == Role.explained) & (probes.quantity == "bearing of the goal")].copy()
+    assert rows.layer.tolist() == ["conv1", "shared"]
+    rows["checked_r2"], rows["r2"] = [0.7, 0.5], [0.1, 0.9]
+    for name, values in (("over_pixels", (0.2, 0.1, 0.3)), ("over_untrained", (-0.2, -0.3, -0.1))):
+        rows[[name, f"{name}_low", f"{name}_high"]] = values
+    table = make_tables(dataclasses.replace(measured(), probes=rows))["probes"]
+    assert table.loc[:, ["quantity", "layer"]].to_numpy().tolist() == [["bearing of the goal", "conv1"]]
+    assert table["over pixels"].tolist() == ["0.20 (0.10 to 0.30) ▲"]
+    assert table["over untrained"].tolist() == ["-0.20 (-0.30 to -0.10) ▼"]
+
+
+def test_layers_are_compared_with_every_control() -> None:
+    found = measured().cka_by_layer()
+    # No two of these networks are known to differ in their seed only.
+    assert list(found) == list(PAIRS)
+    rows = measured().cka
+    values = rows.cka[(rows.first == "mine") & (rows.second_role == Role.untrained) & (rows.layer == "conv1")]
+    conv1 = found["after training, untrained"].loc["conv1"]
+    assert len(values) == 3 and conv1.cka == pytest.approx(values.mean())
+    assert (conv1.cka_low, conv1.cka_high) == (values.min(), values.max())

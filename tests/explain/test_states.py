@@ -11,7 +11,7 @@ from tests.explain.worlds import env_of, some_states
 
 def test_no_episode_is_in_two_parts() -> None:
     states = some_states()
-    parts = [set(states.episode[part]) for part in (states.fitted, states.checked, states.held_out)]
+    parts = [set(states.episode[part]) for part in (states.training, states.validation, states.held_out)]
     assert [len(part) for part in parts] == [30, 10, 20]
     assert len(set.union(*parts)) == 60
     assert (np.bincount(states.episode) == STATES_PER_EPISODE).all()
@@ -49,5 +49,5 @@ def test_bearing_and_distance_give_back_the_goal() -> None:
 
 
 def test_a_case_without_ships_has_the_goal_alone() -> None:
-    ships = {"the ship" for _ in env_of("1").case.target_ships}
-    assert {q.thing for q in some_states("1").quantities} == {"the goal"} | ships
+    assert not env_of("1").case.target_ships
+    assert {q.name for q in some_states("1").quantities} == {"bearing of the goal", "distance of the goal"}

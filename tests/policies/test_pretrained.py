@@ -9,6 +9,7 @@ import torch
 from safetensors.torch import load_file
 
 import ship_trl as package
+from ship_trl.cli.evaluate import main
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.learn.rollout import rollout
@@ -16,8 +17,8 @@ from ship_trl.policies import pretrained
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reference import best_known
-from tests.cli.test_evaluate import refused, table
-from tests.command import ROOT, ship_trl
+from tests.cli.test_evaluate import table
+from tests.command import ROOT, refused, ship_trl
 
 WORLD = load_world()
 SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "learn.jumpstart_draws=0")
@@ -52,7 +53,7 @@ def test_a_score_that_is_not_reached_is_told(
     monkeypatch.setattr(pretrained, "NETWORKS", tmp_path)
     pretrained.networks.cache_clear()
     try:
-        assert "1 of 1 do not reach what is claimed of them" in refused(capsys, f"pretrained:{one}")
+        assert "1 of 1 do not reach what is claimed of them" in refused(capsys, main, f"pretrained:{one}")
     finally:
         pretrained.networks.cache_clear()
 
@@ -107,7 +108,7 @@ def test_a_changed_bundled_case_is_evaluated_without_claim(
     changed.write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
     claims = {row[0]: row[7] for row in table(capsys)}
     assert claims["4"] == "" and all(claim for case, claim in claims.items() if case != "4")
-    told = refused(capsys, "pretrained", "target=4")
+    told = refused(capsys, main, "pretrained", "target=4")
     assert "case 4 differs from the bundled case of this name; allowed: pretrained:4" in told
 
 

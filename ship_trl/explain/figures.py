@@ -1,0 +1,219 @@
+"""Figures of the page: charts of probes, CKA and erased things, filters, and saliency maps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from torch import Tensor
+
+from ship_trl.explain.bootstrap import Floats
+from ship_trl.explain.measure import OTHER_SEEDS, PIXELS, Measured
+from ship_trl.explain.networks import Role
+from ship_trl.explain.saliency import gradient, greedy_actions, occlusion
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.sim.env import ShipEnv
+from ship_trl.view.chart import tidy
+
+# Keyword arguments of Matplotlib.
+Style = dict[str, Any]
+# Inches, and pixels an inch: at 1,200 pixels 9 points are 12 pixels high.
+WIDTH, DPI = 12.0, 150
+# Okabe and Ito's colours are safe for colour blindness; markers and dashes differ for print in grey.
+STYLES: dict[Role, Style] = {
+    Role.explained: {"color": "#000000", "marker": "o", "linewidth": 2.2, "label": "explained network"},
+    Role.before: {"color": "#D55E00", "marker": "^", "linestyle": "--", "label": "the same before training"},
+    Role.source: {"color": "#0072B2", "marker": "s", "linestyle": "-.", "label": "source network"},
+    Role.beside: {"color": "#009E73", "marker": "D", "linewidth": 1.0, "label": "other named networks"},
+    Role.untrained: {"color": "#CC79A7", "marker": "x", "linestyle": ":", "label": "untrained (control)"},
+}
+PIXEL_STYLE: Style = {"color": "#E69F00", "linestyle": (0, (6, 2)), "label": "raw pixels (control)"}
+SHUFFLED_STYLE: Style = {
+    "color": "#666666",
+    "marker": "+",
+    "linestyle": "none",
+    "label": "shuffled (control)",
+}
+# Comparisons of layers in the style of a role.
+CHANGE_LOOKS = {
+    "source, before training": Role.before,
+    "before, after training": Role.explained,
+    "source, after training": Role.source,
+    "after training, untrained": Role.untrained,
+    OTHER_SEEDS: Role.beside,
+}
+# Blue below zero, orange above, from Okabe and Ito; in grey they differ from zero in brightness.
+SIGNED = LinearSegmentedColormap.from_list("signed", ["#0072B2", "#F2F2F2", "#D55E00"])
+# Lower R² is drawn here.
+MIN_R2 = -0.15
+
+
+def new_figure(height: float) -> Figure:
+    """Begin a figure of the page's width; height in inches."""
+    return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
+
+
+def add_legend(figure: Figure, axis: Axes) -> None:
+    """Add a legend of the lines in `axis` below all axes, each label once."""
+    lines, labels = axis.get_legend_handles_labels()
+    entries = dict(zip(labels, lines, strict=True))
+    figure.legend(entries.values(), entries, loc="outside lower center", ncols=4, fontsize=10, frameon=False)
+
+
+def draw_probes(measured: Measured) -> Figure:
+    """Draw R² by layer of every network and control: bearings above, distances below."""
+    quantities = list(measured.probes.quantity.unique())
+    kinds = [[name for name in quantities if name.startswith(kind)] for kind in ("bearing", "distance")]
+    figure = new_figure(7.4)
+    axes = figure.subplots(2, len(kinds[0]), sharex=True, sharey=True, squeeze=False)
+    for side, names in zip(axes, kinds, strict=True):
+        side[0].set_ylabel("R² on held-out episodes")
+        for axis, name in zip(side, names, strict=False):
+            draw_quantity(axis, measured, name)
+        for axis in side[len(names) :]:
+            axis.set_visible(False)
+    add_legend(figure, axes[0, 0])
+    return figure
+
+
+def draw_quantity(axis: Axes, measured: Measured, quantity: str) -> None:
+    """Draw R² of one quantity by layer."""
+    probes = measured.probes[measured.probes.quantity == quantity]
+    ((value, low, high),) = probes.loc[probes.network == PIXELS, ["r2", "r2_low", "r2_high"]].to_numpy()
+    axis.axhline(value, **PIXEL_STYLE)
+    axis.axhspan(low, high, color=PIXEL_STYLE["color"], alpha=0.15, linewidth=0)
+    x = range(len(measured.layers))
+    for one in measured.networks:
+        # The explained network is drawn on top.
+        style = STYLES[one.role] | {"zorder": 3 if one.role is Role.explained else 2}
+        axis.plot(x, probes[probes.network == one.name].r2.clip(lower=MIN_R2), **style)
+    explained = probes[probes.role == Role.explained]
+    axis.vlines(x, explained.r2_low.clip(lower=MIN_R2), explained.r2_high, "#000000")
+    axis.plot(x, explained.shuffled_r2.clip(lower=MIN_R2), **SHUFFLED_STYLE)
+    axis.set_title(quantity, fontsize=12)
+    axis.set_xticks(x, measured.layers, fontsize=10)
+    axis.tick_params(labelbottom=True)
+    axis.set_ylim(MIN_R2 - 0.03, 1.03)
+    tidy(axis, "y")
+
+
+def draw_change(measured: Measured) -> Figure:
+    """Draw CKA by layer of each comparison, with intervals or ranges."""
+    figure = new_figure(5.2)
+    axis = figure.subplots()
+    found = measured.cka_by_layer()
+    x = np.arange(len(measured.layers))
+    # Beside each other, so that intervals can be told apart.
+    for shift, (name, table) in zip(0.05 * np.arange(len(found)), found.items(), strict=True):
+        style = STYLES[CHANGE_LOOKS[name]] | {"label": name}
+        axis.plot(x + shift, table.cka, **style)
+        axis.vlines(x + shift, table.cka_low, table.cka_high, style["color"])
+    axis.set_xticks(x, measured.layers, fontsize=11)
+    axis.set_ylabel("CKA: 1 similar, 0 unrelated", fontsize=11)
+    tidy(axis, "y")
+    add_legend(figure, axis)
+    return figure
+
+
+def draw_erased(measured: Measured) -> Figure:
+    """Draw how often the action changes when a thing is erased."""
+    things = list(measured.erased.thing.unique())
+    figure = new_figure(1.3 + 1.05 * len(things))
+    axis = figure.subplots()
+    offsets = np.linspace(-0.3, 0.3, len(measured.networks))
+    for one, offset in zip(measured.networks, offsets, strict=True):
+        rows = measured.erased[measured.erased.network == one.name]
+        y = np.arange(len(rows)) + offset
+        style = STYLES[one.role] | {"linestyle": "none"}
+        axis.hlines(y, rows.changed_low, rows.changed_high, style["color"])
+        axis.plot(rows.changed, y, **style)
+    axis.set_yticks(range(len(things)), things, fontsize=11)
+    axis.set_ylim(len(things) - 0.55, -0.45)
+    axis.set_xlabel("share of states in which the action changes", fontsize=11)
+    axis.set_xlim(-0.03, 1.0)
+    tidy(axis, "x")
+    add_legend(figure, axis)
+    return figure
+
+
+def tile(maps: Floats, columns: int) -> Floats:
+    """Arrange maps [M, S, S] in a grid, with empty lines between them."""
+    rows = -(-len(maps) // columns)
+    spaced = np.full((rows * columns, maps.shape[1] + 1, maps.shape[2] + 1), np.nan)
+    spaced[: len(maps), :-1, :-1] = maps
+    grid = spaced.reshape(rows, columns, *spaced.shape[1:])
+    return grid.swapaxes(1, 2).reshape(rows * spaced.shape[1], -1)
+
+
+def show(axis: Axes, values: Floats, colours: Any, low: float, high: float) -> AxesImage:
+    """Show an image without ticks and frame, with colours between two values."""
+    axis.set_xticks([])
+    axis.set_yticks([])
+    axis.spines[:].set_visible(False)
+    return axis.imshow(values, cmap=colours, vmin=low, vmax=high, interpolation="nearest")
+
+
+def draw_filters(measured: Measured) -> Figure:
+    """Draw the filters of conv1 of the explained network, its source and an untrained network."""
+    roles = (Role.explained, Role.source, Role.untrained)
+    by_role = {one.role: one for one in measured.networks}
+    networks = [by_role[role] for role in roles if role in by_role]
+    weights = [
+        one.network.get_parameter("conv1.weight").detach().double().mean(1).numpy() for one in networks
+    ]
+    columns = 8 if len(weights[0]) > 16 else 4
+    figure = new_figure(11.6 / len(networks) * -(-len(weights[0]) // columns) / columns + 1.0)
+    axes = figure.subplots(1, len(networks), squeeze=False, gridspec_kw={"wspace": 0.06})[0]
+    # One scale for all, so that strengths can be compared.
+    limit = max(float(np.abs(each).max()) for each in weights)
+    for axis, one, each in zip(axes, networks, weights, strict=True):
+        image = show(axis, tile(each, columns), SIGNED, -limit, limit)
+        axis.set_title(one.name, fontsize=11)
+    bar = figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.4, aspect=40, pad=0.03)
+    bar.set_label("weight", fontsize=10)
+    return figure
+
+
+def draw_saliency(network: DuelingNetwork, untrained: DuelingNetwork, env: ShipEnv, states: Tensor) -> Figure:
+    """Draw picture, gradient, the gradient of an untrained network, and occlusion in three states.
+
+    Their places in the episode [T + 1, 4] are fixed, so that nobody picks the best-looking pictures.
+    """
+    steps = [round((len(states) - 1) * share) for share in (1 / 6, 1 / 2, 5 / 6)]
+    pixels = env.rasteriser(states[steps])
+    actions = greedy_actions(network, pixels).tolist()
+    slopes, controls = (gradient(one, pixels).double().numpy() for one in (network, untrained))
+    drops = [occlusion(network, one, env.rasteriser.background).double().numpy() for one in pixels]
+    limit = max(float(np.abs(drop).max()) for drop in drops) or 1.0
+    figure = new_figure(3.02 * len(steps) + 0.9)
+    # The last row holds the colour bars.
+    cells = figure.add_gridspec(len(steps) + 1, 4, height_ratios=[*[1.0] * len(steps), 0.05])
+    titles = ("input", "gradient", "gradient, untrained (control)", "occlusion")
+    for k, step in enumerate(steps):
+        axes = [figure.add_subplot(cells[k, column]) for column in range(4)]
+        grey = pixels[k].double().mean(0).numpy() / 255
+        # One channel is drawn in grey, three in their colours.
+        show(axes[0], pixels[k].permute(1, 2, 0).numpy(), "gray", 0, 255)
+        speed, turn = env.world.actions[actions[k]]
+        axes[0].set_ylabel(f"step {step}: {speed:g} m/s, {np.degrees(turn):.1f}°/s", fontsize=10)
+        for axis, values in ((axes[1], slopes[k]), (axes[2], controls[k])):
+            slope = show(axis, values / (float(np.quantile(values, 0.998)) or 1.0), "cividis", 0, 1)
+        drop = show(axes[3], drops[k], SIGNED, -limit, limit)
+        for axis in axes[1:]:
+            # The outlines of the picture show positions.
+            axis.contour(grey, levels=[0.5], colors="#FFFFFF", linewidths=1.6)
+            axis.contour(grey, levels=[0.5], colors="#000000", linewidths=0.7)
+        if k == 0:
+            for axis, title in zip(axes, titles, strict=True):
+                axis.set_title(title, fontsize=12)
+    for cell, image, label in (
+        (cells[-1, 1:3], slope, "share of the 99.8th percentile of the map"),
+        (cells[-1, 3], drop, "drop of the action's advantage, in Q"),
+    ):
+        bar = figure.colorbar(image, cax=figure.add_subplot(cell), orientation="horizontal")
+        bar.set_label(label, fontsize=10)
+    return figure

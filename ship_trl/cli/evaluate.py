@@ -1,9 +1,8 @@
-"""`python -m ship_trl evaluate POLICY... target=CASE`: roll out any policies, and list what they reach.
+"""`python -m ship_trl evaluate POLICY... target=CASE`: roll out policies, and list what they reach.
 
-POLICY is random, keep_course, best_known, pretrained (the networks that come with us, beside what their
-manifest claims), pretrained:CASE (that of one case), a safetensors file, a result folder (its best and
-its last network, beside what it claims of them), or file.py:function of your own. Result folders and
-pretrained networks bring their target with them. Without any word it is pretrained.
+POLICY is random, keep_course, best_known, pretrained (all bundled networks; the default), pretrained:CASE, a
+safetensors file, a result folder (its best and its last network), or file.py:function of your own. Result
+folders and bundled networks have their own target, and the table shows the return that they claim.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ from __future__ import annotations
 import math
 import sys
 from argparse import Namespace
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,31 +29,28 @@ HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m",
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print the table, write the GIF."""
+    """Print the table, write the GIF, and check the claims."""
     parser = make_parser("evaluate", __doc__)
     add_policies(parser, [PRETRAINED])
-    add_number(parser, "--episodes", Positive, 1, "in parallel; the table has their means")
+    add_number(parser, "--episodes", Positive, 1, "in a batch; the table has their means")
     add_seed(parser)
-    add_output(parser, "--gif", (".gif",), "film the first episode of the last policy")
-    parser.add_argument(
-        "--demonstrations", type=Path, metavar="FOLDER", help="keep the episodes as demonstrations"
-    )
+    add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
+    keep = "where the episodes are kept as demonstrations"
+    parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help=keep)
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         entries = find_entries(options.words, options.colour)
         wrong = evaluate(entries, options)
     if wrong:
-        print_error(
-            f"{len(wrong)} of {len(entries)} do not reach what is claimed of them: {wrong[0]}"
-            + " ..." * (len(wrong) > 1)
-        )
+        print_error(f"{len(wrong)} of {len(entries)} do not reach the return that they claim: {wrong[0]}")
         sys.exit(1)
 
 
 def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
-    """Roll out every entry and print a table; return a line for each that does not reach what is claimed."""
+    """Roll out every entry and print a table; return a line for each that does not reach its claim."""
     from ship_trl.cli.table import show
+    from ship_trl.policies.demonstrations import write_demonstration
     from ship_trl.run.process import configure_process
     from ship_trl.sim.reference import best_known
 
@@ -64,7 +61,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
         try:
             env, _, episodes = rollout_entry(entry, options.episodes, options.seed)
         except ConfigError as error:
-            # Of a folder the other networks are shown; a policy that was named must be right.
+            # The other networks of a folder are shown, but a policy that was named must be valid.
             if entry.label == entry.policy or len(entries) == 1:
                 raise
             print_error(f"{error}; left out")
@@ -76,7 +73,10 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
         film = entry, env, episodes[0]
         if options.demonstrations is not None:
-            keep(entry, episodes, options.demonstrations)
+            for one in episodes:
+                end = one.episode_return, one.outcome
+                actions, folder = one.actions.tolist(), options.demonstrations
+                write_demonstration(folder, entry.case, entry.world, actions, end, entry.label)
     show(HEADINGS, rows, options.markdown)
     if options.gif is not None and film is not None:
         from ship_trl.view.film import write_gif
@@ -87,30 +87,19 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     return wrong
 
 
-def keep(entry: Entry, episodes: list[Episode], folder: Path) -> None:
-    """Keep episodes as demonstrations."""
-    from ship_trl.policies.demonstrations import write_demonstration
-
-    for episode in episodes:
-        ended = episode.episode_return, episode.outcome
-        write_demonstration(folder, entry.case, entry.world, episode.actions.tolist(), ended, entry.label)
-
-
 def row(entry: Entry, episodes: list[Episode], reached: float, best: float) -> list[str]:
-    """Make the row of one policy: means over its episodes, that of their returns is `reached`."""
-    ends = [episode.outcome for episode in episodes]
-    often = {end: ends.count(end) for end in ("goal", "collision", "timeout") if end in ends}
-    ended = (
-        ends[0] if len(often) == 1 else ", ".join(f"{end} {n / len(ends):.0%}" for end, n in often.items())
-    )
-    apart = sum(episode.dcpa for episode in episodes) / len(episodes)
+    """Make the row of one policy: means over its episodes; `reached` is their mean return."""
+    count = len(episodes)
+    ends = Counter(episode.outcome for episode in episodes)
+    shares = [f"{end} {ends[end] / count:.0%}" for end in ("goal", "collision", "timeout") if ends[end]]
+    dcpa = sum(episode.dcpa for episode in episodes) / count
     return [
         entry.case.name,
         entry.label,
         f"{reached:.1f}",
         f"{reached / best:.0%}" if best > 0 and reached > 0 else "-",
-        ended,
-        f"{apart:.0f}" if math.isfinite(apart) else "-",
-        f"{sum(episode.length for episode in episodes) / len(episodes):.0f}",
+        ", ".join(shares) if len(shares) > 1 else episodes[0].outcome,
+        f"{dcpa:.0f}" if math.isfinite(dcpa) else "-",
+        f"{sum(episode.length for episode in episodes) / count:.0f}",
         "" if entry.claimed is None else f"{entry.claimed:.1f}",
     ]

@@ -1,9 +1,9 @@
 """`python -m ship_trl export POLICY FILE.onnx [target=CASE]`: convert a network to ONNX.
 
-POLICY is a result folder (its best network, on its own target) or a safetensors file. The model has one
-input, `pixels` uint8 [batch, C, 84, 84], and one output, `action_value` float32 [batch, A]: the Q-values of
-the actions. The actions' speeds and rates of turn are in its metadata. The model computes in float32. With
-onnxruntime installed, model and network are compared on a whole episode; a model that fails is not written.
+POLICY is a result folder (its best network, on its own target) or a safetensors file. The model maps
+`pixels`, uint8 [batch, C, 84, 84], to `action_value`, the float32 Q-values [batch, A]. Its metadata has the
+actions' speeds and rates of turn. If onnxruntime is installed, model and network are compared on a whole
+episode, and a model that differs is not written.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from ship_trl.policies.entry import Entry
 from ship_trl.run.entries import best_of_folders, find_entries
 
 if TYPE_CHECKING:
+    from tensordict import TensorDictBase
+
     from ship_trl.learn.network import DuelingNetwork
-    from ship_trl.learn.rollout import Episode
+    from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
 
 REQUIRED, RUNTIME = ("onnx", "onnxscript"), "onnxruntime"
@@ -37,38 +39,26 @@ TOLERANCE = 1e-4
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Export and check the model, and print what was written."""
+    """Read the words, export the network, and print what was written."""
     parser = make_parser("export", __doc__)
     parser.add_argument("policy", metavar="POLICY", help="a result folder or a safetensors file")
-    add_output(parser, "file", (".onnx",), "what is written")
-    parser.add_argument(
-        "target", nargs="?", metavar="target=CASE", help="its case; a result folder has its own"
-    )
+    add_output(parser, "file", (".onnx",), "the model to write")
+    case = "of a file: a case to check it on"
+    parser.add_argument("target", nargs="*", metavar="target=CASE", help=case)
     parser.add_argument("--colour", action="store_true", help="the network of a file sees colours")
     options = parser.parse_args(arguments)
     with refusals():
         for name in REQUIRED:
             if importlib.util.find_spec(name) is None:
                 raise ConfigError(missing_extra(name, "onnx"))
-        words = [options.policy, *([options.target] if options.target else [])]
-        lines = export(find_entry(words, options.colour), options.file)
-    sys.stdout.write("\n".join(lines) + "\n")
+        entries = best_of_folders(find_entries([options.policy, *options.target], options.colour))
+        if len(entries) > 1:
+            raise ConfigError(f"policy: {options.policy} has several results or cases; allowed: one of each")
+        export(entries[0], options.file)
 
 
-def find_entry(words: list[str], colour: bool) -> Entry:
-    """Return the policy on one case; for a result folder, its best network.
-
-    Raises:
-        ConfigError: there is no such policy, or there are several cases or results.
-    """
-    entries = best_of_folders(find_entries(words, colour))
-    if len(entries) > 1:
-        raise ConfigError(f"policy: {words[0]} has several results or cases; allowed: one of each")
-    return entries[0]
-
-
-def export(entry: Entry, path: Path) -> list[str]:
-    """Write a network as ONNX, and check it if onnxruntime is installed; return the lines to print.
+def export(entry: Entry, path: Path) -> None:
+    """Write a network as ONNX, and check it if onnxruntime is installed.
 
     Raises:
         ConfigError: the policy has no network, or the model's actions or Q-values differ from the network's.
@@ -90,7 +80,7 @@ def export(entry: Entry, path: Path) -> list[str]:
         checked = f"not checked: {RUNTIME} is not installed"
         if importlib.util.find_spec(RUNTIME) is not None:
             checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env))[0])
-    return [f"{path}: case {entry.case.name}, {entry.label}; {shapes}", checked]
+    sys.stdout.write(f"{path}: case {entry.case.name}, {entry.label}; {shapes}\n{checked}\n")
 
 
 def trace(network: DuelingNetwork, channels: int) -> Any:
@@ -99,7 +89,7 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
     from torch import Tensor, nn
 
     class QValues(nn.Module):
-        """The network without its backend, which branches on the pictures."""
+        """The network without its backend, whose branches cannot be exported."""
 
         def __init__(self) -> None:
             super().__init__()
@@ -108,13 +98,13 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
         def forward(self, pixels: Tensor) -> Tensor:
             return self.network.dueling(self.network.convolve(pixels))
 
-    # The exporter logs that torchvision is missing, which we do not use, and warns about its own calls.
+    # The exporter logs that torchvision is missing, which is not needed, and warns about its own calls.
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return torch.onnx.export(
             QValues().eval(),
-            # A batch of two, because the exporter takes a size of one for a constant.
+            # The exporter would treat a batch size of one as constant.
             (torch.zeros(2, channels, PICTURE, PICTURE, dtype=torch.uint8),),
             dynamo=True,
             verbose=False,
@@ -125,7 +115,7 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
 
 
 def metadata_of(entry: Entry) -> dict[str, str]:
-    """Return the model's metadata: case, policy, actions, and the run that its weights are from."""
+    """Return the model's metadata: case, policy, actions, and the run that trained its weights."""
     from ship_trl.transfer.layers import open_safetensors
 
     found = {
@@ -137,16 +127,15 @@ def metadata_of(entry: Entry) -> dict[str, str]:
     }
     if Path(entry.policy).is_file():
         with open_safetensors(Path(entry.policy), "policy") as file:
-            header = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
-        found |= {key: str(header[key]) for key in ("config_hash", "episode") if key in header}
+            about = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
+        found |= {key: str(about[key]) for key in ("config_hash", "episode") if key in about}
     return found
 
 
-def onnx_policy(path: Path, env: ShipEnv) -> Any:
-    """Return the greedy policy whose Q-values onnxruntime computes from the model in `path`."""
+def onnx_policy(path: Path, env: ShipEnv) -> Policy:
+    """Return the greedy policy of a model that onnxruntime runs."""
     import onnxruntime
     import torch
-    from tensordict import TensorDictBase
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
@@ -161,19 +150,17 @@ def onnx_policy(path: Path, env: ShipEnv) -> Any:
 
 
 def compare(network: Episode, onnx: Episode) -> str:
-    """Compare the greedy episodes of a network and its ONNX model; return the line to print.
+    """Compare the greedy episodes of a network and its model; return the line to print.
 
     Raises:
         ConfigError: actions differ, or Q-values differ by more than `TOLERANCE`.
     """
     assert network.q_values is not None and onnx.q_values is not None
     if network.actions.tolist() != onnx.actions.tolist():
-        raise ConfigError(
-            f"{RUNTIME}: acts differently on an episode of {network.length} steps; nothing written"
-        )
+        raise ConfigError(f"{RUNTIME}: chooses other actions than the network; nothing written")
     difference = float((network.q_values - onnx.q_values).abs().max())
     largest = float(network.q_values.abs().max())
-    off = f"Q-values of up to {largest:.3g} differ by {difference:.1e} at most"
+    found = f"Q-values of up to {largest:.3g} differ by at most {difference:.1e}"
     if not difference <= TOLERANCE * largest:
-        raise ConfigError(f"{RUNTIME}: {off}, allowed {TOLERANCE * largest:.1e}; nothing written")
-    return f"checked in {RUNTIME} on an episode of {network.length} steps: the same actions, {off}"
+        raise ConfigError(f"{RUNTIME}: {found}, allowed {TOLERANCE * largest:.1e}; nothing written")
+    return f"checked in {RUNTIME} on an episode of {network.length} steps: the same actions, {found}"

@@ -1,8 +1,8 @@
 """`python -m ship_trl pretrain FOLDER`: train the bundled networks, one for each bundled case.
 
-For each case, seeds 100 to 104 learn from scratch with profile=quick. The network with the highest greedy
-return is kept; on ties the one with the lower seed. It is written in half precision if its greedy episode
-stays the same. Finished runs are not repeated.
+Seeds 100 to 104 learn each case from scratch with profile=quick. The network with the highest greedy return
+is kept, on ties the one with the lower seed. It is written in half precision if its greedy episode stays the
+same. Finished runs are not repeated.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -33,34 +33,33 @@ if TYPE_CHECKING:
     from ship_trl.learn.network import DuelingNetwork
     from ship_trl.learn.rollout import Episode
 
-SEEDS = range(100, 105)
+SEEDS, RUNS = range(100, 105), Path("outputs/pretrained")
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the missing trainings, then choose and write the networks."""
     parser = make_parser("pretrain", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where networks and manifest are written")
-    runs = Path("outputs/pretrained")
-    parser.add_argument("--runs", type=Path, default=runs, help="where runs lie (default: %(default)s)")
-    options = parser.parse_args(arguments)
+    folder = parser.parse_args(arguments).folder
     cases = sorted(path.stem for path in (conf_dir() / "case").glob("*.yaml"))
     grid = f"target={','.join(cases)}", "method=scratch", f"seed={','.join(map(str, SEEDS))}"
-    line = [sys.executable, "-m", "ship_trl", "-m", *grid, f"output={options.runs}"]
+    line = [sys.executable, "-m", "ship_trl", "-m", *grid, f"output={RUNS}"]
     if code := subprocess.run(line, check=False).returncode:
         sys.exit(code)
     with refusals():
-        write_networks(options.folder, [options.runs / case / "scratch" for case in cases])
+        write_networks(folder, [RUNS / case / "scratch" for case in cases])
 
 
 def write_networks(folder: Path, cases: list[Path]) -> None:
     """Write the best network of each case, the curves of all runs and last a manifest into `folder`.
 
-    `cases` are the folders of the runs, one for each case.
+    `cases` are the folders of each case's runs.
 
     Raises:
         ConfigError: a run is missing or incomplete.
         OSError: a file cannot be written.
     """
+    import numpy as np
     import pandas as pd
 
     from ship_trl.run.process import configure_process
@@ -76,9 +75,8 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
             runs.append(about | {"best_return": result.best.episode_return})
             rows = training[["episode", "return"]].round({"return": 2})
             curves.append(rows.assign(config_hash=result.config_hash))
-        # On ties `index` finds the first, which has the lower seed.
-        returns = [result.best.episode_return for result, _ in found]
-        best = returns.index(max(returns))
+        # On ties `argmax` finds the first, which has the lower seed.
+        best = int(np.argmax([result.best.episode_return for result, _ in found]))
         one = write_network(folder, found[best][0], paths[best] / POLICY)
         sys.stdout.write(
             f"case {one.case}: seed {one.seed}, return {one.episode_return:.1f}, "
@@ -106,10 +104,7 @@ def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
 
 
 def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
-    """Write `CASE.safetensors`, in half precision if its greedy episode stays the same; return its entry.
-
-    `result` is that of the run, `weights` the file of its best network.
-    """
+    """Write the best network of a run as `CASE.safetensors`; return its entry in the manifest."""
     import torch
 
     from ship_trl.sim.reference import best_known
@@ -118,19 +113,20 @@ def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
     world = load_world()
     case = load_case(result.target, world)
     file = folder / f"{case.name}.safetensors"
-    about = {"case": case.name, "arm": result.arm, "seed": result.seed, "config_hash": result.config_hash}
+    about: dict[str, Any] = {
+        "case": case.name,
+        "arm": result.arm,
+        "seed": result.seed,
+        "config_hash": result.config_hash,
+    }
     whole, network = rollout_greedy(case, weights)
-    dtype = torch.float16
-    save_weights(file, network, about, dtype)
-    if not torch.equal(rollout_greedy(case, file)[0].actions, whole.actions):
-        dtype = torch.float32
-        save_weights(file, network, about)
+    for dtype in (torch.float16, torch.float32):
+        save_weights(file, network, about, dtype)
+        if torch.equal(rollout_greedy(case, file)[0].actions, whole.actions):
+            break
     return Pretrained(
-        case=case.name,
+        **about,
         fingerprint=case.fingerprint,
-        arm=result.arm,
-        seed=result.seed,
-        config_hash=result.config_hash,
         episode_return=whole.episode_return,
         of_best_known=round(whole.episode_return / best_known(case, world).episode_return, 4),
         outcome=whole.outcome,
@@ -142,7 +138,7 @@ def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
 
 
 def rollout_greedy(case: Case, weights: Path) -> tuple[Episode, DuelingNetwork]:
-    """Roll out the greedy episode of the network in a file; return episode and network."""
+    """Return the greedy episode of the network in a file, and the network."""
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import load_with_network
     from ship_trl.sim.env import ShipEnv

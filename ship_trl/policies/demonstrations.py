@@ -1,7 +1,6 @@
-"""Demonstrations: recorded episodes, one JSON file each. No torch.
+"""Demonstrations: recorded episodes as JSON files. No torch.
 
-The world is deterministic, so a case and its actions are the whole episode: a reader runs the actions again.
-docs/tools.md describes the format.
+The world is deterministic, so the actions are the whole episode. docs/tools.md describes the format.
 """
 
 from __future__ import annotations
@@ -27,11 +26,10 @@ SCHEMA_VERSION = 1
 
 @dataclass(frozen=True)
 class Demonstration:
-    """One episode.
+    """One episode: `case` is a name, `fingerprint` identifies the case, `world` is a digest of the physics.
 
-    `case` names the case and `fingerprint` says what it is; `world` is a digest of the physics; `actions`
-    are indices into table 1, one a step. `episode_return` is raw and undiscounted, `outcome` goal,
-    collision or timeout, `by` who chose the actions.
+    `actions` are indices into table 1. `episode_return` is raw and undiscounted. `outcome` is goal, collision
+    or timeout. `by` says who chose the actions.
     """
 
     case: str
@@ -45,32 +43,26 @@ class Demonstration:
 
 
 def digest(world: World) -> str:
-    """Return twelve hex digits of a digest over the physics and the reward."""
+    """Return a digest of physics and reward in twelve hex digits."""
     return hashlib.sha256(json.dumps(plain(world), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def write_demonstration(
     folder: Path, case: Case, world: World, actions: Sequence[int], ended: tuple[float, str], by: str
 ) -> Path:
-    """Write an episode as the next `CASE-NUMBER.json` of a folder, which is created; return the file.
+    """Write an episode as the next `CASE-NUMBER.json` of a folder; return the file.
 
-    Args:
-        folder: of the demonstrations.
-        case: the case of the episode.
-        world: its physics.
-        actions: indices into table 1, one a step.
-        ended: raw return, and goal, collision or timeout.
-        by: who chose the actions.
+    `ended` are the raw return and the outcome.
 
     Raises:
         OSError: the file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    given = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
+    found = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
     draft = folder / f".{case.name}.{os.getpid()}.json"
     try:
         with writing(draft):
-            draft.write_text(json.dumps(asdict(given)) + "\n")
+            draft.write_text(json.dumps(asdict(found)) + "\n")
         for number in itertools.count(1):
             path = folder / f"{case.name}-{number:03d}.json"
             with suppress(FileExistsError):
@@ -86,7 +78,7 @@ def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstr
     """Read the demonstrations of a case in a folder, sorted by name; other cases are skipped.
 
     Raises:
-        ConfigError: there is none, a file is damaged, or it was recorded in another world.
+        ConfigError: the case has no demonstration, or a file is damaged or of another world.
     """
     found = []
     for path in sorted(folder.glob("*.json")):
@@ -104,10 +96,10 @@ def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstr
 
 
 def read_demonstration(path: Path, actions: int) -> Demonstration:
-    """Read one file; each action index must be below `actions`.
+    """Read one file, whose action indices must be below `actions`.
 
     Raises:
-        ConfigError: the file is not a demonstration, or is damaged.
+        ConfigError: the file is damaged or holds no demonstration.
     """
     where = f"demonstrations: {path}: "
     try:

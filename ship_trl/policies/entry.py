@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
 
-# Half of the last digit that tables show: a claim that differs by more is wrong.
+# Tables show one decimal: a return that differs by more than half of it is not the claimed one.
 SHOWN = 0.05
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A policy by name on a case; `claimed` is the return stated in its result or manifest."""
+    """A policy by name on a case; `claimed` is the return in its result or manifest."""
 
     policy: str
     label: str
@@ -29,12 +29,7 @@ class Entry:
 
 
 def rollout_entry(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipEnv, Policy, list[Episode]]:
-    """Roll out episodes in one batch; returns the environment, the policy and the episodes.
-
-    Args:
-        entry: the policy and its case.
-        episodes: at least 1.
-        seed: of stochastic policies.
+    """Roll out episodes in one batch; return the environment, the policy and the episodes.
 
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
@@ -43,7 +38,7 @@ def rollout_entry(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipE
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
 
-    # Networks from a file draw their own pixels, and policies without training read the state only.
+    # Networks draw their own pixels, and policies without training read only the state.
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
     env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
     policy = load_policy(entry.policy, env, seed)

@@ -1,7 +1,6 @@
 """Policies without training, and loading a policy of any kind by name.
 
-A policy reads the environment's tensordict (`state`, and `pixels` where it asks for them) and writes
-`action`. Any such function can be evaluated, recorded and compared.
+A policy reads the environment's tensordict (`state` and `pixels`) and writes `action`.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from ship_trl.transfer.layers import load_weights, saved_network
 
 
 def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
-    """Return the policy that draws its actions uniformly, from `seed`."""
+    """Return the policy that draws its actions uniformly."""
     generator = Generator(device=env.device).manual_seed(seed)
     count = len(env.world.actions)
 
@@ -41,7 +40,7 @@ def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
 
 
 def straight_action(world: World) -> int:
-    """Return the index of the action that turns least; of several, the fastest."""
+    """Return the index of the action that turns least; on ties the fastest."""
     return min(range(len(world.actions)), key=lambda k: (abs(world.actions[k][1]), -world.actions[k][0]))
 
 
@@ -56,7 +55,7 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
 
 
 def follow(actions: Sequence[int]) -> Policy:
-    """Return the policy that follows a plan: one action a step, then its last action."""
+    """Return the policy that follows a plan, and repeats its last action."""
     plan = torch.tensor(actions or [0])
 
     def policy(step: TensorDictBase) -> TensorDictBase:
@@ -66,7 +65,7 @@ def follow(actions: Sequence[int]) -> Policy:
     return policy
 
 
-# By their name on the command line. Add your own here, or give it there as `file.py:name`.
+# Policies by their name on the command line.
 POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
     "random": random_actions,
     "keep_course": keep_course,
@@ -76,12 +75,12 @@ ALLOWED = f"{', '.join(POLICIES)}, pretrained, a safetensors file, or file.py:fu
 
 
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
-    """Load a policy by name, from a weights file or from a function of your own.
+    """Load a policy for an environment.
 
     Args:
-        name: a key of `POLICIES`; `pretrained`, the bundled network of the environment's case,
-            or `pretrained:CASE`, that of another case; a safetensors file; or `file.py:function` or
-            `module:function`, called with the environment and the seed.
+        name: a key of `POLICIES`; `pretrained` (the bundled network of the environment's case) or
+            `pretrained:CASE`; a safetensors file; `file.py:function` or `module:function`, which is called
+            with the environment and the seed.
         env: where it will act.
         seed: of its random numbers.
 
@@ -93,10 +92,8 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     if is_pretrained(name):
         name = str(find(name, env.case).file)
     if Path(name).suffix == ".safetensors":
-        channels = env.rasteriser.channels
-        network = DuelingNetwork(
-            channels, len(env.world.actions), Generator(), saved_network(Path(name), "policy")
-        )
+        layers = saved_network(Path(name), "policy")
+        network = DuelingNetwork(env.rasteriser.channels, len(env.world.actions), Generator(), layers)
         network.load_state_dict(dict(load_weights(Path(name), network, "policy")))
         return greedy_policy(network.to(env.device), env.rasteriser)
     where, colon, function = name.rpartition(":")
@@ -119,24 +116,20 @@ def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:
 
 
 def network_of(policy: Policy) -> DuelingNetwork | None:
-    """Find the `DuelingNetwork` inside a policy; None without one."""
+    """Return the `DuelingNetwork` inside a policy, if there is one."""
     parts = policy.modules() if isinstance(policy, nn.Module) else ()
     return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
 
 
 def refusing_invalid_actions(policy: object, name: str, env: ShipEnv) -> Policy:
-    """Wrap a user's policy so that an invalid action raises a `ConfigError`.
-
-    Raises:
-        ConfigError: the policy is not callable.
-    """
+    """Wrap a user's policy so that an invalid action raises a `ConfigError`; one that is not callable does now."""
     if not callable(policy):
-        raise ConfigError(f"policy: {name} gives {policy!r:.40}; allowed: a function of a tensordict")
+        raise ConfigError(f"policy: {name} returns {policy!r:.40}; allowed: a function of a tensordict")
 
     def check(step: object) -> None:
         action = step.get("action", None) if isinstance(step, TensorDictBase) else None
         if not isinstance(action, torch.Tensor):
-            raise ConfigError(f"policy: {name} must give its tensordict back, with `action` in it")
+            raise ConfigError(f"policy: {name} must return its tensordict with `action` in it")
         shape, last = list(env.batch_size), len(env.world.actions) - 1
         allowed = f"int64 {shape} from 0 to {last}"
         if action.dtype != torch.int64 or action.shape != env.batch_size:
@@ -176,8 +169,7 @@ def import_policy(where: str, function: str, name: str) -> Callable[[ShipEnv, in
     except Exception as error:  # a user's file may raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ConfigError(f"policy: {name} cannot be imported: {reason}") from None
-    found = getattr(module, function, None)
+    found: Callable[[ShipEnv, int], Policy] | None = getattr(module, function, None)
     if not callable(found):
         raise ConfigError(f"policy: {where} has no function {function}")
-    made: Callable[[ShipEnv, int], Policy] = found
-    return made
+    return found

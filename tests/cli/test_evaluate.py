@@ -64,7 +64,7 @@ def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.Capture
         claims["best"]["return"] += 1.0
         path.write_text(json.dumps(claims))
         error = refused(capsys, main, str(trained))
-        assert "1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best" in error
+        assert "1 of 2 do not reach the return that they claim: 2 scratch seed 0, best" in error
     finally:
         path.write_text(whole)
 
@@ -82,7 +82,9 @@ def test_a_damaged_network_does_not_stop_the_others(
     assert left.value.code == 1 and "2 scratch seed 0, final" in told.out and "best |" not in told.out
     first, last = told.err.splitlines()
     assert str(network) in first and first.endswith("; left out")
-    assert last.endswith("1 of 2 do not reach what is claimed of them: 2 scratch seed 0, best cannot be read")
+    assert last.endswith(
+        "1 of 2 do not reach the return that they claim: 2 scratch seed 0, best cannot be read"
+    )
     # One that was named must be right.
     assert str(network) in refused(capsys, main, str(network), "random", "target=2")
 
@@ -116,8 +118,8 @@ def test_an_own_policy_is_evaluated(tmp_path: Path, capsys: pytest.CaptureFixtur
         ("step.set('action', torch.full(env.batch_size, 3.0))", "writes action float32 [1]; allowed: int64"),
         ("step.set('action', torch.full(env.batch_size, 7))", "writes action [7]; allowed: int64 [1] from 0"),
         ("step.set('action', torch.zeros(*env.batch_size, 1, dtype=int))", "writes action int64 [1, 1]; "),
-        ("torch.full(env.batch_size, 3)", "must give its tensordict back, with `action` in it"),
-        ("step.exclude('action')", "must give its tensordict back, with `action` in it"),
+        ("torch.full(env.batch_size, 3)", "must return its tensordict with `action` in it"),
+        ("step.exclude('action')", "must return its tensordict with `action` in it"),
     ],
 )
 @pytest.mark.parametrize(
@@ -158,7 +160,7 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         ("./mine:policy target=2", "policy: ./mine:policy cannot be imported"),
         (":policy target=2", "policy: :policy cannot be imported"),
         ("broken.py:policy target=2", "policy: broken.py:policy cannot be imported: NameError: name"),
-        ("nothing.py:policy target=2", "policy: nothing.py:policy gives None; allowed: a function"),
+        ("nothing.py:policy target=2", "policy: nothing.py:policy returns None; allowed: a function"),
         (". target=2", "policy: no result.json with its networks at or below ."),
     ],
 )

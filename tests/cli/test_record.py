@@ -12,8 +12,7 @@ from PIL import Image
 
 from ship_trl.cli.record import best_of_folders, main
 from ship_trl.config.errors import ConfigError
-from tests.cli.test_watch import refused
-from tests.command import environment
+from tests.command import environment, refused
 from tests.view.episodes import entry
 
 

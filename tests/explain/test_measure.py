@@ -56,9 +56,7 @@ def test_every_probe_has_its_controls() -> None:
     assert (rows.over_untrained.isna() == (is_pixels | is_untrained)).all()
     pixels = rows[is_pixels].set_index("quantity").r2
     others = rows[~is_pixels]
-    assert others.over_pixels.to_numpy() == pytest.approx(
-        (others.r2 - others.quantity.map(pixels)).to_numpy()
-    )
+    np.testing.assert_allclose(others.over_pixels, others.r2 - others.quantity.map(pixels))
     assert (others.over_pixels_low <= others.over_pixels_high).all()
 
 

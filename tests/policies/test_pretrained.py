@@ -53,7 +53,7 @@ def test_a_score_that_is_not_reached_is_told(
     monkeypatch.setattr(pretrained, "NETWORKS", tmp_path)
     pretrained.networks.cache_clear()
     try:
-        assert "1 of 1 do not reach what is claimed of them" in refused(capsys, main, f"pretrained:{one}")
+        assert "1 of 1 do not reach the return that they claim" in refused(capsys, main, f"pretrained:{one}")
     finally:
         pretrained.networks.cache_clear()
 

@@ -1,7 +1,7 @@
-"""Which trained networks come with the package, and what each of them reaches. No torch.
+"""The bundled networks and the returns that they reach. No torch.
 
-`manifest.json` beside this file says it, with the runs of which they are the best; `curves.csv.xz` holds
-the training returns of those runs. `ship_trl/cli/pretrain.py` makes them all.
+`ship_trl/cli/pretrain.py` writes the networks, `manifest.json`, which lists them and the runs that they were
+chosen from, and `curves.csv.xz`, the training returns of those runs.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ship_trl.sim.cases import Case
 if TYPE_CHECKING:
     import pandas as pd
 
-# The word that stands for these networks on a command line; `pretrained:3` is that of case 3.
+# Names these networks on the command line; `pretrained:3` is the network of case 3.
 PRETRAINED = "pretrained"
 NETWORKS = Path(__file__).parent
 MANIFEST, CURVES = "manifest.json", "curves.csv.xz"
@@ -26,12 +26,10 @@ MANIFEST, CURVES = "manifest.json", "curves.csv.xz"
 
 @dataclass(frozen=True)
 class Pretrained:
-    """A network that comes with the package.
+    """A bundled network: its case, its run, its greedy episode, and the file of its weights.
 
-    `case` and `fingerprint` name the case that it was trained on, `arm`, `seed` and `config_hash` the run.
-    Its greedy episode has `episode_return` (raw), `outcome`, `length` (steps) and `dcpa` (m, None without
-    target ships), and reaches the share `of_best_known` of the planner's return. `sha256` and `dtype` are
-    the file's.
+    `episode_return` is raw, `of_best_known` its share of the planner's return, `length` in steps, and `dcpa`
+    in metres (None without target ships).
     """
 
     case: str
@@ -49,7 +47,7 @@ class Pretrained:
 
     @property
     def file(self) -> Path:
-        """Where its weights lie."""
+        """The file of its weights."""
         return NETWORKS / f"{self.case}.safetensors"
 
 
@@ -60,26 +58,21 @@ def networks() -> tuple[Pretrained, ...]:
 
 
 def read() -> dict[str, Any]:
-    """Read the manifest: `networks`, and the `runs` they come from (case, seed, config_hash, best_return)."""
+    """Read the manifest: `networks`, and `runs` with case, seed, config_hash and best_return."""
     found: dict[str, Any] = json.loads((NETWORKS / MANIFEST).read_text())
     return found
 
 
 def is_pretrained(name: str) -> bool:
-    """Return whether a policy's name is `pretrained` or `pretrained:CASE`."""
+    """Return whether a name is `pretrained` or `pretrained:CASE`."""
     return name.partition(":")[0] == PRETRAINED
 
 
 def find(name: str, case: Case | None, key: str = "policy") -> Pretrained:
-    """Find the network that a name stands for.
-
-    Args:
-        name: `pretrained` for the network of `case`, or `pretrained:NAME` for that of another case.
-        case: where it will act; used for `pretrained` only. The name of the case does not matter.
-        key: the key that errors name.
+    """Find the bundled network `pretrained:CASE`, or for `pretrained` the network of `case`, by fingerprint.
 
     Raises:
-        ConfigError: there is no network of that case.
+        ConfigError: there is no network of that case; the message names `key`.
     """
     wanted = name.partition(":")[2]
     for one in networks():
@@ -95,11 +88,7 @@ def find(name: str, case: Case | None, key: str = "policy") -> Pretrained:
 
 
 def training_returns(config_hashes: set[str]) -> pd.DataFrame:
-    """Read the training returns of the runs with these configuration hashes.
-
-    Returns:
-        `config_hash`, `episode`, `return` (raw); empty if no run has one of them.
-    """
+    """Read `config_hash`, `episode` and `return` (raw) of the training runs with these hashes."""
     import pandas as pd
 
     rows = pd.read_csv(NETWORKS / CURVES)

@@ -113,12 +113,8 @@ def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
     world = load_world()
     case = load_case(result.target, world)
     file = folder / f"{case.name}.safetensors"
-    about: dict[str, Any] = {
-        "case": case.name,
-        "arm": result.arm,
-        "seed": result.seed,
-        "config_hash": result.config_hash,
-    }
+    about: dict[str, Any] = {key: getattr(result, key) for key in ("arm", "seed", "config_hash")}
+    about["case"] = case.name
     whole, network = rollout_greedy(case, weights)
     for dtype in (torch.float16, torch.float32):
         save_weights(file, network, about, dtype)

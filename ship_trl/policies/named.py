@@ -122,7 +122,7 @@ def network_of(policy: Policy) -> DuelingNetwork | None:
 
 
 def refusing_invalid_actions(policy: object, name: str, env: ShipEnv) -> Policy:
-    """Wrap a user's policy so that an invalid action raises a `ConfigError`; one that is not callable does now."""
+    """Wrap a user's policy so that an invalid action raises a `ConfigError`."""
     if not callable(policy):
         raise ConfigError(f"policy: {name} returns {policy!r:.40}; allowed: a function of a tensordict")
 

@@ -189,31 +189,27 @@ def draw_saliency(network: DuelingNetwork, untrained: DuelingNetwork, env: ShipE
     slopes, controls = (gradient(one, pixels).double().numpy() for one in (network, untrained))
     drops = [occlusion(network, one, env.rasteriser.background).double().numpy() for one in pixels]
     limit = max(float(np.abs(drop).max()) for drop in drops) or 1.0
-    figure = new_figure(3.02 * len(steps) + 0.9)
-    # The last row holds the colour bars.
-    cells = figure.add_gridspec(len(steps) + 1, 4, height_ratios=[*[1.0] * len(steps), 0.05])
+    figure = new_figure(10.6)
+    axes = figure.subplots(len(steps), 4)
     titles = ("input", "gradient", "gradient, untrained (control)", "occlusion")
-    for k, step in enumerate(steps):
-        axes = [figure.add_subplot(cells[k, column]) for column in range(4)]
-        grey = pixels[k].double().mean(0).numpy() / 255
+    for axis, title in zip(axes[0], titles, strict=True):
+        axis.set_title(title, fontsize=12)
+    for k, side in enumerate(axes):
         # One channel is drawn in grey, three in their colours.
-        show(axes[0], pixels[k].permute(1, 2, 0).numpy(), "gray", 0, 255)
+        show(side[0], pixels[k].permute(1, 2, 0).numpy(), "gray", 0, 255)
         speed, turn = env.world.actions[actions[k]]
-        axes[0].set_ylabel(f"step {step}: {speed:g} m/s, {np.degrees(turn):.1f}°/s", fontsize=10)
-        for axis, values in ((axes[1], slopes[k]), (axes[2], controls[k])):
+        side[0].set_ylabel(f"step {steps[k]}: {speed:g} m/s, {np.degrees(turn):.1f}°/s", fontsize=10)
+        for axis, values in zip(side[1:3], (slopes[k], controls[k]), strict=True):
             slope = show(axis, values / (float(np.quantile(values, 0.998)) or 1.0), "cividis", 0, 1)
-        drop = show(axes[3], drops[k], SIGNED, -limit, limit)
-        for axis in axes[1:]:
+        drop = show(side[3], drops[k], SIGNED, -limit, limit)
+        grey = pixels[k].double().mean(0).numpy() / 255
+        for axis in side[1:]:
             # The outlines of the picture show positions.
             axis.contour(grey, levels=[0.5], colors="#FFFFFF", linewidths=1.6)
             axis.contour(grey, levels=[0.5], colors="#000000", linewidths=0.7)
-        if k == 0:
-            for axis, title in zip(axes, titles, strict=True):
-                axis.set_title(title, fontsize=12)
-    for cell, image, label in (
-        (cells[-1, 1:3], slope, "share of the 99.8th percentile of the map"),
-        (cells[-1, 3], drop, "drop of the action's advantage, in Q"),
+    for image, label in (
+        (drop, "occlusion: drop of the action's advantage, in Q"),
+        (slope, "gradient: share of the map's 99.8th percentile"),
     ):
-        bar = figure.colorbar(image, cax=figure.add_subplot(cell), orientation="horizontal")
-        bar.set_label(label, fontsize=10)
+        figure.colorbar(image, ax=axes, location="bottom", shrink=0.5, aspect=50, pad=0.02, label=label)
     return figure

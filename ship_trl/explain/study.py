@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
-from ship_trl.files.result import Result, ResultError, read_result
+from ship_trl.files.result import ResultError, read_result
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.entries import settings_of
 from ship_trl.sim.cases import load_case
@@ -107,7 +107,12 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     from ship_trl.sim.env import ShipEnv
 
     configure_process()
-    results = {arm: read_run(run) for arm, run in runs.items()}
+    results = {}
+    for arm, run in runs.items():
+        try:
+            results[arm] = read_result(run)
+        except ResultError as error:
+            raise ConfigError(f"folder: {run} {error}") from None
     sources = {result.source_network for result in results.values()} - {None}
     source = str(next(iter(sources), None))
     # A policy may also be a program, and an untrusted result may name one.
@@ -140,15 +145,3 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
         for layer, kernel in found.items()
         if layer in other
     ]
-
-
-def read_run(run: Path) -> Result:
-    """Read the result of a run.
-
-    Raises:
-        ConfigError: it is missing or damaged.
-    """
-    try:
-        return read_result(run)
-    except ResultError as error:
-        raise ConfigError(f"folder: {run} {error}") from None

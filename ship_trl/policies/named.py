@@ -130,13 +130,13 @@ def refusing_invalid_actions(policy: object, name: str, env: ShipEnv) -> Policy:
         action = step.get("action", None) if isinstance(step, TensorDictBase) else None
         if not isinstance(action, torch.Tensor):
             raise ConfigError(f"policy: {name} must return its tensordict with `action` in it")
-        shape, last = list(env.batch_size), len(env.world.actions) - 1
-        allowed = f"int64 {shape} from 0 to {last}"
-        if action.dtype != torch.int64 or action.shape != env.batch_size:
-            kind = str(action.dtype).removeprefix("torch.")
-            raise ConfigError(f"policy: {name} writes action {kind} {list(action.shape)}; allowed: {allowed}")
-        if not bool(((action >= 0) & (action <= last)).all()):
-            raise ConfigError(f"policy: {name} writes action {action.tolist()!s:.60}; allowed: {allowed}")
+        last = len(env.world.actions) - 1
+        has_shape = action.dtype == torch.int64 and action.shape == env.batch_size
+        if not (has_shape and bool(((action >= 0) & (action <= last)).all())):
+            kind = f"{str(action.dtype).removeprefix('torch.')} {list(action.shape)}"
+            got = f"{action.tolist()!s:.60}" if has_shape else kind
+            allowed = f"int64 {list(env.batch_size)} from 0 to {last}"
+            raise ConfigError(f"policy: {name} writes action {got}; allowed: {allowed}")
 
     if isinstance(policy, nn.Module):
         policy.register_forward_hook(lambda _module, _given, step: check(step))

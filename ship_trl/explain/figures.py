@@ -189,7 +189,7 @@ def draw_saliency(network: DuelingNetwork, untrained: DuelingNetwork, env: ShipE
     slopes, controls = (gradient(one, pixels).double().numpy() for one in (network, untrained))
     drops = [occlusion(network, one, env.rasteriser.background).double().numpy() for one in pixels]
     limit = max(float(np.abs(drop).max()) for drop in drops) or 1.0
-    figure = new_figure(10.6)
+    figure = new_figure(10.9)
     axes = figure.subplots(len(steps), 4)
     titles = ("input", "gradient", "gradient, untrained (control)", "occlusion")
     for axis, title in zip(axes[0], titles, strict=True):

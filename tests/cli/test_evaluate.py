@@ -56,7 +56,7 @@ def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.Capture
     assert table(capsys, str(trained), "target=1")[0][-1] == ""
 
 
-def test_a_folder_that_claims_more_is_told(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_claims_more_is_refused(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = trained / "2" / "scratch" / "seed=0" / "result.json"
     whole = path.read_text()
     try:
@@ -78,9 +78,9 @@ def test_a_damaged_network_does_not_stop_the_others(
     network.write_bytes(network.read_bytes()[:1000])
     with pytest.raises(SystemExit) as left:
         main([str(copy), "--markdown"])
-    told = capsys.readouterr()
-    assert left.value.code == 1 and "2 scratch seed 0, final" in told.out and "best |" not in told.out
-    first, last = told.err.splitlines()
+    printed = capsys.readouterr()
+    assert left.value.code == 1 and "2 scratch seed 0, final" in printed.out and "best |" not in printed.out
+    first, last = printed.err.splitlines()
     assert str(network) in first and first.endswith("; left out")
     assert last.endswith(
         "1 of 2 do not reach the return that they claim: 2 scratch seed 0, best cannot be read"

@@ -55,7 +55,7 @@ def test_demonstrations_of_other_cases_are_skipped(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"actions": [7]}, ": actions: each must be from 0 to 6, got 7"),
         ({"actions": [-1]}, r": actions\[0\]: must be at least 0, got -1"),
@@ -70,15 +70,15 @@ def test_demonstrations_of_other_cases_are_skipped(tmp_path: Path) -> None:
         ({"world": "x"}, " was recorded in another world"),
     ],
 )
-def test_a_file_that_is_not_right_is_refused(tmp_path: Path, change: dict[str, object], told: str) -> None:
+def test_a_file_that_is_not_right_is_refused(tmp_path: Path, change: dict[str, object], message: str) -> None:
     path = kept(tmp_path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json{told}"):
+    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json{message}"):
         read_demonstrations(tmp_path, CASE, WORLD)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "cannot be read as JSON"),
         ("\0", "cannot be read as JSON"),
@@ -87,17 +87,17 @@ def test_a_file_that_is_not_right_is_refused(tmp_path: Path, change: dict[str, o
         ("{}", "case: missing"),
     ],
 )
-def test_a_file_cut_short_is_refused(tmp_path: Path, text: str, told: str) -> None:
+def test_a_file_cut_short_is_refused(tmp_path: Path, text: str, message: str) -> None:
     kept(tmp_path).write_text(text)
-    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json: {told}"):
+    with pytest.raises(ConfigError, match=f"demonstrations: .*4-001.json: {message}"):
         read_demonstrations(tmp_path, CASE, WORLD)
 
 
 def test_a_training_begins_with_them(tmp_path: Path) -> None:
     """The command that keeps them, and a run whose first update may see them."""
     ship_trl("best_known", "target=4", "--demonstrations", "demos", folder=tmp_path, verb="evaluate")
-    told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path)
-    assert "case 4, scratch-demonstrations" in told.stdout
+    done = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path)
+    assert "case 4, scratch-demonstrations" in done.stdout
     ship_trl(*LINE, "output=runs", folder=tmp_path)
     arms = [tmp_path / "runs" / "4" / arm / "seed=0" for arm in ("scratch-demonstrations", "scratch")]
     hashes = {json.loads((arm / "result.json").read_text())["config_hash"] for arm in arms}
@@ -109,16 +109,16 @@ def test_a_training_begins_with_them(tmp_path: Path) -> None:
 
 def test_a_demonstration_with_a_wrong_return_is_refused(tmp_path: Path) -> None:
     kept(tmp_path / "demos", episode_return=500.0)
-    told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path, code=1)
+    done = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path, code=1)
     assert (
         "demonstrations: number 1 of case 4 in demos says a return of 500.00 and reaches one of"
-        in told.stderr
+        in done.stderr
     )
     assert not (tmp_path / "runs" / "4").exists()
 
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    told = ship_trl(*LINE, "demonstrations=nowhere", folder=tmp_path, code=1)
-    assert told.stderr == (
+    done = ship_trl(*LINE, "demonstrations=nowhere", folder=tmp_path, code=1)
+    assert done.stderr == (
         "ship_trl: demonstrations: none of case 4 in nowhere; python -m ship_trl play records some\n"
     )

@@ -42,7 +42,7 @@ def test_every_score_is_reached(capsys: pytest.CaptureFixture[str]) -> None:
         assert (share, outcome, length) == (f"{one.of_best_known:.0%}", one.outcome, str(one.length))
 
 
-def test_a_score_that_is_not_reached_is_told(
+def test_a_score_that_is_not_reached_is_refused(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     manifest = pretrained.read()
@@ -80,8 +80,8 @@ def test_the_curves_are_those_of_the_runs() -> None:
 def test_a_policy_in_one_line() -> None:
     case = load_case("4", WORLD)
     episode = rollout(ShipEnv(case, WORLD), package.load_policy("4"))[0]
-    (told,) = [one for one in pretrained.networks() if one.case == "4"]
-    assert episode.episode_return == pytest.approx(told.episode_return)
+    (bundled,) = [one for one in pretrained.networks() if one.case == "4"]
+    assert episode.episode_return == pytest.approx(bundled.episode_return)
     elsewhere = rollout(ShipEnv(load_case("2", WORLD), WORLD), package.load_policy("4", case="2"))[0]
     assert torch.equal(elsewhere.states[0], torch.tensor([0.0, 0.0, torch.pi / 2, 0.0]))
     best = rollout(ShipEnv(case, WORLD), package.load_policy("best_known", case="4"))[0]
@@ -108,13 +108,13 @@ def test_a_changed_bundled_case_is_evaluated_without_claim(
     changed.write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
     claims = {row[0]: row[7] for row in table(capsys)}
     assert claims["4"] == "" and all(claim for case, claim in claims.items() if case != "4")
-    told = refused(capsys, main, "pretrained", "target=4")
-    assert "case 4 differs from the bundled case of this name; allowed: pretrained:4" in told
+    error = refused(capsys, main, "pretrained", "target=4")
+    assert "case 4 differs from the bundled case of this name; allowed: pretrained:4" in error
 
 
 def test_a_run_begins_with_one(tmp_path: Path) -> None:
-    told = ship_trl("+pair=high", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
-    assert "case 1 -> case 2, FT3-pretrained" in told.stdout
+    done = ship_trl("+pair=high", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
+    assert "case 1 -> case 2, FT3-pretrained" in done.stdout
     folder = tmp_path / "runs" / "high" / "FT3-pretrained" / "seed=0"
     assert json.loads((folder / "result.json").read_text())["source_network"] == "pretrained:1"
     # No source was trained.
@@ -122,12 +122,12 @@ def test_a_run_begins_with_one(tmp_path: Path) -> None:
 
 
 def test_without_a_pair_the_most_similar_case_is_the_source(tmp_path: Path) -> None:
-    told = ship_trl("target=4", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
-    assert "case 3 -> case 4, FT3-pretrained" in told.stdout
+    done = ship_trl("target=4", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
+    assert "case 3 -> case 4, FT3-pretrained" in done.stdout
 
 
 def test_a_network_of_other_layers_is_refused(tmp_path: Path) -> None:
     line = ("+pair=high", "source=pretrained", *SMOKE, "colour=true", "output=runs")
-    told = ship_trl(*line, folder=tmp_path, code=1)
-    assert told.stderr.startswith("ship_trl: source: ") and "does not fit the network" in told.stderr
+    done = ship_trl(*line, folder=tmp_path, code=1)
+    assert done.stderr.startswith("ship_trl: source: ") and "does not fit the network" in done.stderr
     assert not (tmp_path / "runs" / "high").exists() and ROOT.is_dir()

@@ -32,7 +32,7 @@ def train(words: list[str]) -> None:
     from ship_trl.run.launchers import die_with_launcher, mark_launcher, place_in_grid
     from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
-    from ship_trl.run.stop import heed_sigterm
+    from ship_trl.run.stop import end_at_sigterm
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
     def entry(values: DictConfig) -> float:
@@ -50,7 +50,7 @@ def train(words: list[str]) -> None:
     with refusals():
         check_words(words)
     mark_launcher()
-    heed_sigterm()
+    end_at_sigterm()
     with hydra_errors():
         entry()
 

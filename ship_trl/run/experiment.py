@@ -43,7 +43,7 @@ def run_experiment(run: Run, place: str = "") -> Result:
             source = read_source(run, find_source(run.source, run.title, place)) if run.source else given
             result = train_run(run, device, source, place)
         else:
-            console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
+            console.say(f"{run.folder} is already finished; set seed= or output= to train another run")
         # An earlier process may have been killed after it wrote the result and before these two steps.
         retain(run, result)
         Checkpoints(run.folder).remove()
@@ -71,13 +71,12 @@ def find_source(source: Run, title: str, place: str) -> Entry:
             with console.hold(source.lock(), source.title):
                 result = find_result(source)
                 if result is None:
-                    console.say(f"two trainings: first {source.title} as the source; then {title}")
+                    console.say(f"training the source first: {source.title}; then {title}")
                     result = train_run(source, device, None, place)
                 entry = retain(source, result)
-                Checkpoints(source.folder).remove()
-            return entry
+        else:
+            console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     if find_result(source) is not None:
         # The process that trained it may have been killed before this step.
         Checkpoints(source.folder).remove()
-    console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry

@@ -72,30 +72,30 @@ class Journal:
     def resume(self, in_a_grid: bool = False) -> None:
         """Restore the training from the newest intact checkpoint of this run, if there is one.
 
-        Damaged checkpoints are reported and deleted. From a checkpoint of other arithmetic the training would
-        not get the same bits as an uninterrupted one. In a grid it then starts over, because nobody may be
-        there to choose.
+        Damaged checkpoints are reported and deleted. After a checkpoint of other arithmetic the run would not
+        end with the same bits. In a grid it then starts over, because nobody may be there to choose.
 
         Raises:
             ConfigError: the checkpoint was computed by other arithmetic, or not written by this program.
         """
         found, damaged = self.checkpoints.read(self._run.config_hash)
         for path, reason in damaged.items():
-            then = "the one before it is used" if found else "the run begins anew"
+            then = "the other checkpoint is used" if found else "the run starts over"
             console.say(f"checkpoint: {path} {reason}; {then}")
             remove(path)
         if found is None:
             return
-        about, tensors, folder = found.about, found.tensors, self.checkpoints.folder
+        about, tensors = found
+        folder = self.checkpoints.folder
         if about.computed != self._parts.computed:
             differs = f"was computed by {about.computed}, and here it would be {self._parts.computed}"
             if in_a_grid:
-                console.say(f"{folder}, episode {about.episode}, {differs}; the run begins anew")
+                console.say(f"{folder}, episode {about.episode}, {differs}; the run starts over")
                 self.checkpoints.remove()
                 return
             raise ConfigError(
                 f"output: {folder}, episode {about.episode}, {differs}; allowed: the same machine, device=, "
-                f"learn.precision= and learn.backend=, or remove {folder} to begin anew"
+                f"learn.precision= and learn.backend=; or delete {folder} to start over"
             )
         try:
             self._parts.training.load_state_dict(strip_prefix("training", tensors))
@@ -103,27 +103,25 @@ class Journal:
             self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.run_episode)
         except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
             raise ConfigError(
-                f"output: {folder} is not what this program writes ({type(error).__name__}); "
-                f"allowed: remove {folder} to begin anew"
+                f"output: {folder} was not written by this program ({type(error).__name__}); "
+                f"delete {folder} to start over"
             ) from None
         self._started -= about.seconds
         self._newest = about.episode
         self.checkpoints.begin(about.episode)
-        console.say(f"goes on from its checkpoint, episode {about.episode} of {about.episodes}")
+        console.say(f"resuming from the checkpoint at episode {about.episode} of {about.episodes}")
 
     def stop(self) -> str:
         """Write a checkpoint; return a message that says where the training stopped and how to resume it."""
         self.write()
-        episode = self._parts.training.episode
-        where = f"stopped at episode {episode} of {self._episodes}; the same command "
-        if self._newest == episode:
-            return where + "goes on from there"
-        return where + ("begins anew" if self._newest is None else f"goes on from episode {self._newest}")
+        then = "start over" if self._newest is None else f"resume from episode {self._newest}"
+        at = self._parts.training.episode
+        return f"stopped at episode {at} of {self._episodes}; run the same command again to {then}"
 
     def describe_divergence(self, error: DivergedError) -> str:
         """Return a message that says how the training diverged and which checkpoint is kept."""
         kept = "" if self._newest is None else f"; the checkpoint of episode {self._newest} is kept"
         return (
             f"learn: {error}, at episode {self._parts.training.episode} of {self._run.folder}{kept}; "
-            "a smaller learn.lr or learn.reward_scale, or learn.loss=huber, may help"
+            "try a smaller learn.lr or learn.reward_scale, or learn.loss=huber"
         )

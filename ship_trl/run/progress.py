@@ -42,17 +42,12 @@ class Lines:
         The estimate uses the pace since the last line, because the first steps of a run make no updates and
         are faster.
         """
-        now = self._clock()
-        if share < self._next - 1e-9 or now - self._last_time < self._apart:
+        seconds, gained = self._clock() - self._last_time, share - self._last_share
+        if share < self._next - 1e-9 or seconds < self._apart:
             return None
-        gained = share - self._last_share
-        known = share < 1.0 and gained >= 0.9 * self._every
-        left = (
-            f", about {format_duration((1.0 - share) * (now - self._last_time) / gained)} left"
-            if known
-            else ""
-        )
-        self._last_time, self._last_share = now, share
+        self._last_time, self._last_share = self._last_time + seconds, share
         # A multiple of `every`, so that rounding errors do not add up.
         self._next = self._every * (int(share / self._every + 1e-9) + 1)
-        return left
+        if share >= 1.0 or gained < 0.9 * self._every:
+            return ""
+        return f", about {format_duration((1.0 - share) * seconds / gained)} left"

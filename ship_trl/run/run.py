@@ -62,8 +62,8 @@ class Run:
     def stream(self, purpose: str) -> int:
         """Return the seed of the random stream for one purpose.
 
-        It depends on source and target. Otherwise the new layers of a transfer would be drawn with the
-        weights that its source began with, and which were trained together with the copied layers.
+        It depends on source and target. Otherwise the new layers of a transfer would get the initial weights
+        of its source, which were trained together with the copied layers.
         """
         # The stem, so that a bundled case by name and by path gets the same streams.
         source = "" if self.arm.is_scratch else self.config.source
@@ -75,12 +75,12 @@ class Run:
         """Return the lock to hold while the run's folder is written; its file in `.locks` is never deleted.
 
         Raises:
-            ConfigError: the folder of the locks cannot be made.
+            ConfigError: the folder of the locks is not writable.
         """
         locks = Path(self.config.output) / LOCKS
         try:
             locks.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigError(f"output: {locks} cannot be made: {error.strerror}") from None
+            raise ConfigError(f"output: cannot create {locks}: {error.strerror}") from None
         config = self.config
         return FileLock(locks / f"{config.label}-{config.arm_label}-{config.seed}.lock")

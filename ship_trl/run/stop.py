@@ -17,12 +17,12 @@ class StoppedError(KeyboardInterrupt):
     """A training stopped because of a signal; the message says where, and how to resume it."""
 
     def __init__(self, text: str, number: signal.Signals) -> None:
-        super().__init__(text)
+        # Both are kept as arguments, so that a process of a pool can pickle the error.
+        super().__init__(text, number)
         self.text, self.number = text, number
 
-    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, signal.Signals]]:
-        """Pickle both arguments, for a pool process that sends the error."""
-        return StoppedError, (self.text, self.number)
+    def __str__(self) -> str:
+        return self.text
 
 
 class Stop:
@@ -65,27 +65,24 @@ class TerminatedError(BaseException):
     """SIGTERM in a process that must end its children before it ends."""
 
 
-def unwind_at_sigterm() -> None:
-    """Raise `TerminatedError` at the first SIGTERM; further ones are ignored."""
+def raise_at_sigterm() -> None:
+    """Raise `TerminatedError` at the first SIGTERM; ignore further ones."""
 
-    def unwind(*_: object) -> None:
+    def handle(*_: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise TerminatedError
 
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, unwind)
+        signal.signal(signal.SIGTERM, handle)
 
 
-def heed_sigterm() -> None:
-    """Install a handler that ends the process at SIGTERM, if there is no other handler.
-
-    Without a handler, the first process of a container would ignore SIGTERM.
-    """
+def end_at_sigterm() -> None:
+    """End the process at SIGTERM; the first process of a container would ignore it without a handler."""
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, lambda number, _: die_of(signal.Signals(number)))
+        signal.signal(signal.SIGTERM, lambda *_: end_by_signal(signal.SIGTERM))
 
 
-def die_of(number: signal.Signals) -> NoReturn:
+def end_by_signal(number: signal.Signals) -> NoReturn:
     """End this process at once by a signal, as if the signal had no handler."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

@@ -87,13 +87,11 @@ def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Ite
             yield training.begin()
         while not training.is_finished:
             yield from training.advance()
+            if stop.asked is None and journal.checkpoints.due(training.episode):
+                journal.write()
+            # The signal may also have come while the checkpoint was written.
             if stop.asked is not None:
                 raise StoppedError(journal.stop(), stop.asked)
-            if journal.checkpoints.due(training.episode):
-                journal.write()
-        # The signal may have come while the last checkpoint was written.
-        if stop.asked is not None:
-            raise StoppedError(journal.stop(), stop.asked)
     except DivergedError as error:
         raise ConfigError(journal.describe_divergence(error)) from None
 

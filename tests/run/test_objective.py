@@ -75,7 +75,7 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     )
     assert f", late {max(values):.1f}; " in said.splitlines()[-1]
     # The same command tries the same values, and finds its trials there.
-    assert ship_trl(*line, folder=tmp_path).stdout.count("holds this run already") == 2
+    assert ship_trl(*line, folder=tmp_path).stdout.count("is already finished") == 2
     # Other settings are refused in the place of the first, in one line.
     other = (*line, "learn.episodes=5")
     refused = ship_trl(*other, folder=tmp_path, code=1).stderr

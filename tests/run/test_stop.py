@@ -78,7 +78,10 @@ def test_outside_the_main_thread_it_changes_nothing() -> None:
 
 
 def test_a_process_ends_as_one_that_the_signal_killed() -> None:
-    code = "import signal; from ship_trl.run.stop import die_of; print('last words'); die_of(signal.SIGTERM)"
+    code = (
+        "import signal; from ship_trl.run.stop import end_by_signal\n"
+        "print('last words'); end_by_signal(signal.SIGTERM)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=os.environ
     )

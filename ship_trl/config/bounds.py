@@ -15,7 +15,7 @@ from ship_trl.config.schema import Rule, limit
 MAX_COUNT, MAX_DRAWS = 10**9, 10**6
 # At this number of steps the planner's table of returns takes 2.3 GB.
 MAX_STEPS = 1000
-# Seconds of a step, and metres of a circle or a place.
+# Seconds of a step; metres of a radius or a coordinate.
 MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5
 MAX_REWARD_COEFFICIENT = 1e6
 # Adam's steps are about as large as the learning rate.

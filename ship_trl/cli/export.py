@@ -23,7 +23,7 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import replacing
 from ship_trl.policies.entry import Entry
-from ship_trl.run.entries import best_of_folders, find_entries
+from ship_trl.run.entries import drop_last_networks, find_entries
 
 if TYPE_CHECKING:
     from ship_trl.learn.network import DuelingNetwork
@@ -61,7 +61,7 @@ def find_entry(words: list[str], colour: bool) -> Entry:
     Raises:
         ConfigError: there is no such policy, or there are several cases or results.
     """
-    entries = best_of_folders(find_entries(words, colour))
+    entries = drop_last_networks(find_entries(words, colour))
     if len(entries) > 1:
         raise ConfigError(f"policy: {words[0]} has several results or cases; allowed: one of each")
     return entries[0]

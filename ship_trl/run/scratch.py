@@ -19,12 +19,9 @@ from ship_trl.run.run import Run
 
 
 def scratch_returns(run: Run) -> NDArray[np.float64] | None:
-    """Find runs from scratch that differ from `run` only in the transfer and the seed.
+    """Return raw training returns [S, E] of runs from scratch that differ only in the transfer and the seed.
 
-    The function searches the run's output folder and the bundled curves (`pretrained`).
-
-    Returns:
-        Raw training returns [S, E] of S seeds, or None if no run is found.
+    They are in the run's output folder or among the bundled curves; None if there are none.
     """
     curves = dict(find_own_curves(run))
     seeds = {one["seed"] for one in pretrained.read()["runs"]}

@@ -29,11 +29,7 @@ MAX_REPLAY_BYTES, TRANSITION_BYTES = 2**33, 60
 
 
 def to_config(values: DictConfig) -> Config:
-    """Check composed values and return them as a `Config`.
-
-    Raises:
-        ConfigError: an unknown or missing key, a wrong type, or a value that is not allowed.
-    """
+    """Check composed values and return them as a `Config`, or raise a `ConfigError`."""
     config = read_as(Config, values)
     bfloat16_allowed()
     check_world(config.world)

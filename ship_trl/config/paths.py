@@ -29,11 +29,6 @@ def is_path(text: str) -> bool:
     return is_short and all(len(name) <= MAX_PATH_NAME_BYTES and b"\0" not in name for name in names)
 
 
-def is_folder_name(text: str) -> bool:
-    """Return whether a text may name a folder inside another."""
-    return is_path(text) and "/" not in text and text not in (".", "..")
-
-
 def conf_dir() -> Path:
     """Return the folder of the YAML files: the checkout's, else the one inside the installed package.
 

@@ -18,7 +18,7 @@ from omegaconf import OmegaConf
 
 from ship_trl.config.arm import Arm, Method, SourceWeights
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_folder_name, is_path
+from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
 from ship_trl.config.schema import Rule, limit
 
 # Side in pixels of the picture that the network sees.
@@ -44,7 +44,10 @@ Count = Annotated[int, limit(1, MAX_COUNT)]
 Share = Annotated[float, limit(0, 1)]
 PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
-FolderName = Annotated[str, Rule("the name of a folder", is_folder_name)]
+FolderName = Annotated[
+    str,
+    Rule("the name of a folder", lambda name: is_path(name) and "/" not in name and name not in (".", "..")),
+]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
 Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
 PathName = Annotated[
@@ -82,18 +85,13 @@ class Logger(Enum):
         return self in (other, Logger.all)
 
 
-class Objective(Enum):
-    """The greedy return of a run that a sweeper maximises.
-
-    `late` is the mean of the evaluations after exploration, `final` the last one, `best` the highest.
-    """
-
-    late = "late"
-    final = "final"
-    best = "best"
-
-
 Loss = Enum("Loss", ["l2", "huber"])
+# What a sweeper maximises: the mean greedy return after exploration, the last one, or the highest.
+Objective = Enum("Objective", ["late", "final", "best"])
+# The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively.
+Precision = Enum("Precision", ["auto", "fp32", "bf16"])
+# How conv layers are computed: on whole pictures, or on a CPU only where they differ from a background.
+BackendName = Enum("BackendName", ["auto", "incremental", "dense"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
 
 
@@ -111,28 +109,8 @@ class Reward:
     k2: Coefficient
 
 
-class Precision(Enum):
-    """The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively."""
-
-    auto = "auto"
-    fp32 = "fp32"
-    bf16 = "bf16"
-
-
-class BackendName(Enum):
-    """How conv layers are computed: `dense` on whole pictures, `incremental` only where pixels are drawn."""
-
-    auto = "auto"
-    incremental = "incremental"
-    dense = "dense"
-
-
 def bfloat16_allowed() -> bool:
-    """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine.
-
-    Raises:
-        ConfigError: it is neither `on` nor `off`.
-    """
+    """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine."""
     value = os.environ.get(BFLOAT16) or "on"
     if value not in ("on", "off"):
         raise ConfigError(f"{BFLOAT16}: must be on or off, got {value}")

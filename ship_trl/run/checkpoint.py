@@ -11,7 +11,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -51,29 +51,23 @@ class About:
 
 
 class Checkpoints:
-    """The checkpoints of one run, `<run>/checkpoint/1.safetensors` and `2.safetensors`.
+    """The checkpoints in a run's folder, `checkpoint/1.safetensors` and `2.safetensors`.
 
-    Args:
-        run: the run's folder.
-        every: minimum number of episodes between two checkpoints; values below 1 mean 1.
-        seconds: minimum time between two checkpoints.
-        clock: returns monotonic time in seconds.
+    Between two there are at least `every` episodes, at least one, and `seconds`.
     """
 
-    def __init__(
-        self, run: Path, every: float = 1.0, seconds: float = 0.0, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, run: Path, every: float = 1.0, seconds: float = 0.0) -> None:
         self.folder = run / FOLDER
-        self._every, self._seconds, self._clock = every, seconds, clock
-        self._written_at, self._episode = clock(), 0
+        self._every, self._seconds = every, seconds
+        self.begin(0)
 
     def begin(self, episode: int) -> None:
         """Restart the wait for the next checkpoint, after `episode` episodes."""
-        self._written_at, self._episode = self._clock(), episode
+        self._written_at, self._episode = time.monotonic(), episode
 
     def due(self, episode: int) -> bool:
         """Return whether a checkpoint is due after `episode` episodes."""
-        episodes, seconds = episode - self._episode, self._clock() - self._written_at
+        episodes, seconds = episode - self._episode, time.monotonic() - self._written_at
         return episodes >= max(1, self._every) and seconds >= self._seconds
 
     def write(self, tensors: Mapping[str, Tensor], about: About) -> None:
@@ -91,11 +85,7 @@ class Checkpoints:
         self.begin(about.episode)
 
     def read(self, config_hash: str) -> tuple[tuple[About, dict[str, Tensor]] | None, dict[Path, str]]:
-        """Read the newest intact checkpoint of a run.
-
-        Returns:
-            Its header and tensors (None without a checkpoint), and what is wrong with each damaged file.
-        """
+        """Return the newest intact checkpoint of a run or None, and what is wrong with damaged files."""
         newest, damaged = None, {}
         for path in filter(os.path.lexists, self._oldest_first()):
             try:
@@ -133,21 +123,13 @@ def read_steps(path: Path) -> int:
 
 
 def read_about(path: Path) -> About:
-    """Read the header of a checkpoint.
-
-    Raises:
-        CheckpointError: it is missing or damaged.
-    """
+    """Read the header of a checkpoint; raise a `CheckpointError` if it is missing or damaged."""
     with open_checkpoint(path, "numpy") as (_, about, _):
         return about
 
 
 def read(path: Path) -> tuple[About, dict[str, Tensor]]:
-    """Read a checkpoint and compare it with its digest.
-
-    Raises:
-        CheckpointError: it is missing or damaged.
-    """
+    """Read a checkpoint; raise a `CheckpointError` if it is missing, or damaged by its digest."""
     with open_checkpoint(path, "pt") as (file, about, expected):
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if expected != digest(tensors, about):

@@ -40,12 +40,8 @@ def progress(
     episodes. A run of a grid prints a line with its place and title after every 25 %, because all runs share
     the output. The estimate of the time left begins with the first update, because the warm-up is faster.
 
-    Args:
-        title: title of the run.
-        episodes: number of training episodes of the run.
-        events: events that the training yields.
-        place: the run's place in a grid, such as `3 of 40`; empty outside a grid.
-        done: number of episodes that were finished before the run was resumed.
+    `place` is the run's place in a grid, such as `3 of 40`; it is empty outside a grid. `done` episodes of
+    `episodes` were finished before the run was resumed.
     """
     columns = (
         BarColumn(bar_width=20),

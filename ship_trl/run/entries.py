@@ -61,11 +61,7 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
 
 
 def bundled_entries(name: str, targets: list[Case], world: World) -> list[Entry]:
-    """Return the bundled networks, on `targets` or each on its own case, with the return that each claims.
-
-    Raises:
-        ConfigError: there is no bundled network for a case.
-    """
+    """Return the bundled networks, on `targets` or each on its own case, with the return that each claims."""
     if targets:
         chosen = [(find(name, case), case) for case in targets]
     else:
@@ -86,11 +82,7 @@ def bundled_entries(name: str, targets: list[Case], world: World) -> list[Entry]
 
 
 def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
-    """Return the networks of all results in a folder and below, on `targets` or on their own target.
-
-    Raises:
-        ConfigError: there is no result, or its configuration is unreadable.
-    """
+    """Return the networks of all results in a folder and below, on `targets` or on their own target."""
     found: list[Entry] = []
     readable, broken = collect(folder)
     for path, error in broken:
@@ -113,11 +105,7 @@ def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
 
 
 def drop_last_networks(entries: list[Entry]) -> list[Entry]:
-    """Drop the last network of each result folder, but keep files that the command line names.
-
-    Raises:
-        ConfigError: nothing is left.
-    """
+    """Drop the last network of each result folder, but keep files that the command line names."""
     best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
     if not best:
         raise ConfigError(f"policy: {entries[0].policy} has no best network beside it")
@@ -125,11 +113,7 @@ def drop_last_networks(entries: list[Entry]) -> list[Entry]:
 
 
 def read_settings(folder: Path) -> tuple[World, bool]:
-    """Read a run's world, and whether its pictures have colours, from its configuration.
-
-    Raises:
-        ConfigError: the configuration is missing or unreadable.
-    """
+    """Read a run's world, and whether its pictures have colours, from its configuration."""
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)

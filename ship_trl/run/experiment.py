@@ -23,10 +23,7 @@ def run_experiment(run: Run, place: str = "") -> Result:
     """Train a run and return its result; if the case base lacks its source network, train that first.
 
     If the folder holds a finished run of the same settings, its result is shown and nothing is trained.
-
-    Args:
-        run: what to train.
-        place: its place in a grid, such as `3 of 40`; a run of a grid prints less.
+    `place` is the run's place in a grid, such as `3 of 40`; a run of a grid prints less.
     """
     configure_process()
     device = torch.device(run.config.device)
@@ -55,12 +52,8 @@ def run_experiment(run: Run, place: str = "") -> Result:
 def find_source(source: Run, title: str, place: str) -> Entry:
     """Find a source network in the case base; if it is missing, train and store it.
 
-    If several processes need the same network, the first one trains it and the others wait.
-
-    Args:
-        source: the run that trains it.
-        title: title of the run that needs it.
-        place: place in a grid of the run that needs it; empty outside a grid.
+    If several processes need the same network, the first one trains it and the others wait. `title` and
+    `place` are those of the run that needs it.
     """
     base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
     wanted = (source.target, source.entry_arm, source.config.seed, source.config_hash)

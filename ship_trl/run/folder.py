@@ -46,10 +46,7 @@ class TakenError(ConfigError):
 def check_folder(run: Run) -> None:
     """Check, before a run begins, that its folder is writable and that no other run would be overwritten.
 
-    Raises:
-        ConfigError: the folder is not writable, or it, a lock or the case base would be written through a
-            link.
-        TakenError: the folder holds another run.
+    Nothing may be written through a link: neither the folder, nor a lock, nor the case base.
     """
     parent = next(folder for folder in (run.folder, *run.folder.parents) if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):

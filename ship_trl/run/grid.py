@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -77,9 +76,7 @@ def compose_run(config: DictConfig, number: int, words: Sequence[str]) -> DictCo
     before, known.cfg = known.cfg, None
     try:
         known.set_config(values)
-        task = copy.deepcopy(values)
-        with read_write(task), open_dict(task):
-            del task["hydra"]
+        task = OmegaConf.masked_copy(values, [key for key in values if key != "hydra"])
         OmegaConf.resolve(task)
         return task
     finally:

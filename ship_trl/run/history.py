@@ -28,13 +28,7 @@ TYPES = {
 class History:
     """All events of a training in order, as rows of `curve.csv`, and its best network.
 
-    Args:
-        network: a network with the same layers, which gets the weights of the best one.
-
-    Attributes:
-        rows: one dictionary for each event.
-        best: the evaluation with the highest greedy return.
-        network: the network with which `best` was reached.
+    `best` is the evaluation with the highest greedy return. `network` gets the weights that reached it.
     """
 
     def __init__(self, network: DuelingNetwork) -> None:
@@ -59,11 +53,7 @@ class History:
     def restore(
         self, text: str, weights: Mapping[str, Tensor], run_episode: Callable[[DuelingNetwork], Episode]
     ) -> None:
-        """Load the rows of a curve and its best network, and run that network's greedy episode again.
-
-        Raises:
-            ValueError, KeyError, RuntimeError: they do not belong to a training of this network.
-        """
+        """Load the rows of a curve and its best network, and run that network's greedy episode again."""
         self.rows = from_csv(text)
         # On ties the later one, as in `add`.
         evaluations = [row for row in reversed(self.rows) if "greedy_return" in row]
@@ -143,10 +133,6 @@ def to_csv(rows: list[Row]) -> str:
 
 
 def from_csv(text: str) -> list[Row]:
-    """Read rows that `to_csv` wrote.
-
-    Raises:
-        ValueError: a cell is not a number.
-    """
+    """Read rows that `to_csv` wrote; raise a `ValueError` if a cell is not a number."""
     lines = csv.DictReader(io.StringIO(text), COLUMNS)
     return [{key: TYPES.get(key, float)(value) for key, value in line.items() if value} for line in lines]

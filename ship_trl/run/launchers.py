@@ -139,11 +139,7 @@ def place_in_grid(number: int) -> str:
 
 
 def check_slurm(launcher: str, key: str) -> None:
-    """Check that there is a Slurm cluster if its launcher was chosen.
-
-    Raises:
-        ConfigError: there is no cluster.
-    """
+    """Raise a `ConfigError` if Slurm's launcher was chosen and there is no cluster."""
     if launcher == "slurm" and shutil.which("sbatch") is None:
         raise ConfigError(f"{key}: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib")
 

@@ -9,13 +9,14 @@ from functools import cache, partial
 import torch
 from torch import Generator
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
-from ship_trl.run.demonstrate import preload_replay
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
@@ -25,6 +26,8 @@ from ship_trl.transfer.layers import copy_layers
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
+# Allowed difference of a demonstration's return, because processors round differently.
+RETURN_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,31 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         draws=measure_jumpstart(run, agent, eval_env),
         origin=None if source is None else source.origin,
     )
+
+
+def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
+    """Step through a run's demonstrations and store the steps; a full replay overwrites the oldest ones.
+
+    Raises:
+        ConfigError: a demonstration does not reach the return in its file.
+    """
+    folder = run.config.demonstrations
+    for number, demonstration in enumerate(run.demonstrations, 1):
+        current, total, done = env.reset(), 0.0, False
+        for action in demonstration.actions:
+            chosen = torch.full(env.batch_size, action, device=env.device)
+            stepped, current = env.step_and_maybe_reset(current.set("action", chosen))
+            # All environments of the batch do the same.
+            replay.extend(stepped[:1])
+            total += float(stepped["next", "reward"][0])
+            done = bool(stepped["next", "done"][0])
+            if done:
+                break
+        if not done or abs(total - demonstration.episode_return) > RETURN_TOLERANCE:
+            raise ConfigError(
+                f"demonstrations: number {number} of case {demonstration.case} in {folder} "
+                f"claims a return of {demonstration.episode_return:.2f}, but reaches {total:.2f}"
+            )
 
 
 def measure_jumpstart(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:

@@ -34,8 +34,7 @@ def make_run(config: Config) -> Run:
     """Plan the run of a checked configuration, and first the run that trains its source.
 
     Raises:
-        ConfigError: a case is missing or invalid, the folder is not writable, or it holds a run of other
-            settings or a damaged result.
+        ConfigError: a case is missing or invalid, or the folder cannot be used; see `check_folder`.
     """
     world = config.world
     target = load_case(str(config.target), world, "target")

@@ -17,12 +17,8 @@ def format_duration(seconds: float) -> str:
 class Lines:
     """Decides when a line is due from the share of the work that is done.
 
-    Args:
-        every: share of the work between two lines.
-        first: share at which the first line is due.
-        begun: share that was done before this process started.
-        apart: minimum seconds between two lines.
-        clock: returns the time in seconds.
+    The first line is due at the share `first`, further ones after `every` more, at least `apart` seconds
+    later. The share `begun` was done before this process started.
     """
 
     def __init__(

@@ -13,13 +13,9 @@ from ship_trl.run.plan import DAMAGED
 
 @dataclass(frozen=True)
 class Found:
-    """A finished run.
+    """A finished run: its result, its folder, the folder that was searched, and its part of the study.
 
-    Attributes:
-        result: its result.
-        folder: its folder.
-        below: folder that was searched.
-        part: part of the study that it belongs to; several parts may have the same pair and arm.
+    Several parts of a study may have the same pair and arm.
     """
 
     result: Result

@@ -6,8 +6,11 @@ import os
 import signal
 import sys
 import threading
-from types import FrameType, TracebackType
-from typing import Any, NoReturn
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import NoReturn
 
 # Seconds that the runs of a grid get to stop; a step and a checkpoint take a tenth of it.
 TIME_TO_STOP = 2.0
@@ -25,39 +28,41 @@ class StoppedError(KeyboardInterrupt):
         return self.text
 
 
+@dataclass
 class Stop:
-    """A context in which the first Ctrl-C or SIGTERM only sets `asked`; a second Ctrl-C interrupts at once.
+    """Whether a signal asked to stop, and which."""
+
+    asked: signal.Signals | None = None
+
+
+@contextmanager
+def stop_on_signal() -> Iterator[Stop]:
+    """Let the first Ctrl-C or SIGTERM only set `asked`; a second Ctrl-C interrupts at once.
 
     Slurm, Kubernetes and an ending launcher send SIGTERM. Signals arrive only in the main thread, so the
     context has no effect in other threads.
     """
+    stop, interrupts, before = Stop(), 0, {}
 
-    def __init__(self) -> None:
-        self.asked: signal.Signals | None = None
-        self._interrupts = 0
-        self._before: dict[signal.Signals, Any] = {}
-
-    def __enter__(self) -> Stop:
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                # An ignored signal stays ignored, for example in a background process. None means that the
-                # handler was not set from Python.
-                if signal.getsignal(number) not in (signal.SIG_IGN, None):
-                    self._before[number] = signal.signal(number, self._ask)
-        return self
-
-    def _ask(self, number: int, _: FrameType | None) -> None:
+    def ask(number: int, _: FrameType | None) -> None:
+        nonlocal interrupts
         # Ctrl-C in a shell reaches this process and its launcher, which then sends SIGTERM too. So only
         # Ctrl-C counts as a second request.
-        self._interrupts += number == signal.SIGINT
-        if self._interrupts > 1:
+        interrupts += number == signal.SIGINT
+        if interrupts > 1:
             raise KeyboardInterrupt
-        self.asked = self.asked or signal.Signals(number)
+        stop.asked = stop.asked or signal.Signals(number)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for number, handler in self._before.items():
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # An ignored signal stays ignored, for example in a background process. None means that the
+            # handler was not set from Python.
+            if signal.getsignal(number) not in (signal.SIG_IGN, None):
+                before[number] = signal.signal(number, ask)
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,7 +13,7 @@ from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.folder import open_folder
-from ship_trl.run.history import Row, to_row
+from ship_trl.run.history import Row, to_csv, to_row
 from ship_trl.run.run import Run
 from ship_trl.run.tensorboard_tracker import TensorboardTracker
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
@@ -26,13 +25,12 @@ class CsvTracker:
     def __init__(self, folder: Path) -> None:
         self._path = folder / CURVE
         self._file = self._path.open("w", newline="")
-        self._writer = csv.DictWriter(self._file, COLUMNS, restval="", lineterminator="\n")
-        self._writer.writeheader()
+        self._file.write(",".join(COLUMNS) + "\n")
 
     def log(self, row: Row) -> None:
         """Write a row; floats keep all digits, so that equal runs give equal bytes."""
         with writing(self._path):
-            self._writer.writerow(row)
+            self._file.write(to_csv([row]))
             self._file.flush()
 
     def close(self) -> None:
@@ -44,9 +42,7 @@ class CsvTracker:
 class Tracker:
     """A context that logs to CSV and to the loggers in `logger`, and closes them even if the run fails.
 
-    Args:
-        run: the run that is logged.
-        rows: earlier events of a resumed run, which are logged again: no tracker stores them.
+    `rows` are the earlier events of a resumed run. They are logged again, because no tracker stores them.
     """
 
     def __init__(self, run: Run, rows: Sequence[Row] = ()) -> None:

@@ -126,9 +126,10 @@ def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
     assert checkpoints.about() == at(30)
 
 
-def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path) -> None:
+def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
-    checkpoints = Checkpoints(tmp_path, every=10, seconds=60, clock=lambda: now)
+    monkeypatch.setattr("ship_trl.run.checkpoint.time.monotonic", lambda: now)
+    checkpoints = Checkpoints(tmp_path, every=10, seconds=60)
     now = 159.0
     assert not checkpoints.due(50)
     now = 160.0

@@ -11,16 +11,15 @@ __version__ = "0.1.0"
 
 
 def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
-    """Load a policy: `ship_trl.load_policy("4")` is the trained network of case 4.
+    """Load a policy, which reads `state` of a tensordict and writes `action`.
+
+    `ship_trl.load_policy("4")` is the trained network of case 4.
 
     Args:
         name: a shipped case, for its bundled network; or any policy that `python -m ship_trl evaluate` takes
             (random, best_known, a safetensors file, ...), except result folders, which hold several.
-        case: where it will act, by name or path of a YAML file; default: the network's own.
-        seed: of its random numbers.
-
-    Returns:
-        A function that reads `state` of a tensordict and writes `action`.
+        case: the case to act in, by name or path of a YAML file; default: the network's own.
+        seed: seed of its random numbers.
 
     Raises:
         ConfigError: there is no such policy or case.

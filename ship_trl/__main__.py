@@ -9,7 +9,7 @@ from ship_trl.cli.help import HELP_FLAGS, VERBS, print_help
 
 
 def main() -> None:
-    """Hand over to a verb, or print the help, or train."""
+    """Run a verb, print the help, or train."""
     words = sys.argv[1:]
     if words and words[0] in VERBS:
         import_module(f"ship_trl.cli.{words[0]}").main(words[1:])
@@ -30,9 +30,9 @@ def train(words: list[str]) -> None:
     from ship_trl.config.checks import to_config
     from ship_trl.config.paths import conf_dir
     from ship_trl.run.launchers import die_with_launcher, mark_launcher, place_in_grid
-    from ship_trl.run.objective import objective
     from ship_trl.run.plan import make_run
-    from ship_trl.run.stop import heed_sigterm
+    from ship_trl.run.stop import end_at_sigterm
+    from ship_trl.run.sweep import objective
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
     def entry(values: DictConfig) -> float:
@@ -50,7 +50,7 @@ def train(words: list[str]) -> None:
     with refusals():
         check_words(words)
     mark_launcher()
-    heed_sigterm()
+    end_at_sigterm()
     with hydra_errors():
         entry()
 

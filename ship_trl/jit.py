@@ -9,24 +9,22 @@ from numba import njit
 
 Loop = Callable[..., Any]
 
-# Rounding may differ in the last bit (fused multiply-add), and zeros have no sign.
+# The last bit may be rounded differently (fused multiply-add), and zeros have no sign.
 RELAXED = {"contract", "nsz"}
 
 
 def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:
-    """Compile a function at its first call, and keep that for later processes where a folder can be written.
+    """Compile a function at its first call, and cache the result for later processes if a folder is writable.
 
-    numba knows a change of the loop's own file, not of this one: after editing this, delete the caches.
-    Division by zero gives what it gives in NumPy: a check would keep loops from being vectorised.
-
-    Args:
-        fastmath: liberties with rounding, by LLVM's names.
+    numba notices a change of the loop's own file, but not of this one: after editing it, delete the caches.
+    Division by zero behaves as in NumPy, because a check would prevent vectorised loops. `fastmath` names
+    LLVM's flags that relax rounding.
     """
 
     def decorate(function: Loop) -> Loop:
         try:
             return njit(cache=True, fastmath=fastmath, error_model="numpy")(function)
-        except RuntimeError:  # no place for a cache
+        except RuntimeError:  # no writable folder for a cache
             return njit(fastmath=fastmath, error_model="numpy")(function)
 
     return decorate

@@ -40,7 +40,7 @@ def job_errors() -> Iterator[None]:
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
-    from ship_trl.run.stop import TIME_TO_STOP, StoppedError, die_of
+    from ship_trl.run.stop import TIME_TO_STOP, StoppedError, end_by_signal
 
     try:
         yield
@@ -51,7 +51,7 @@ def job_errors() -> Iterator[None]:
         # A worker process must not take the next run. But when the first one ends, joblib kills the others,
         # which may still be writing.
         time.sleep(TIME_TO_STOP)
-        die_of(error.number)
+        end_by_signal(error.number)
     except (ConfigError, OSError) as error:
         if isinstance(error, OSError) and not names_file(error):
             raise

@@ -16,7 +16,7 @@ from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
-from ship_trl.run.entries import best_of_folders, find_entries
+from ship_trl.run.entries import drop_last_networks, find_entries
 
 OUTPUT = Path("outputs/explain")
 Episodes = Annotated[int, limit(60, 600)]
@@ -48,7 +48,7 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
     Raises:
         ConfigError: there is no network, or they differ in case, world or colours.
     """
-    entries = best_of_folders(find_entries(words, colour))
+    entries = drop_last_networks(find_entries(words, colour))
     first = entries[0]
     for other in entries[1:]:
         if other.case.fingerprint != first.case.fingerprint:

@@ -23,7 +23,7 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import replacing
 from ship_trl.policies.entry import Entry
-from ship_trl.run.entries import best_of_folders, find_entries
+from ship_trl.run.entries import drop_last_networks, find_entries
 
 if TYPE_CHECKING:
     from tensordict import TensorDictBase
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
         for name in REQUIRED:
             if importlib.util.find_spec(name) is None:
                 raise ConfigError(missing_extra(name, "onnx"))
-        entries = best_of_folders(find_entries([options.policy, *options.target], options.colour))
+        entries = drop_last_networks(find_entries([options.policy, *options.target], options.colour))
         if len(entries) > 1:
             raise ConfigError(f"policy: {options.policy} has several results or cases; allowed: one of each")
         export(entries[0], options.file)

@@ -18,7 +18,7 @@ from ship_trl.cli.watch import FIRST
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
-from ship_trl.run.entries import best_of_folders, find_entries
+from ship_trl.run.entries import drop_last_networks, find_entries
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
         if is_mp4:
             check_mp4(options.size)
-        entries = best_of_folders(find_entries(options.words or FIRST, options.colour))
+        entries = drop_last_networks(find_entries(options.words or FIRST, options.colour))
         if options.trajectories is not None:
             check_one_case(entries)
         if options.output is not None:

@@ -16,7 +16,7 @@ from ship_trl.cli.table import show
 from ship_trl.config.errors import print_error
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import Evaluation
-from ship_trl.run.results import Found, collect, folders_of, grouped, without_copies
+from ship_trl.run.results import Found, collect, drop_copies, folders_of, group_runs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
         whole, broken = collect(folder)
         for path, error in broken:
             print_error(f"{path} {error}; left out")
-        found += [one for one in without_copies(whole) if options.arm in (None, one.result.arm)]
+        found += [one for one in drop_copies(whole) if options.arm in (None, one.result.arm)]
     if not found:
         print_error(nothing_below(folders))
         sys.exit(1)
@@ -87,7 +87,7 @@ def nothing_below(folders: list[Path]) -> str:
 
 def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
     """Make one row for each part, profile, pair and arm."""
-    for name, runs in grouped(found).items():
+    for name, runs in group_runs(found).items():
         known = runs[0].result.best_known_return
         best, final = [one.result.best for one in runs], [one.result.final for one in runs]
         lowest = min(score.episode_return for score in best)

@@ -8,7 +8,7 @@ import sys
 from ship_trl.cli.errors import refusals
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.progress import format_duration
-from ship_trl.run.stop import TerminatedError, unwind_at_sigterm
+from ship_trl.run.stop import TerminatedError, raise_at_sigterm
 from ship_trl.study.launch.launch import LOG, processes, run_jobs, write_jobs
 from ship_trl.study.launch.mend import set_aside
 from ship_trl.study.launch.progress import Display, say, seconds_per_run
@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.write(HELP)
         return
     try:
-        unwind_at_sigterm()
+        raise_at_sigterm()
         with refusals():
             config = to_study(given)
             check_account(config)

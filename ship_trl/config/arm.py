@@ -1,11 +1,12 @@
 """Arms: which layers a run copies from its source network, with which weights, which it freezes. No torch.
 
-An arm is one curve of a figure. Everything that depends on it is asked here; nothing else reads its name.
+An arm is one curve of a figure. No other module reads its name.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import total_ordering
@@ -38,7 +39,8 @@ class SourceWeights(StrEnum):
 
 PREFIXES = {Method.feature_extraction: "FE", Method.finetune: "FT"}
 METHODS = {prefix: method for method, prefix in PREFIXES.items()}
-METHOD_ORDER, WEIGHTS_ORDER = list(Method), list(SourceWeights)
+# Only finetuning copies the whole network.
+NAME = re.compile(r"(FE(?!W)|FT)([1-9]\d*|W)(?:-(pretrained|random|permuted))?", re.ASCII)
 
 
 @total_ordering
@@ -77,16 +79,15 @@ class Arm:
         """Read an arm's name, such as `scratch`, `FT3`, `FTW` or `FE3-random`.
 
         Raises:
-            ValueError: it names no arm.
+            ValueError: there is no arm of this name.
         """
-        try:
-            arm = _read(name)
-        except (KeyError, ValueError):
-            arm = None
-        # Only one spelling of each arm: no FE03, no FT3-learned.
-        if arm is None or arm.name != name:
-            raise ValueError(f"{name!r:.50} names no arm") from None
-        return arm
+        if name == SCRATCH.name:
+            return SCRATCH
+        if (found := NAME.fullmatch(name)) is None:
+            raise ValueError(f"{name!r:.50} names no arm")
+        prefix, layers, weights = found.groups()
+        count = ALL_LAYERS if layers == "W" else int(layers)
+        return Arm(METHODS[prefix], count, SourceWeights(weights or SourceWeights.learned))
 
     @property
     def name(self) -> str:
@@ -131,7 +132,7 @@ class Arm:
         return dataclasses.replace(self, weights=weights)
 
     def label(self, demonstrations: bool) -> str:
-        """Name a run of this arm, which says so if it begins with demonstrations."""
+        """Return the name of a run of this arm, with a suffix if it begins with demonstrations."""
         return f"{self.name}-{DEMONSTRATIONS}" if demonstrations else self.name
 
     def __str__(self) -> str:
@@ -141,22 +142,9 @@ class Arm:
         return self._order < other._order
 
     @property
-    def _order(self) -> tuple[Any, ...]:
-        layers = (self.copies_all, 0 if self.copies_all else int(self.layers or 0))
-        return METHOD_ORDER.index(self.method), WEIGHTS_ORDER.index(self.weights), *layers
+    def _order(self) -> tuple[int, int, bool, int]:
+        method, weights = list(Method).index(self.method), list(SourceWeights).index(self.weights)
+        return method, weights, self.copies_all, self.copied_layers(0)
 
 
 SCRATCH = Arm(Method.scratch)
-
-
-def _read(name: str) -> Arm:
-    """Read a name in any spelling; KeyError and ValueError where it names no arm."""
-    if name == SCRATCH.name:
-        return SCRATCH
-    start, _, weights = name.partition("-")
-    layers = start[2:]
-    return Arm(
-        METHODS[start[:2]],
-        ALL_LAYERS if layers == "W" else int(layers),
-        SourceWeights(weights) if weights else SourceWeights.learned,
-    )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 
-from omegaconf.errors import ConfigKeyError, OmegaConfBaseException, ValidationError
+from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.paths import PACKAGE
 
-# Characters of an error; a longer one is cut in the middle.
+# Characters of an error; a longer one is shortened in the middle.
 MAX_LINE_LENGTH = 1000
 
 
@@ -21,7 +20,7 @@ class ConfigError(Exception):
 
 
 def one_line(text: str) -> str:
-    """Escape line breaks and control characters of a text, and cut a long one."""
+    """Escape line breaks and control characters of a text, and shorten a long one."""
     if len(text) > MAX_LINE_LENGTH:
         text = f"{text[: MAX_LINE_LENGTH // 2]} ... {text[-MAX_LINE_LENGTH // 3 :]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
@@ -31,18 +30,13 @@ def explain(error: OmegaConfBaseException) -> str:
     """Explain an OmegaConf error in one line: the full key, then what is allowed there."""
     key = error.full_key or str(error.key or "config")
     lines = str(error.msg or error).strip().splitlines() or [type(error).__name__]
-    fields = dataclasses.fields(error.object_type) if dataclasses.is_dataclass(error.object_type) else ()
-    if isinstance(error, ConfigKeyError) and fields:
-        return f"{key}: unknown key; allowed here: {', '.join(f.name for f in fields)}"
-    if isinstance(error, ValidationError):
-        return f"{key}: {lines[0]}"
     if "missing mandatory value" in lines[0].lower():
         return f"{key}: missing; a value is needed"
     return f"{key}: {lines[0]}"
 
 
 def missing_extra(package: str, extra: str) -> str:
-    """Say that a package is not installed, with the command that installs the extra it belongs to."""
+    """Return the message that a package is not installed, with the command that installs its extra."""
     is_checkout = (PACKAGE.parent / "pyproject.toml").is_file()
     source = f"-e '.[{extra}]'" if is_checkout else f"'ship_trl[{extra}]'"
     return f"{package} is not installed; run: pip install {source}"

@@ -25,12 +25,12 @@ class ConvLayer(NamedTuple):
 
     @property
     def side(self) -> int:
-        """Return the side of its output map."""
+        """Side of its output map."""
         return (self.below - self.kernel) // self.stride + 1
 
     @property
     def whole(self) -> bool:
-        """Return whether its window is the whole map: then it is a linear layer."""
+        """Whether its window is the whole map: then it is a linear layer."""
         return self.kernel == self.below
 
 
@@ -43,7 +43,7 @@ def load_network(name: str = "paper") -> Network:
 
 
 def geometry(network: Network) -> Geometry:
-    """Compute the maps that the conv layers read and give, from the picture on.
+    """Compute the input and output maps of the conv layers, from the picture on.
 
     Raises:
         ConfigError: a kernel is larger than its map, or the last one does not cover its map.
@@ -62,19 +62,16 @@ def geometry(network: Network) -> Geometry:
 
 
 def linear_from(layers: Geometry) -> int:
-    """Count the layers before the first linear one, the first layer apart: 3 in the paper's network."""
+    """Return the index of the first linear layer after the first layer: 3 in the paper's network."""
     return next((n for n, layer in enumerate(layers) if n > 0 and layer.whole), len(layers))
 
 
 def non_default_network(network: Network) -> dict[str, Any] | None:
-    """Return a network as plain values, and None for the paper's.
-
-    Files older than the choice of a network do not name theirs: it is the paper's.
-    """
+    """Return a network as plain values, and None for the paper's, which files do not name."""
     return None if plain(network) == plain(load_network()) else plain(network)
 
 
 def supports_incremental(layers: Geometry) -> bool:
-    """Return whether `learn.backend=incremental` can compute these layers: it compares pixels by words."""
+    """Return whether `learn.backend=incremental` can compute these layers: it compares words of pixels."""
     first = layers[0]
     return len(layers) > 1 and first.kernel % WORD == 0 and first.stride % WORD == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-# Characters of a name that comes from a file, as a case's or a result's.
+# Characters of a name from a file, such as a case's or a result's.
 MAX_NAME_LENGTH = 100
 # Bytes of a path from the command line, and of each name in it: a run adds a little to them.
 MAX_PATH_BYTES, MAX_PATH_NAME_BYTES = 3000, 200
@@ -19,19 +19,14 @@ def is_name(word: str) -> bool:
 
 
 def is_path(text: str) -> bool:
-    """Return whether a file system takes a text as a path, with a little added to it."""
+    """Return whether a file system accepts a text as a path, with a little added to it."""
     try:
         names = [os.fsencode(name) for name in Path(text).parts]
     except UnicodeEncodeError:
         return False
-    # An empty path, as of an unset variable of a shell, would be the folder that one works in.
+    # An empty path, for example of an unset shell variable, would be the working directory.
     is_short = bool(text) and sum(map(len, names)) + len(names) <= MAX_PATH_BYTES
     return is_short and all(len(name) <= MAX_PATH_NAME_BYTES and b"\0" not in name for name in names)
-
-
-def is_folder_name(text: str) -> bool:
-    """Return whether a folder inside another may have a text as its name."""
-    return is_path(text) and "/" not in text and text not in (".", "..")
 
 
 def conf_dir() -> Path:

@@ -1,8 +1,7 @@
 """Read values of YAML, JSON or a command line as types with bounds. No torch.
 
-A field says what it allows: `gamma: Annotated[float, limit(0, 1)]`. The configurations of a run and a study,
-a case, a result, a demonstration and a command's options are all read here. Pydantic would need OmegaConf
-beside it even so, and its import and schema would make a refusal half as slow again.
+A field says what it allows: `gamma: Annotated[float, limit(0, 1)]`. All settings and files of values are read
+here. Pydantic would still need OmegaConf, and its import makes a refusal half as slow again.
 """
 
 from __future__ import annotations
@@ -48,14 +47,16 @@ def limit(
     low: float | None = None, high: float | None = None, *, above: float | None = None, note: str = ""
 ) -> Rule:
     """Make the rule of a number that is at least `low`, or above `above`, and at most `high`."""
-    first = "at least" if high is None else "from"
-    ends = ((first, low), ("above", above), ("to" if low is not None else "at most", high))
+    is_range = low is not None and high is not None
+    ends = (
+        ("from" if is_range else "at least", low),
+        ("above", above),
+        ("to" if is_range else "at most", high),
+    )
     words = [f"{word} {end if type(end) is int else f'{end:g}'}" for word, end in ends if end is not None]
-    least = -math.inf if low is None else low
-    beyond = -math.inf if above is None else above
-    most = math.inf if high is None else high
-    allowed = (" and " if low is None else " ").join(words) + (f" ({note})" if note else "")
-    return Rule(allowed, lambda value: least <= value <= most and value > beyond)
+    allowed = (" " if is_range else " and ").join(words) + (f" ({note})" if note else "")
+    least, beyond, most = -math.inf if low is None else low, above, math.inf if high is None else high
+    return Rule(allowed, lambda value: least <= value <= most and (beyond is None or value > beyond))
 
 
 def read_as(schema: type[T], values: object, where: str = "", *, key: str = "", from_json: bool = False) -> T:
@@ -65,70 +66,60 @@ def read_as(schema: type[T], values: object, where: str = "", *, key: str = "", 
         schema: its fields may be numbers, text, enums, dataclasses, and lists, dicts and unions of them, with
             rules behind `Annotated`. The metadata `key` of a field is its name in the file.
         values: plain, or of OmegaConf, whose interpolations are resolved.
-        where: what an error begins with, as the name of a file.
-        key: the full key of the values in the file, or nothing for all of it.
+        where: prefix of an error, such as the name of a file.
+        key: the full key of the values in the file; empty for the whole file.
         from_json: text is not converted to numbers, nor numbers to text; unknown keys are ignored.
 
     Raises:
-        ConfigError: naming the key that is unknown, missing or wrong, and what is allowed.
+        ConfigError: a key is unknown, missing or wrong, or an interpolation has no value. It names the key.
     """
     if isinstance(values, DictConfig | ListConfig):
-        values = resolve(values, where)
+        try:
+            values = OmegaConf.to_container(values, resolve=True)
+        except OmegaConfBaseException as error:
+            raise ConfigError(where + explain(error)) from None
+        except RecursionError:
+            raise ConfigError(f"{where}config: interpolations lead to themselves") from None
     found: T = Reader(where, from_json).read(schema, values, key)
     return found
 
 
-def resolve(values: DictConfig | ListConfig, where: str = "") -> Any:
-    """Return values of OmegaConf as dicts, lists and single values, with interpolations resolved.
-
-    Raises:
-        ConfigError: an interpolation leads nowhere.
-    """
-    try:
-        return OmegaConf.to_container(values, resolve=True)
-    except OmegaConfBaseException as error:
-        raise ConfigError(where + explain(error)) from None
-    except RecursionError:
-        raise ConfigError(f"{where}config: interpolations lead to themselves") from None
-
-
 @dataclass(frozen=True)
 class Reader:
-    """Reads values one by one; `where` and `from_json` are those of `read_as`."""
+    """Reads values one by one; see `read_as` for `where` and `from_json`."""
 
     where: str = ""
     from_json: bool = False
 
     def read(self, hint: Any, value: Any, key: str) -> Any:
         """Return the value of a key as a type, or raise a `ConfigError`."""
-        if typing.get_origin(hint) is Annotated:
-            kind, *rules = typing.get_args(hint)
+        origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+        if origin is Annotated:
+            kind, *rules = arguments
             found = self.read(kind, value, key)
             for rule in rules:
                 if not rule.test(found):
                     self.refuse(key, rule.allowed, value)
             return found
-        if typing.get_origin(hint) in (types.UnionType, typing.Union):
-            return self.read_union(typing.get_args(hint), value, key)
+        if origin in (types.UnionType, typing.Union):
+            return self.read_union(arguments, value, key)
         return self.read_plain(hint, value, key)
 
     def read_plain(self, hint: Any, value: Any, key: str) -> Any:
         """Return a value as a type without rules and alternatives."""
+        origin, arguments = typing.get_origin(hint), typing.get_args(hint)
         if value == "???" and not self.from_json:
             raise ConfigError(f"{self.where}{key}: missing; a value is needed")
         if dataclasses.is_dataclass(hint):
             return self.read_group(hint, value, key)
-        arguments = typing.get_args(hint)
-        if typing.get_origin(hint) is list and isinstance(value, list):
+        if origin is list and isinstance(value, list):
             return [self.read(arguments[0], one, f"{key}[{n}]") for n, one in enumerate(value)]
-        if typing.get_origin(hint) is dict and isinstance(value, dict):
+        if origin is dict and isinstance(value, dict):
             return {str(name): self.read(arguments[1], one, f"{key}.{name}") for name, one in value.items()}
         if type(value) is int and abs(value) > MAX_INTEGER:
             self.refuse(key, f"at most {MAX_INTEGER} in size", value)
-        if hint is Any:
-            return value
-        found = self.convert(hint, value)
-        if found is None:
+        found = value if hint is Any else self.convert(hint, value)
+        if found is None and hint is not Any:
             self.refuse(key, name_of(hint), value)
         return found
 
@@ -139,7 +130,7 @@ class Reader:
         raise ConfigError(f"{self.where}{name}must be {allowed}, got {got}")
 
     def read_union(self, kinds: tuple[Any, ...], value: Any, key: str) -> Any:
-        """Return a value as the first of several types that takes it."""
+        """Return a value as the first of several types that accepts it."""
         if value is None and types.NoneType in kinds:
             return None
         *others, last = [kind for kind in kinds if kind is not types.NoneType]
@@ -168,7 +159,7 @@ class Reader:
         return schema(**found)
 
     def convert(self, kind: Any, value: Any) -> Any:
-        """Return a single value as a type, or None where it does not fit."""
+        """Return a single value as a type, or None if it does not fit."""
         is_text = isinstance(value, str)
         try:
             if kind is float and (type(value) in (int, float) or (is_text and not self.from_json)):
@@ -202,7 +193,7 @@ def fields_of(schema: Any) -> dict[str, tuple[dataclasses.Field[Any], Any]]:
 
 
 def name_of(hint: Any) -> str:
-    """Name a type for people."""
+    """Return the words of a message for a type."""
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return f"a group of {', '.join(fields_of(hint))}"
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -214,10 +205,10 @@ def name_of(hint: Any) -> str:
 
 
 def show(value: object) -> str:
-    """Show a value as YAML writes it."""
+    """Return a value as YAML writes it."""
     if value is None or value == "" or isinstance(value, bool):
         return {None: "null", "": "''", True: "true", False: "false"}[value]
     try:
         return str(value)
-    except ValueError:  # Python writes no integer of thousands of digits.
+    except ValueError:  # Python does not print integers of thousands of digits
         return "an integer of thousands of digits"

@@ -1,12 +1,14 @@
-"""The types of the configuration; the values are the YAML files in conf/.
+"""The types of the configuration, with the bounds of single values; the values are the YAML files in conf/.
 
-What several keys must fulfil together is in checks.py.
+Bounds lie far above what a run needs: beyond them it would not fit into memory, or its numbers into 32 bits.
+Rules of several keys are in checks.py.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -15,36 +17,59 @@ from typing import Annotated, Any
 from omegaconf import OmegaConf
 
 from ship_trl.config.arm import Arm, Method, SourceWeights
-from ship_trl.config.bounds import (
-    MAX_COUNT,
-    MAX_DRAWS,
-    MAX_HUBER_DELTA,
-    MAX_REWARD_SCALE,
-    MAX_STEP_SECONDS,
-    MAX_STEPS,
-    MAX_UNITS,
-    MIN_STEP_SECONDS,
-    Actions,
-    Coefficient,
-    ConvNumbers,
-    Count,
-    Device,
-    FolderName,
-    LearningRate,
-    Metres,
-    PathName,
-    Positive,
-    PositiveShare,
-    Seed,
-    Share,
-)
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
 from ship_trl.config.schema import Rule, limit
 
-# Pixels a side of what the network sees.
+# Side in pixels of the picture that the network sees.
 PICTURE = 84
-# An environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
+# Environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
+
+# Episodes and steps only take time: a run of a billion would take years.
+MAX_COUNT, MAX_DRAWS = 10**9, 10**6
+# At this number of steps the planner's table of returns takes 2.3 GB.
+MAX_STEPS = 1000
+# Seconds of a step; metres of a radius or a coordinate.
+MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5
+MAX_REWARD_COEFFICIENT = 1e6
+# Adam's steps are about as large as the learning rate.
+MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9
+# Filters of a layer, and hidden units.
+MAX_UNITS = 4096
+
+Seed = Annotated[int, limit(0)]
+Positive = Annotated[int, limit(1)]
+Count = Annotated[int, limit(1, MAX_COUNT)]
+Share = Annotated[float, limit(0, 1)]
+PositiveShare = Annotated[float, limit(above=0, high=1)]
+LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
+FolderName = Annotated[
+    str,
+    Rule("the name of a folder", lambda name: is_path(name) and "/" not in name and name not in (".", "..")),
+]
+Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
+Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
+PathName = Annotated[
+    str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
+]
+Device = Annotated[
+    str, Rule("cpu or cuda", lambda name: re.fullmatch(r"cpu|cuda(:\d{1,3})?", name, re.ASCII) is not None)
+]
+ConvNumbers = Annotated[
+    list[int],
+    Rule(
+        f"[filters, kernel, stride], each at least 1, at most {MAX_UNITS} filters",
+        lambda numbers: len(numbers) == 3 and min(numbers) >= 1 and numbers[0] <= MAX_UNITS,
+    ),
+]
+Actions = Annotated[
+    list[list[float]],
+    Rule(
+        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
+        lambda rows: all(len(row) == 2 for row in rows) and any(speed > 0 for speed, _ in rows),
+    ),
+]
 
 
 class Logger(Enum):
@@ -60,18 +85,13 @@ class Logger(Enum):
         return self in (other, Logger.all)
 
 
-class Objective(Enum):
-    """The greedy return of a run that a sweeper maximises.
-
-    `late` is the mean of the evaluations after exploration, `final` the last one, `best` the highest.
-    """
-
-    late = "late"
-    final = "final"
-    best = "best"
-
-
 Loss = Enum("Loss", ["l2", "huber"])
+# What a sweeper maximises: the mean greedy return after exploration, the last one, or the highest.
+Objective = Enum("Objective", ["late", "final", "best"])
+# The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively.
+Precision = Enum("Precision", ["auto", "fp32", "bf16"])
+# How conv layers are computed: on whole pictures, or on a CPU only where they differ from a background.
+BackendName = Enum("BackendName", ["auto", "incremental", "dense"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
 
 
@@ -89,28 +109,8 @@ class Reward:
     k2: Coefficient
 
 
-class Precision(Enum):
-    """The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively."""
-
-    auto = "auto"
-    fp32 = "fp32"
-    bf16 = "bf16"
-
-
-class BackendName(Enum):
-    """How conv layers are computed: whole pictures, or on a CPU only what differs from a background."""
-
-    auto = "auto"
-    incremental = "incremental"
-    dense = "dense"
-
-
 def bfloat16_allowed() -> bool:
-    """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine.
-
-    Raises:
-        ConfigError: it is neither `on` nor `off`.
-    """
+    """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine."""
     value = os.environ.get(BFLOAT16) or "on"
     if value not in ("on", "off"):
         raise ConfigError(f"{BFLOAT16}: must be on or off, got {value}")
@@ -133,8 +133,8 @@ class World:
 class Network:
     """The layers of the network (section 3.5).
 
-    `conv` are its conv layers from the picture on, each [filters, kernel, stride], square and without
-    padding; `hidden` is the width of the fully connected layer that value and advantage share.
+    `conv` lists its conv layers from the picture on, each [filters, kernel, stride], square and without
+    padding. `hidden` is the width of the fully connected layer that value and advantage share.
     """
 
     conv: Annotated[list[ConvNumbers], Rule("at least one [filters, kernel, stride]", bool)]
@@ -169,9 +169,9 @@ class Learn:
 
 @dataclass
 class Checkpoint:
-    """How often a checkpoint is written, from which a stopped run goes on.
+    """How often a checkpoint is written, from which a stopped run resumes.
 
-    `every` is a share of the episodes, `seconds` the least time between two; 0 and 0: after each episode.
+    `every` is a share of the episodes, `seconds` the minimum time between two; 0 and 0: after each episode.
     """
 
     every: Share
@@ -180,9 +180,9 @@ class Checkpoint:
 
 @dataclass
 class Wandb:
-    """Where a wandb run goes; offline needs no account.
+    """Where a wandb run is logged; offline needs no account.
 
-    `folder` holds `wandb/offline-run-*`; a `group` of None stands for the pair.
+    `folder` holds `wandb/offline-run-*`. With a `group` of None the group is the pair.
     """
 
     project: str
@@ -226,11 +226,11 @@ class Config:
 
     @property
     def arm_label(self) -> str:
-        """Name of the arm in folders and results, which says so if the run begins with demonstrations."""
+        """Name of the arm in folders and results, with a suffix if the run begins with demonstrations."""
         return self.arm.label(demonstrations=self.demonstrations is not None)
 
     def with_arm(self, arm: Arm) -> Config:
-        """Return the configuration with another arm; one from scratch has no source either."""
+        """Return the configuration with another arm; from scratch it has no source."""
         changes: dict[str, Any] = {"method": arm.method, "layers": arm.layers, "source_weights": arm.weights}
         if arm.is_scratch:
             changes |= {"source": None, "source_file": None}
@@ -239,10 +239,8 @@ class Config:
     @property
     def label(self) -> str:
         """Name of the pair: as shipped, else `source-target`, else the target case alone."""
-        target = Path(str(self.target)).stem
-        if self.pair:
-            return self.pair
-        return target if self.source is None else f"{Path(self.source).stem}-{target}"
+        cases = [Path(case).stem for case in (self.source, self.target) if case is not None]
+        return self.pair or "-".join(cases)
 
 
 def plain(values: Any) -> Any:

@@ -16,7 +16,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
 from ship_trl.files.result import ResultError, read_result
 from ship_trl.policies.pretrained import PRETRAINED
-from ship_trl.run.entries import settings_of
+from ship_trl.run.entries import read_settings
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
@@ -119,7 +119,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     if SCRATCH not in runs or len(sources) != 1 or Path(source).suffix != ".safetensors":
         wanted = "allowed: a run from scratch, and arms of one source, a safetensors file"
         raise ConfigError(f"folder: pair {pair}, seed {seed}: sources {sorted(map(str, sources))}; {wanted}")
-    world, colour = settings_of(runs[SCRATCH])
+    world, colour = read_settings(runs[SCRATCH])
     env = ShipEnv(load_case(results[SCRATCH].target, world), world, 1, colour=colour)
 
     def load(name: str | Path) -> DuelingNetwork:

@@ -1,17 +1,17 @@
-"""Checkpoints of a training: everything that is needed to resume it. Two files are written in turn.
+"""Checkpoints of a training: two safetensors files, written in turn. Headers are read without torch.
 
-A checkpoint is a safetensors file, so that nothing is unpickled. Its header names the run, and holds a digest
-of the contents: a truncated or corrupted file may still have an intact header. Headers are read without
-torch.
+The header names the run and holds a digest of the contents, because a truncated or corrupted file may still
+have an intact header.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING, Any
 
 from safetensors import SafetensorError, safe_open
 
-from ship_trl.config.paths import MAX_NAME_LENGTH
-from ship_trl.files.disk import read_file, replacing, write_tensors
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import read_as
+from ship_trl.files.disk import replacing, write_tensors
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-FOLDER, OWNER = "checkpoint", "config_hash"
+FOLDER = "checkpoint"
 # Key of our entry in the safetensors header.
 HEADER_KEY = "ship_trl"
 
@@ -36,16 +37,9 @@ class CheckpointError(Exception):
 
 @dataclass(frozen=True)
 class About:
-    """The header of a checkpoint.
+    """The header of a checkpoint: its run, how it was computed, and how far the training was.
 
-    Attributes:
-        config_hash: hash of the run that it belongs to.
-        computed: the arithmetic that computed it (`Parts.computed`). With other arithmetic, the resumed run
-            would have other bits.
-        episode: how many training episodes are finished.
-        episodes: how many training episodes the run has.
-        steps: environment steps so far.
-        seconds: training time so far.
+    With another arithmetic than `computed` (`Parts.computed`) the resumed run would have other bits.
     """
 
     config_hash: str
@@ -56,48 +50,24 @@ class About:
     seconds: float
 
 
-HEADER_TYPES: dict[str, tuple[type, ...]] = {
-    "config_hash": (str,),
-    "computed": (str,),
-    "episode": (int,),
-    "episodes": (int,),
-    "steps": (int,),
-    "seconds": (int, float),
-}
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """A checkpoint as read: its header, and its tensors by dotted names."""
-
-    about: About
-    tensors: dict[str, Tensor]
-
-
 class Checkpoints:
-    """The checkpoints of one run, `<run>/checkpoint/1.safetensors` and `2.safetensors`.
+    """The checkpoints in a run's folder, `checkpoint/1.safetensors` and `2.safetensors`.
 
-    Args:
-        run: the run's folder.
-        every: minimum number of episodes between two checkpoints; values below 1 mean 1.
-        seconds: minimum time between two checkpoints.
-        clock: returns monotonic time in seconds.
+    Between two there are at least `every` episodes, at least one, and `seconds`.
     """
 
-    def __init__(
-        self, run: Path, every: float = 1.0, seconds: float = 0.0, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, run: Path, every: float = 1.0, seconds: float = 0.0) -> None:
         self.folder = run / FOLDER
-        self._every, self._seconds, self._clock = every, seconds, clock
-        self._written_at, self._episode = clock(), 0
+        self._every, self._seconds = every, seconds
+        self.begin(0)
 
     def begin(self, episode: int) -> None:
         """Restart the wait for the next checkpoint, after `episode` episodes."""
-        self._written_at, self._episode = self._clock(), episode
+        self._written_at, self._episode = time.monotonic(), episode
 
     def due(self, episode: int) -> bool:
         """Return whether a checkpoint is due after `episode` episodes."""
-        episodes, seconds = episode - self._episode, self._clock() - self._written_at
+        episodes, seconds = episode - self._episode, time.monotonic() - self._written_at
         return episodes >= max(1, self._every) and seconds >= self._seconds
 
     def write(self, tensors: Mapping[str, Tensor], about: About) -> None:
@@ -110,70 +80,38 @@ class Checkpoints:
         self.folder.mkdir(exist_ok=True)
         tensors = {name: value.contiguous() for name, value in tensors.items()}
         header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
-        with replacing(self._oldest()) as draft:
+        with replacing(self._oldest_first()[0]) as draft:
             write_tensors(draft, tensors, {HEADER_KEY: header})
         self.begin(about.episode)
 
-    def read(self, config_hash: str) -> tuple[Checkpoint | None, dict[Path, str]]:
-        """Read the newest intact checkpoint of a run.
-
-        Returns:
-            The checkpoint (None if there is none), and what is wrong with each damaged file. A file with an
-            unreadable header counts as damaged, because it may be the newest one.
-        """
-        damaged: dict[Path, str] = {}
-        newest: Checkpoint | None = None
-        for path in self._newest_first():
+    def read(self, config_hash: str) -> tuple[tuple[About, dict[str, Tensor]] | None, dict[Path, str]]:
+        """Return the newest intact checkpoint of a run or None, and what is wrong with damaged files."""
+        newest, damaged = None, {}
+        for path in filter(os.path.lexists, self._oldest_first()):
             try:
-                if newest is None:
-                    found = read(path)
-                    newest = found if found.about.config_hash == config_hash else None
-                else:
-                    read_about(path)
+                about, tensors = read(path)
             except CheckpointError as error:
                 damaged[path] = str(error)
+            else:
+                newest = (about, tensors) if about.config_hash == config_hash else newest
         return newest, damaged
 
     def about(self) -> About | None:
         """Return the newest readable header, or None; the tensors are not read."""
-        for path in self._newest_first():
+        for path in reversed(self._oldest_first()):
             try:
                 return read_about(path)
             except CheckpointError:
                 continue
         return None
 
-    def begin_run(self, config_hash: str) -> None:
-        """Create the folder, and record which run owns it, in case the checkpoints get damaged.
-
-        Raises:
-            OSError: the folder is not writable.
-        """
-        self.folder.mkdir(exist_ok=True)
-        with replacing(self.folder / OWNER) as draft:
-            draft.write_text(config_hash)
-
-    def has_other_owner(self, config_hash: str) -> bool:
-        """Return whether the folder has checkpoints and is owned by another run."""
-        try:
-            owner = read_file(self.folder / OWNER, most=MAX_NAME_LENGTH).decode()
-        except (OSError, ValueError):
-            return False
-        return owner != config_hash and bool(self._newest_first())
-
     def remove(self) -> None:
         """Delete the checkpoints, because the run is finished or starts over."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _files(self) -> list[Path]:
-        return [self.folder / f"{number}.safetensors" for number in (1, 2)]
-
-    def _newest_first(self) -> list[Path]:
-        existing = (path for path in self._files() if path.exists() or path.is_symlink())
-        return sorted(existing, key=read_steps, reverse=True)
-
-    def _oldest(self) -> Path:
-        return min(self._files(), key=read_steps)
+    def _oldest_first(self) -> list[Path]:
+        """List both paths; a missing or unreadable file counts as the oldest."""
+        return sorted((self.folder / f"{number}.safetensors" for number in (1, 2)), key=read_steps)
 
 
 def read_steps(path: Path) -> int:
@@ -185,71 +123,34 @@ def read_steps(path: Path) -> int:
 
 
 def read_about(path: Path) -> About:
-    """Read the header of a checkpoint.
-
-    Raises:
-        CheckpointError: it is missing or damaged.
-    """
-    with open_safetensors(path, "numpy") as file:
-        return parse_about(parse_header(file))
+    """Read the header of a checkpoint; raise a `CheckpointError` if it is missing or damaged."""
+    with open_checkpoint(path, "numpy") as (_, about, _):
+        return about
 
 
-def read(path: Path) -> Checkpoint:
-    """Read a checkpoint and compare it with its digest.
-
-    Raises:
-        CheckpointError: it is missing or damaged.
-    """
-    with open_safetensors(path, "pt") as file:
-        header = parse_header(file)
-        about = parse_about(header)
+def read(path: Path) -> tuple[About, dict[str, Tensor]]:
+    """Read a checkpoint; raise a `CheckpointError` if it is missing, or damaged by its digest."""
+    with open_checkpoint(path, "pt") as (file, about, expected):
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    if header.get("digest") != digest(tensors, about):
+    if expected != digest(tensors, about):
         raise CheckpointError("is damaged")
-    return Checkpoint(about, tensors)
-
-
-def parse_header(file: Any) -> dict[str, Any]:
-    """Return our entry in the header of an open file.
-
-    Raises:
-        CheckpointError: the file is not a checkpoint.
-    """
-    try:
-        values = json.loads((file.metadata() or {}).get(HEADER_KEY, ""))
-    except (ValueError, RecursionError):
-        raise CheckpointError("is not a checkpoint") from None
-    if not isinstance(values, dict):
-        raise CheckpointError("is not a checkpoint")
-    return values
-
-
-def parse_about(header: dict[str, Any]) -> About:
-    """Convert a header to `About`, and check the types of its values.
-
-    Raises:
-        CheckpointError: a value is missing or has another type.
-    """
-    values: dict[str, Any] = {name: header.get(name) for name in HEADER_TYPES}
-    for name, types in HEADER_TYPES.items():
-        if type(values[name]) not in types:
-            raise CheckpointError(f"has a wrong or missing {name} in its header")
-    return About(**values)
+    return about, tensors
 
 
 @contextmanager
-def open_safetensors(path: Path, framework: str) -> Iterator[Any]:
-    """Open a safetensors file.
+def open_checkpoint(path: Path, framework: str) -> Iterator[tuple[Any, About, object]]:
+    """Open a checkpoint; yield the safetensors file, its header, and the digest in the header.
 
     Raises:
-        CheckpointError: it is missing, a link, or truncated.
+        CheckpointError: it is missing, a link, truncated, or has another header.
     """
     if not path.is_file() or path.is_symlink():
         raise CheckpointError("is not a file")
     try:
         with safe_open(path, framework=framework) as file:
-            yield file
-    except (SafetensorError, OSError) as error:
+            values = json.loads((file.metadata() or {}).get(HEADER_KEY, ""))
+            yield file, read_as(About, values, from_json=True), values.get("digest")
+    except (SafetensorError, OSError, ValueError, RecursionError, ConfigError) as error:
         raise CheckpointError(f"cannot be read ({' '.join(str(error).split())})") from None
 
 

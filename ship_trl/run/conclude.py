@@ -26,29 +26,27 @@ from ship_trl.view.film import write_gif
 
 def write_files(run: Run, parts: Parts, known: float) -> None:
     """Write the last network and the pictures into the run's folder; `known` is the best known return."""
-    history, config = parts.history, run.config
+    history, config, folder = parts.history, run.config, run.folder
     assert history.best is not None
     finished, evaluated = history.finished, history.evaluated
     about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
-    save_weights(run.folder / POLICY_LAST, parts.agent.target_network, about)
+    save_weights(folder / POLICY_LAST, parts.agent.target_network, about)
     greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
-    draw_curve(run.folder / "curve.png", finished, greedy, known, run.title)
-    if parts.origin is not None and (scratch_curves := scratch_returns(run)) is not None:
+    draw_curve(folder / "curve.png", finished, greedy, known, run.title)
+    if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
         returns = [episode.episode_return for episode in finished]
-        draw_transfer(
-            run.folder / console.TRANSFER, config.arm_label, returns, scratch_curves, known, run.title
-        )
+        draw_transfer(folder / console.TRANSFER, config.arm_label, returns, scratch, known, run.title)
     best = history.best.greedy_episode
     origin = "" if run.arm.is_scratch else f" from case {config.source}"
     title = f"{config.arm_label}{origin}, seed {config.seed}"
-    write_gif(run.folder / "episode.gif", run.target, config.world, best, parts.draw, title)
+    write_gif(folder / "episode.gif", run.target, config.world, best, parts.draw, title)
 
 
 def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
     """Make the result of a training that took `seconds`."""
     history, config = parts.history, run.config
     assert history.best is not None
-    finished, evaluated, best = history.finished, history.evaluated, history.best
+    outcomes, evaluated, best = [f.outcome for f in history.finished], history.evaluated, history.best
     return Result(
         pair=config.label,
         source=None if run.arm.is_scratch else str(config.source),
@@ -68,8 +66,8 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         draws=parts.draws,
         episodes=config.learn.episodes,
         steps=parts.training.steps,
-        training_goal_rate=sum(f.outcome == "goal" for f in finished) / len(finished),
-        training_collision_rate=sum(f.outcome == "collision" for f in finished) / len(finished),
+        training_goal_rate=outcomes.count("goal") / len(outcomes),
+        training_collision_rate=outcomes.count("collision") / len(outcomes),
         device=str(parts.eval_env.device),
         precision=str(parts.agent.dtype).removeprefix("torch."),
         backend=parts.agent.backend.name,
@@ -90,10 +88,9 @@ def summarise(episode: Episode, at: int) -> Evaluation:
 
 def retain(run: Run, result: Result) -> Entry:
     """Store a finished run's network in the case base, for later targets (section 4.2)."""
-    values = result.to_json()
+    values, config = result.to_json(), run.config
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}
-    base = CaseBase(Path(run.config.case_base))
-    network = non_default_network(run.config.network)
-    return base.retain(
-        run.target, run.entry_arm, run.config.seed, run.config_hash, scores, run.folder, network
+    network = non_default_network(config.network)
+    return CaseBase(Path(config.case_base)).retain(
+        run.target, run.entry_arm, config.seed, run.config_hash, scores, run.folder, network
     )

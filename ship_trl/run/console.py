@@ -9,13 +9,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ship_trl.config.errors import one_line
@@ -46,12 +40,8 @@ def progress(
     episodes. A run of a grid prints a line with its place and title after every 25 %, because all runs share
     the output. The estimate of the time left begins with the first update, because the warm-up is faster.
 
-    Args:
-        title: title of the run.
-        episodes: number of training episodes of the run.
-        events: events that the training yields.
-        place: the run's place in a grid, such as `3 of 40`; empty outside a grid.
-        done: number of episodes that were finished before the run was resumed.
+    `place` is the run's place in a grid, such as `3 of 40`; it is empty outside a grid. `done` episodes of
+    `episodes` were finished before the run was resumed.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -61,10 +51,9 @@ def progress(
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
     share = done / episodes
-    if place:
-        lines = Lines(GRID_INTERVAL, share + GRID_INTERVAL, share)
-    else:
-        lines = Lines(SINGLE_INTERVAL, share, share)
+    lines = (
+        Lines(GRID_INTERVAL, share + GRID_INTERVAL, share) if place else Lines(SINGLE_INTERVAL, share, share)
+    )
     prefix = f"{place}: {title}: " if place else ""
     plain, greedy = bool(place) or not console.is_terminal, ""
     has_updates = is_measured = False
@@ -92,13 +81,12 @@ def progress(
 def hold(lock: FileLock, what: str) -> Iterator[None]:
     """Hold a lock; while another process has it, print every minute what this process waits for."""
     started, wait = time.monotonic(), SHORT_WAIT
-    while True:
+    while not lock.is_locked:
         try:
             lock.acquire(timeout=wait)
-            break
         except Timeout:
             waited = format_duration(time.monotonic() - started)
-            say(f"waiting for another process that is at {what} ({waited} so far; {lock.lock_file})")
+            say(f"waiting {waited} for another process that trains {what} ({lock.lock_file})")
             wait = LONG_WAIT
     try:
         yield
@@ -117,7 +105,7 @@ def say_result(result: Result, folder: Path, place: str) -> None:
 
 
 def show_result(result: Result, folder: Path) -> None:
-    """Print the table at the end of a run."""
+    """Print the table at the end of a run, its files, and what to look at next."""
     table = Table(title=result.title, title_justify="left")
     for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
@@ -134,7 +122,7 @@ def show_result(result: Result, folder: Path) -> None:
         table.add_row(
             name, f"{row.episode_return:.1f}", share, row.outcome, str(row.length), dcpa, str(row.episode)
         )
-    table.add_row("best known (planner)", f"{known:.1f}", "100%", "", "", "", "")
+    table.add_row("best known (planner)", f"{known:.1f}", "100%")
     console.print(table)
     say(
         f"{result.episodes} episodes, {result.steps} steps, {result.seconds:.0f} s; "
@@ -143,12 +131,7 @@ def show_result(result: Result, folder: Path) -> None:
     )
     pictures = [name for name in (TRANSFER, "curve.png", "episode.gif") if (folder / name).is_file()]
     say(f"{folder}: {', '.join([*pictures, 'curve.csv', 'result.json', 'policy.safetensors'])}")
-    say_next(result, folder)
-
-
-def say_next(result: Result, folder: Path) -> None:
-    """Print which picture to look at, and how to watch the policy."""
-    if (folder / TRANSFER).is_file():
+    if TRANSFER in pictures:
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
         say("  no run from scratch of these settings to compare with; to train one: +arm=scratch")

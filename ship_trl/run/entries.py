@@ -33,17 +33,16 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     """
     # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
-    given = [word.split("=", 1) for word in words if word not in names]
-    settings = {word[0]: word[1] for word in given}
-    unknown = sorted(settings.keys() - {"target"})
-    if unknown:
+    settings = [word.split("=", 1) for word in words if word not in names]
+    if unknown := sorted(key for key, _ in settings if key != "target"):
         raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
-    if len(given) > 1:
+    if len(settings) > 1:
         raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
     world = load_world()
-    targets = [load_case(name, world, "target") for name in settings.get("target", "").split(",") if name]
+    cases = [name for _, value in settings for name in value.split(",") if name]
+    targets = [load_case(name, world, "target") for name in cases]
     entries: list[Entry] = []
     for name in names:
         if is_pretrained(name):
@@ -62,42 +61,40 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
 
 
 def bundled_entries(name: str, targets: list[Case], world: World) -> list[Entry]:
-    """Return the bundled networks, on `targets` or each on its own case, with the return that each claims.
-
-    Raises:
-        ConfigError: there is no bundled network for a case.
-    """
+    """Return the bundled networks, on `targets` or each on its own case, with the return that each claims."""
     if targets:
         chosen = [(find(name, case), case) for case in targets]
     else:
         named = networks() if name == PRETRAINED else [find(name, None)]
-        # The working directory may have another case of the same name. For it no return is claimed.
         chosen = [(one, load_case(one.case, world)) for one in named]
-    entries = []
-    for one, case in chosen:
-        claimed = one.episode_return if one.fingerprint == case.fingerprint else None
-        entries.append(Entry(str(one.file), name, case, world, colour=False, claimed=claimed))
-    return entries
+    return [
+        Entry(
+            str(one.file),
+            name,
+            case,
+            world,
+            colour=False,
+            # The working directory may have another case of the same name. For it no return is claimed.
+            claimed=one.episode_return if one.fingerprint == case.fingerprint else None,
+        )
+        for one, case in chosen
+    ]
 
 
 def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
-    """Return the networks of all results in a folder and below, on `targets` or on their own target.
-
-    Raises:
-        ConfigError: there is no result, or its configuration is unreadable.
-    """
+    """Return the networks of all results in a folder and below, on `targets` or on their own target."""
     found: list[Entry] = []
     readable, broken = collect(folder)
     for path, error in broken:
         print_error(f"{path} {error}; left out")
     for run in readable:
         result, place = run.result, run.folder
-        world, colour = settings_of(place)
+        world, colour = read_settings(place)
         cases = targets or [load_case(result.target, world, f"{place / RESULT}: target")]
         label = f"{result.pair} {result.arm} seed {result.seed}"
         for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
             if not (place / file).is_file():
-                print_error(f"{place / file} is not there; left out")
+                print_error(f"{place / file} is missing; left out")
                 continue
             claimed = None if targets else claim.episode_return
             name = f"{label}, {key}"
@@ -107,24 +104,16 @@ def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
     return found
 
 
-def best_of_folders(entries: list[Entry]) -> list[Entry]:
-    """Drop the last network of each result, but keep files that the command line names.
-
-    Raises:
-        ConfigError: nothing is left.
-    """
+def drop_last_networks(entries: list[Entry]) -> list[Entry]:
+    """Drop the last network of each result folder, but keep files that the command line names."""
     best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
     if not best:
         raise ConfigError(f"policy: {entries[0].policy} has no best network beside it")
     return best
 
 
-def settings_of(folder: Path) -> tuple[World, bool]:
-    """Read a run's world, and whether its pictures have colours, from its configuration.
-
-    Raises:
-        ConfigError: the configuration is missing or unreadable.
-    """
+def read_settings(folder: Path) -> tuple[World, bool]:
+    """Read a run's world, and whether its pictures have colours, from its configuration."""
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)

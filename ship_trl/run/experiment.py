@@ -23,10 +23,7 @@ def run_experiment(run: Run, place: str = "") -> Result:
     """Train a run and return its result; if the case base lacks its source network, train that first.
 
     If the folder holds a finished run of the same settings, its result is shown and nothing is trained.
-
-    Args:
-        run: what to train.
-        place: its place in a grid, such as `3 of 40`; a run of a grid prints less.
+    `place` is the run's place in a grid, such as `3 of 40`; a run of a grid prints less.
     """
     configure_process()
     device = torch.device(run.config.device)
@@ -43,7 +40,7 @@ def run_experiment(run: Run, place: str = "") -> Result:
             source = read_source(run, find_source(run.source, run.title, place)) if run.source else given
             result = train_run(run, device, source, place)
         else:
-            console.say(f"{run.folder} holds this run already; another seed= or output= trains one")
+            console.say(f"{run.folder} is already finished; set seed= or output= to train another run")
         # An earlier process may have been killed after it wrote the result and before these two steps.
         retain(run, result)
         Checkpoints(run.folder).remove()
@@ -55,12 +52,8 @@ def run_experiment(run: Run, place: str = "") -> Result:
 def find_source(source: Run, title: str, place: str) -> Entry:
     """Find a source network in the case base; if it is missing, train and store it.
 
-    If several processes need the same network, the first one trains it and the others wait.
-
-    Args:
-        source: the run that trains it.
-        title: title of the run that needs it.
-        place: place in a grid of the run that needs it; empty outside a grid.
+    If several processes need the same network, the first one trains it and the others wait. `title` and
+    `place` are those of the run that needs it.
     """
     base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
     wanted = (source.target, source.entry_arm, source.config.seed, source.config_hash)
@@ -71,13 +64,12 @@ def find_source(source: Run, title: str, place: str) -> Entry:
             with console.hold(source.lock(), source.title):
                 result = find_result(source)
                 if result is None:
-                    console.say(f"two trainings: first {source.title} as the source; then {title}")
+                    console.say(f"training the source first: {source.title}; then {title}")
                     result = train_run(source, device, None, place)
                 entry = retain(source, result)
-                Checkpoints(source.folder).remove()
-            return entry
+        else:
+            console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     if find_result(source) is not None:
         # The process that trained it may have been killed before this step.
         Checkpoints(source.folder).remove()
-    console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     return entry

@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 from omegaconf import OmegaConf
 
-from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Config, plain
+from ship_trl.config.errors import ConfigError, one_line
+from ship_trl.config.types import plain
 from ship_trl.files.disk import links, remove, replacing
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
@@ -19,7 +19,6 @@ from ship_trl.run.checkpoint import FOLDER, Checkpoints
 from ship_trl.run.run import Run
 from ship_trl.transfer.casebase import CONFIG, LOCKS, CaseBase
 
-OTHER_SETTINGS = "of other settings"
 # Settings that do not change what a run learns.
 IGNORED_KEYS = {
     *("output", "case_base", "overwrite", "logger", "wandb", "checkpoint", "objective", "pair", "profile")
@@ -28,43 +27,34 @@ MAX_DIFFERENCES_SHOWN = 3
 
 
 class TakenError(ConfigError):
-    """The folder holds a run of other settings, or a damaged result."""
+    """The folder holds a run of other settings, or a damaged result.
+
+    Both arguments are kept, so that a process of a grid can pickle the error for its launcher.
+    """
 
     def __init__(self, folder: Path, held: str) -> None:
-        own = "its settings, " if OTHER_SETTINGS in held else ""
-        super().__init__(
-            f"output: {folder} holds {held}; "
-            f"allowed: {own}another output=FOLDER, or overwrite=true to replace what is there"
-        )
+        super().__init__(folder, held)
         self.folder, self.held = folder, held
 
-    def __reduce__(self) -> tuple[type[TakenError], tuple[Path, str]]:
-        """Pickle both arguments, for a process of a grid that sends the error to its launcher."""
-        return TakenError, (self.folder, self.held)
+    def __str__(self) -> str:
+        return one_line(
+            f"output: {self.folder} holds {self.held}; "
+            "allowed: another output=FOLDER, or overwrite=true to replace it"
+        )
 
 
 def check_folder(run: Run) -> None:
     """Check, before a run begins, that its folder is writable and that no other run would be overwritten.
 
-    Raises:
-        ConfigError: the folder is not writable, or it, a lock or the case base would be written through a
-            link.
-        TakenError: the folder holds another run.
+    Nothing may be written through a link: neither the folder, nor a lock, nor the case base.
     """
-    for parent in (run.folder, *run.folder.parents):
-        if parent.exists():
-            if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
-                raise ConfigError(f"output: {parent} is not a folder that can be written")
-            break
+    parent = next(folder for folder in (run.folder, *run.folder.parents) if folder.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
+        raise ConfigError(f"output: {parent} is not a folder that can be written")
     base, output = CaseBase(Path(run.config.case_base)), Path(run.config.output)
     base.refuse_links(run.target, run.entry_arm, run.config.seed, run.config_hash)
-    if linked := links(output / LOCKS, output):
+    if linked := [*links(output / LOCKS, output), *links(run.folder / FOLDER, output)]:
         raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
-    if linked := links(run.folder / FOLDER, output):
-        raise ConfigError(
-            f"output: {linked[0]} is a link, so files outside the folder could be replaced; "
-            "allowed: only output= itself may be one"
-        )
     find_result(run)
 
 
@@ -76,51 +66,34 @@ def find_result(run: Run) -> Result | None:
     Raises:
         TakenError: the folder holds a run of other settings, finished or not, or a damaged result.
     """
-    overwrite = run.config.overwrite
-    if not (run.folder / RESULT).exists():
-        if not overwrite:
-            check_unfinished(run)
-        return None
-    try:
-        result = read_result(run.folder)
-    except ResultError as error:
-        if overwrite:
-            return None
-        raise TakenError(run.folder, f"a damaged {RESULT} (it {error})") from None
-    if result.config_hash == run.config_hash:
-        return result
-    if overwrite:
-        return None
-    raise TakenError(run.folder, f"a finished run {other_settings(run)}")
-
-
-def check_unfinished(run: Run) -> None:
-    """Raise a `TakenError` if the folder has checkpoints of a run of other settings."""
-    checkpoints = Checkpoints(run.folder)
-    unfinished = checkpoints.about()
-    if unfinished is not None and unfinished.config_hash != run.config_hash:
-        reached = f"at episode {unfinished.episode} of {unfinished.episodes}"
-        raise TakenError(run.folder, f"an unfinished run {other_settings(run)}, {reached}")
-    if unfinished is None and checkpoints.has_other_owner(run.config_hash):
-        held = f"an unfinished run {other_settings(run)}, whose checkpoints cannot be read"
+    held = ""
+    if (run.folder / RESULT).exists():
+        try:
+            result = read_result(run.folder)
+            if result.config_hash == run.config_hash:
+                return result
+            held = f"a finished run of other settings{list_differences(run)}"
+        except ResultError as error:
+            held = f"a damaged {RESULT} (it {error})"
+    else:
+        about = Checkpoints(run.folder).about()
+        if about is not None and about.config_hash != run.config_hash:
+            reached = f"at episode {about.episode} of {about.episodes}"
+            held = f"an unfinished run of other settings{list_differences(run)}, {reached}"
+    if held and not run.config.overwrite:
         raise TakenError(run.folder, held)
+    return None
 
 
-def other_settings(run: Run) -> str:
-    """Return the words "of other settings", with the first settings that differ from the run's."""
-    found = list_differences(run.folder, run.config)
-    return f"{OTHER_SETTINGS} ({', '.join(found)})" if found else OTHER_SETTINGS
-
-
-def list_differences(folder: Path, config: Config) -> list[str]:
-    """List settings of the run in `folder` that differ from `config`, for example `learn.lr=0.001`."""
+def list_differences(run: Run) -> str:
+    """List the first settings that differ in the run's folder, such as ` (learn.lr=0.001)`; may be empty."""
     try:
-        there = OmegaConf.to_container(read_yaml(folder / CONFIG))
+        there = OmegaConf.to_container(read_yaml(run.folder / CONFIG))
     except (OSError, yaml.YAMLError):
-        return []
-    ours = dict(flatten(plain(config)))
+        return ""
+    ours = dict(flatten(plain(run.config)))
     found = [f"{key}={value}" for key, value in flatten(there) if key in ours and ours[key] != value]
-    return found[:MAX_DIFFERENCES_SHOWN]
+    return f" ({', '.join(found[:MAX_DIFFERENCES_SHOWN])})" if found else ""
 
 
 def flatten(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -147,7 +120,7 @@ def open_folder(run: Run, resume: bool = False) -> None:
         with replacing(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
         # The checkpoint folder exists until the run is finished.
-        Checkpoints(run.folder).begin_run(run.config_hash)
+        (run.folder / FOLDER).mkdir(exist_ok=True)
     except OSError as error:
         place = error.filename or run.folder
         raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import copy
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.checks import to_config
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.run.launchers import check_slurm
+from ship_trl.run.launchers import check_slurm, exit_with, list_runs
 from ship_trl.run.plan import TakenError, make_run
-
-Words = Sequence[str]
 
 
 class CheckRuns(Callback):
@@ -34,9 +28,7 @@ class CheckRuns(Callback):
         try:
             check(config)
         except ConfigError as error:
-            print_error(str(error))
-            # Hydra turns exceptions of a callback into warnings.
-            sys.exit(1)
+            exit_with(str(error))
 
 
 def check(config: DictConfig) -> None:
@@ -59,40 +51,23 @@ def check(config: DictConfig) -> None:
         in_folder.setdefault(run.folder, {})[run.config_hash] = set(words)
     for folder, runs in in_folder.items():
         if len(runs) > 1:
-            every = [word for words in runs.values() for word in words]
-            differ = {word for word in every if every.count(word) < len(runs)}
-            raise ConfigError(
-                describe_shared(folder, sorted({word.split("=")[0].lstrip("+") for word in differ}))
-            )
+            every = list(runs.values())
+            differ = every[0].union(*every) - every[0].intersection(*every)
+            keys = sorted({word.split("=")[0].lstrip("+") for word in differ})
+            raise ConfigError(describe_shared(folder, keys))
 
 
 def describe_shared(folder: Path, keys: Sequence[str]) -> str:
     """Return the message that runs which differ in `keys` share a folder, and how each run gets its own."""
     groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
-    how = f"as 'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
+    how = f"'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
     if groups & set(keys):
         # These keys choose config groups. The name of the output folder cannot contain them.
-        how = "by a grid for each with another output=FOLDER"
-    return f"output: runs that differ in {' and '.join(keys)} would all be {folder}; allowed: one each, {how}"
+        how = "a grid for each value, with its own output=FOLDER"
+    return f"output: runs that differ in {' and '.join(keys)} would share {folder}; allowed: {how}"
 
 
-def list_runs(config: DictConfig) -> list[Words]:
-    """List the overrides of each run of a grid; empty if a sweeper chooses them during the sweep."""
-    sweeper = config.hydra.sweeper
-    if not str(sweeper.get("_target_")).endswith(BasicSweeper.__name__):
-        return []
-    params = sweeper.get("params") or {}
-    # Unresolved, because ${learn.lr} may have another value in each run.
-    task: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
-    words = [*(f"{key}={value}" for key, value in params.items()), *task]
-    try:
-        given = OverridesParser.create().parse_overrides(words)
-    except HydraException:
-        return []
-    return [run for batch in BasicSweeper.split_arguments(given, None) for run in batch]
-
-
-def compose_run(config: DictConfig, number: int, words: Words) -> DictConfig:
+def compose_run(config: DictConfig, number: int, words: Sequence[str]) -> DictConfig:
     """Compose the configuration of a run of a grid, as the launcher will do."""
     values = GlobalHydra.instance().config_loader().load_sweep_config(config, list(words))
     with read_write(values), open_dict(values):
@@ -101,9 +76,7 @@ def compose_run(config: DictConfig, number: int, words: Words) -> DictConfig:
     before, known.cfg = known.cfg, None
     try:
         known.set_config(values)
-        task = copy.deepcopy(values)
-        with read_write(task), open_dict(task):
-            del task["hydra"]
+        task = OmegaConf.masked_copy(values, [key for key in values if key != "hydra"])
         OmegaConf.resolve(task)
         return task
     finally:

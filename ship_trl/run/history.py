@@ -1,8 +1,9 @@
-"""The results of a training so far: the rows of its curve, and its best network."""
+"""The results of a training so far: the rows of `curve.csv`, and the best network."""
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import math
 from collections.abc import Callable, Mapping
@@ -15,33 +16,29 @@ from ship_trl.files.result import Evaluation
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.run.rows import row
 
-# Columns of integers and of text; the others hold floats.
-INTEGER_COLUMNS = {"episode", "steps", "length", "greedy_length"}
-TEXT_COLUMNS = {"outcome", "greedy_outcome"}
+Row = dict[str, Any]
+# Types of the columns of `curve.csv`; the others hold floats.
+TYPES = {
+    **dict.fromkeys(("episode", "steps", "length", "greedy_length"), int),
+    **dict.fromkeys(("outcome", "greedy_outcome"), str),
+}
 
 
 class History:
     """All events of a training in order, as rows of `curve.csv`, and its best network.
 
-    Args:
-        network: a network with the same layers, which gets the weights of the best one.
-
-    Attributes:
-        rows: one dictionary for each event.
-        best: the evaluation with the highest greedy return.
-        network: the network with which `best` was reached.
+    `best` is the evaluation with the highest greedy return. `network` gets the weights that reached it.
     """
 
     def __init__(self, network: DuelingNetwork) -> None:
-        self.rows: list[dict[str, Any]] = []
+        self.rows: list[Row] = []
         self.best: Evaluated | None = None
         self.network = network
 
     def add(self, event: Finished | Evaluated, evaluated: nn.Module) -> bool:
         """Add an event; return whether it is an evaluation, and `evaluated` is the best network so far."""
-        self.rows.append(row(event))
+        self.rows.append(to_row(event))
         if isinstance(event, Finished):
             return False
         # On ties keep the later one: in case 1 even an untrained network may keep its course to the goal.
@@ -56,29 +53,21 @@ class History:
     def restore(
         self, text: str, weights: Mapping[str, Tensor], run_episode: Callable[[DuelingNetwork], Episode]
     ) -> None:
-        """Load the rows of a curve and its best network, and run that network's greedy episode again.
-
-        Raises:
-            ValueError, KeyError, RuntimeError: they do not belong to a training of this network.
-        """
+        """Load the rows of a curve and its best network, and run that network's greedy episode again."""
         self.rows = from_csv(text)
-        evaluations = [values for values in self.rows if "greedy_return" in values]
-        best = max(values["greedy_return"] for values in evaluations)
-        last = [values for values in evaluations if values["greedy_return"] == best][-1]
+        # On ties the later one, as in `add`.
+        evaluations = [row for row in reversed(self.rows) if "greedy_return" in row]
+        best = max(evaluations, key=lambda row: row["greedy_return"])
         self.network.load_state_dict(weights)
-        self.best = Evaluated(last["episode"], last["steps"], run_episode(self.network))
+        self.best = Evaluated(best["episode"], best["steps"], run_episode(self.network))
 
     @property
     def finished(self) -> list[Finished]:
         """All finished training episodes, in order."""
         return [
             Finished(
-                episode=values["episode"],
-                steps=values["steps"],
-                epsilon=values["epsilon"],
+                **{key: values[key] for key in ("episode", "steps", "epsilon", "length", "outcome")},
                 episode_return=values["return"],
-                length=values["length"],
-                outcome=values["outcome"],
                 dcpa=values.get("dcpa", math.inf),
                 loss=values.get("loss"),
             )
@@ -102,23 +91,48 @@ class History:
         ]
 
 
-def to_csv(rows: list[dict[str, Any]]) -> str:
+def to_row(event: Finished | Evaluated) -> Row:
+    """Turn an event into a row of `curve.csv`; a greedy evaluation has its own columns.
+
+    Missing values are left out: the loss before the first update, or the DCPA without target ships.
+    """
+    if isinstance(event, Finished):
+        values = dataclasses.asdict(event)
+        values["return"] = values.pop("episode_return")
+    else:
+        greedy = event.greedy_episode
+        values = {
+            "episode": event.episode,
+            "steps": event.steps,
+            "greedy_return": greedy.episode_return,
+            "greedy_length": greedy.length,
+            "greedy_outcome": greedy.outcome,
+            "greedy_dcpa": greedy.dcpa,
+        }
+    return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
+
+
+def to_numbers(row: Row) -> dict[str, float]:
+    """Return a row's numbers by names like `train/return`; `goal` and `collision` are 0 or 1."""
+    kind = "train" if "return" in row else "greedy"
+    found: dict[str, float] = {}
+    for key, value in row.items():
+        name = key.removeprefix("greedy_")
+        if name == "outcome":
+            found |= {f"{kind}/{end}": int(value == end) for end in ("goal", "collision")}
+        elif key != "episode":
+            found[f"{kind}/{name}"] = value
+    return found
+
+
+def to_csv(rows: list[Row]) -> str:
     """Write rows as lines of `curve.csv` without its header; floats keep all digits."""
     text = io.StringIO()
     csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n").writerows(rows)
     return text.getvalue()
 
 
-def from_csv(text: str) -> list[dict[str, Any]]:
-    """Read rows that `to_csv` wrote.
-
-    Raises:
-        ValueError: a cell is not a number.
-    """
+def from_csv(text: str) -> list[Row]:
+    """Read rows that `to_csv` wrote; raise a `ValueError` if a cell is not a number."""
     lines = csv.DictReader(io.StringIO(text), COLUMNS)
-    return [{key: convert(key, value) for key, value in line.items() if value != ""} for line in lines]
-
-
-def convert(column: str, value: str) -> Any:
-    """Convert a cell to the type of its column."""
-    return value if column in TEXT_COLUMNS else int(value) if column in INTEGER_COLUMNS else float(value)
+    return [{key: TYPES.get(key, float)(value) for key, value in line.items() if value} for line in lines]

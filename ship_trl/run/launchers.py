@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import math
 import os
 import secrets
 import shutil
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from multiprocessing import current_process
 from pathlib import Path
 from typing import Any
 
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.run.stop import TIME_TO_STOP, die_of
+from ship_trl.run.stop import TIME_TO_STOP, end_by_signal
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
 RAY = "hydra_plugins.hydra_ray_launcher"
@@ -59,7 +60,7 @@ def install_signal_handlers() -> None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, number)
         time.sleep(2 * TIME_TO_STOP)
-        die_of(signal.Signals(number))
+        end_by_signal(signal.Signals(number))
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, wait)
@@ -91,10 +92,8 @@ def die_with_launcher() -> None:
 
 def die_with_parent() -> None:
     """In a child process: end when the parent ends for any reason; on Linux only."""
-    try:
+    with contextlib.suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-    except (AttributeError, OSError, TypeError):
-        return
 
 
 class CountRuns(Callback):
@@ -103,28 +102,35 @@ class CountRuns(Callback):
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Prepare before the launcher starts."""
         install_signal_handlers()
-        refuse_linked_files(Path(config.hydra.sweep.dir))
-        sweeper = config.hydra.sweeper
-        runs = OmegaConf.select(sweeper, "n_trials")
-        if runs is None:
-            params = sweeper.get("params") or {}
-            words = [*config.hydra.overrides.task, *(f"{key}={value}" for key, value in params.items())]
-            try:
-                given = OverridesParser.create().parse_overrides(words)
-                runs = math.prod(len(list(one.sweep_iterator())) for one in given if one.is_sweep_override())
-            except HydraException:
-                # Hydra reports this error itself, or its sweeper has another syntax.
-                return
-        os.environ[GRID] = str(runs)
+        folder = Path(config.hydra.sweep.dir)
+        for path in (folder / "multirun.yaml", folder / ".submitit"):
+            if path.is_symlink():
+                exit_with(f"output: {path} is a link; allowed: only output= itself may be one")
+        count = OmegaConf.select(config.hydra.sweeper, "n_trials") or len(list_runs(config))
+        if count:
+            os.environ[GRID] = str(count)
 
 
-def refuse_linked_files(folder: Path) -> None:
-    """Exit if Hydra or submitit would write the files of a grid through a link."""
-    for path in (folder / "multirun.yaml", folder / ".submitit"):
-        if path.is_symlink():
-            print_error(f"output: {path} is a link; allowed: only output= itself may be one")
-            # Hydra turns exceptions of a callback into warnings.
-            sys.exit(1)
+def list_runs(config: DictConfig) -> list[Sequence[str]]:
+    """List the overrides of each run of a grid; empty if a sweeper chooses them during the sweep."""
+    sweeper = config.hydra.sweeper
+    if not str(sweeper.get("_target_")).endswith(BasicSweeper.__name__):
+        return []
+    params = sweeper.get("params") or {}
+    # Unresolved, because ${learn.lr} may have another value in each run.
+    task: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
+    words = [*(f"{key}={value}" for key, value in params.items()), *task]
+    try:
+        given = OverridesParser.create().parse_overrides(words)
+    except HydraException:  # Hydra reports this error itself
+        return []
+    return [run for batch in BasicSweeper.split_arguments(given, None) for run in batch]
+
+
+def exit_with(line: str) -> None:
+    """Print an error and exit: Hydra turns exceptions of a callback into warnings."""
+    print_error(line)
+    sys.exit(1)
 
 
 def place_in_grid(number: int) -> str:
@@ -133,11 +139,7 @@ def place_in_grid(number: int) -> str:
 
 
 def check_slurm(launcher: str, key: str) -> None:
-    """Check that there is a Slurm cluster if its launcher was chosen.
-
-    Raises:
-        ConfigError: there is no cluster.
-    """
+    """Raise a `ConfigError` if Slurm's launcher was chosen and there is no cluster."""
     if launcher == "slurm" and shutil.which("sbatch") is None:
         raise ConfigError(f"{key}: slurm needs sbatch, which is not found here; allowed: slurm_local, joblib")
 

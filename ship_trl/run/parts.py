@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import torch
 from torch import Generator
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
-from ship_trl.run.demonstrate import preload_replay
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
@@ -25,21 +26,17 @@ from ship_trl.transfer.layers import copy_layers
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
+# Allowed difference of a demonstration's return, because processors round differently.
+RETURN_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
 class Parts:
     """The parts of a training that has not started, and what was measured before it.
 
-    Attributes:
-        training: the training loop.
-        agent: the learner.
-        eval_env: the environment of greedy evaluations.
-        draw: draws states as pixels.
-        history: collects the events of the training.
-        scratch: greedy episode of the network before anything is copied.
-        draws: greedy returns over random draws of the layers that are not copied.
-        origin: origin of the copied weights; None from scratch.
+    `eval_env` is the environment of greedy evaluations, `draw` draws states as pixels. `scratch` is the
+    greedy episode of the network before anything is copied, `draws` are greedy returns over random draws of
+    the layers that are not copied. `origin` names the copied weights; None from scratch.
     """
 
     training: Training
@@ -81,22 +78,18 @@ def digest_rounding(dtype: torch.dtype, device: torch.device) -> str:
 def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     """Make the parts of a training from a run's configuration and its random streams.
 
-    Args:
-        run: what is trained.
-        device: device of the networks and environments.
-        source: the weights to copy; None from scratch.
-
     Raises:
         ConfigError: a demonstration does not reach the return in its file.
     """
-    config, learn = run.config, run.config.learn
+    config, world, learn = run.config, run.config.world, run.config.learn
     # Weights are drawn on the CPU, so that they are the same on every device. The other streams must be on
     # the device that uses them, as torch demands.
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
-    draw = Rasteriser(run.target, config.world, colour=config.colour, device=device)
-    eval_env = ShipEnv(run.target, config.world, 1, colour=config.colour, device=device)
-    actions = len(config.world.actions)
+    make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device)
+    draw = Rasteriser(run.target, world, colour=config.colour, device=device)
+    eval_env = make_env(1)
+    actions = len(world.actions)
     network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))[0]
@@ -104,9 +97,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         copy_layers(network, source.weights, run.arm)
     agent = Agent(network, draw, actions, learn, streams["exploration"], run.arm.frozen_layers)
     encoders = {agent.observation: agent.encode} if agent.observation != "state" else {}
-    env = ShipEnv(
-        run.target, config.world, learn.num_envs, colour=config.colour, encoders=encoders, device=device
-    )
+    env = make_env(learn.num_envs, encoders=encoders)
     replay = agent.replay(learn, streams["replay"], device)
     preload_replay(run, env, replay)
     best = DuelingNetwork(draw.channels, actions, Generator(), config.network).to(device)
@@ -117,23 +108,45 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         eval_env=eval_env,
         draw=draw,
         scratch=scratch,
-        draws=find_draws(run, agent, eval_env),
+        draws=measure_jumpstart(run, agent, eval_env),
         origin=None if source is None else source.origin,
     )
 
 
-def find_draws(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
-    """Return greedy returns before training, for random draws of the layers that are not copied.
+def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
+    """Step through a run's demonstrations and store the steps; a full replay overwrites the oldest ones.
 
-    If all layers are copied, there is nothing to draw and only one return.
+    Raises:
+        ConfigError: a demonstration does not reach the return in its file.
     """
+    folder = run.config.demonstrations
+    for number, demonstration in enumerate(run.demonstrations, 1):
+        current, total, done = env.reset(), 0.0, False
+        for action in demonstration.actions:
+            chosen = torch.full(env.batch_size, action, device=env.device)
+            stepped, current = env.step_and_maybe_reset(current.set("action", chosen))
+            # All environments of the batch do the same.
+            replay.extend(stepped[:1])
+            total += float(stepped["next", "reward"][0])
+            done = bool(stepped["next", "done"][0])
+            if done:
+                break
+        if not done or abs(total - demonstration.episode_return) > RETURN_TOLERANCE:
+            raise ConfigError(
+                f"demonstrations: number {number} of case {demonstration.case} in {folder} "
+                f"claims a return of {demonstration.episode_return:.2f}, but reaches {total:.2f}"
+            )
+
+
+def measure_jumpstart(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
+    """Return greedy returns before training, for random draws of the layers that are not copied."""
     config = run.config
     count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(agent.network.conv_names))
     if count == 0:
         return []
     if run.arm.copies_all:
         return [rollout(eval_env, agent.greedy)[0].episode_return]
-    device, batch = str(eval_env.device), min(count, JUMPSTART_BATCH)
-    env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=device)
+    batch = min(count, JUMPSTART_BATCH)
+    env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=str(eval_env.device))
     generator = Generator().manual_seed(run.stream("jumpstart"))
     return jumpstart(env, agent.draw, agent.network, copied, count, generator)

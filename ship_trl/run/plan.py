@@ -23,10 +23,10 @@ from ship_trl.run.run import Run
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import rank
 
-# Increase it with every change (of world, network, learner or streams) after which runs of the same settings
-# learn something else. Then results of an older version are not taken for results of this one.
+# Increase it with every change after which the same settings learn something else, so that results of an
+# older version are not mistaken for results of this one.
 ALGORITHM_VERSION = 2
-# Prefix of the name of a folder that a study has set aside.
+# Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
 
 
@@ -34,8 +34,7 @@ def make_run(config: Config) -> Run:
     """Plan the run of a checked configuration, and first the run that trains its source.
 
     Raises:
-        ConfigError: a case is missing or invalid, the folder is not writable, or it holds a run of other
-            settings or a damaged result.
+        ConfigError: a case is missing or invalid, or the folder cannot be used; see `check_folder`.
     """
     world = config.world
     target = load_case(str(config.target), world, "target")
@@ -63,12 +62,14 @@ def make_run(config: Config) -> Run:
                     f"target={config.source} method=scratch overwrite=true first"
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
-            raise ConfigError(f"source_file: no file {config.source_file}; a safetensors file is allowed")
+            raise ConfigError(f"source_file: no file {config.source_file}; allowed: a safetensors file")
     demonstrations: tuple[Demonstration, ...] = ()
     if config.demonstrations is not None:
         demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target, world))
     digest = hash_of(config, target, source, pretrained, demonstrations)
-    run = Run(config, target, source, folder_of(config), digest, pretrained, demonstrations)
+    # Without a pair, its label is the names of the cases.
+    folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
+    run = Run(config, target, source, folder, digest, pretrained, demonstrations)
     check_folder(run)
     return run
 
@@ -81,7 +82,7 @@ def resolve_pretrained(config: Config, target: Case) -> Config:
         pair = conf_dir() / "pair" / f"{config.pair}.yaml"
         if not pair.is_file():
             raise ConfigError(
-                f"source: {PRETRAINED} knows the shipped pairs alone, not {config.pair}; "
+                f"source: {PRETRAINED} is allowed for the shipped pairs only, not for {config.pair}; "
                 "allowed: source=CASE source_weights=pretrained"
             )
         source = str(OmegaConf.load(pair).source)
@@ -93,11 +94,6 @@ def resolve_pretrained(config: Config, target: Case) -> Config:
         # The source stays in the folder name, so that it is the same as in the transfers of the grid.
         return dataclasses.replace(config, source=source)
     return dataclasses.replace(config, source=source, source_weights=SourceWeights.pretrained)
-
-
-def folder_of(config: Config) -> Path:
-    """Return `<output>/<pair>/<arm>/seed=<k>`; without a pair, the names of the cases replace it."""
-    return Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
 
 
 def hash_of(
@@ -119,7 +115,7 @@ def hash_of(
     elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)
-    # Jumpstart draws do not change what is learned. Backends only round differently, as devices do.
+    # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
     del learn["jumpstart_draws"], learn["backend"]
     values: dict[str, Any] = {
         "algorithm_version": ALGORITHM_VERSION,
@@ -131,7 +127,7 @@ def hash_of(
         "world": plain(config.world),
         "learn": learn,
     }
-    if (network := non_default_network(config.network)) is not None:
+    if network := non_default_network(config.network):
         values["network"] = network
     if demonstrations:
         values["demonstrations"] = [one.actions for one in demonstrations]

@@ -21,9 +21,8 @@ def configure_process() -> None:
     """Use one torch thread, flush denormal numbers to zero, and keep freed memory between updates.
 
     Grids run one process per core, and two torch threads on two busy cores are many times slower than one.
-    By default glibc maps and unmaps each large activation; the page faults cost about a tenth of an update.
-    Adam's averages for units that no longer fire fall below 1e-38, where many processors take a hundred
-    times as long per operation.
+    By default glibc maps and unmaps each large activation, which costs about a tenth of an update.
+    Adam's averages of inactive units fall below 1e-38, where many processors are a hundred times slower.
     """
     # safetensors is written in Rust. If it runs out of memory and prints a backtrace, which needs memory too,
     # it deadlocks.
@@ -38,9 +37,8 @@ def configure_process() -> None:
 def release_memory() -> None:
     """Return the memory of a finished run to the system.
 
-    The run's parts form reference cycles (for example replay and transforms), which Python rarely collects.
-    And glibc keeps freed memory, because `configure_process` tells it to. Without this function, a process
-    that trained several runs with frozen layers held 4.5 GB and used 0.6 GB.
+    The run's parts form reference cycles, which Python rarely collects, and `configure_process` tells glibc
+    to keep freed memory. A process that trained several runs with frozen layers held 4.5 GB and used 0.6 GB.
     """
     gc.collect()
     call_glibc("malloc_trim", 0)
@@ -57,10 +55,7 @@ def processor_name() -> str:
 
     A virtual machine often shows only the vendor, but family and model tell the generation.
     """
-    try:
-        lines = CPUINFO.read_text().splitlines()
-    except OSError:
-        lines = []
+    lines = CPUINFO.read_text().splitlines() if CPUINFO.is_file() else []
     pairs = [line.partition(":") for line in lines]
     # Reversed, so that the first core's values win.
     values = {key.strip(): value.strip() for key, _, value in reversed(pairs)}

@@ -17,12 +17,8 @@ def format_duration(seconds: float) -> str:
 class Lines:
     """Decides when a line is due from the share of the work that is done.
 
-    Args:
-        every: share of the work between two lines.
-        first: share at which the first line is due.
-        begun: share that was done before this process started.
-        apart: minimum seconds between two lines.
-        clock: returns the time in seconds.
+    The first line is due at the share `first`, further ones after `every` more, at least `apart` seconds
+    later. The share `begun` was done before this process started.
     """
 
     def __init__(
@@ -42,17 +38,12 @@ class Lines:
         The estimate uses the pace since the last line, because the first steps of a run make no updates and
         are faster.
         """
-        now = self._clock()
-        if share < self._next - 1e-9 or now - self._last_time < self._apart:
+        seconds, gained = self._clock() - self._last_time, share - self._last_share
+        if share < self._next - 1e-9 or seconds < self._apart:
             return None
-        gained = share - self._last_share
-        known = share < 1.0 and gained >= 0.9 * self._every
-        left = (
-            f", about {format_duration((1.0 - share) * (now - self._last_time) / gained)} left"
-            if known
-            else ""
-        )
-        self._last_time, self._last_share = now, share
+        self._last_time, self._last_share = self._last_time + seconds, share
         # A multiple of `every`, so that rounding errors do not add up.
         self._next = self._every * (int(share / self._every + 1e-9) + 1)
-        return left
+        if share >= 1.0 or gained < 0.9 * self._every:
+            return ""
+        return f", about {format_duration((1.0 - share) * seconds / gained)} left"

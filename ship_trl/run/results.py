@@ -13,13 +13,9 @@ from ship_trl.run.plan import DAMAGED
 
 @dataclass(frozen=True)
 class Found:
-    """A finished run.
+    """A finished run: its result, its folder, the folder that was searched, and its part of the study.
 
-    Attributes:
-        result: its result.
-        folder: its folder.
-        below: folder that was searched.
-        part: part of the study that it belongs to; several parts may have the same pair and arm.
+    Several parts of a study may have the same pair and arm.
     """
 
     result: Result
@@ -47,20 +43,17 @@ def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
     return found, broken
 
 
-def without_copies(found: Iterable[Found]) -> list[Found]:
+def drop_copies(found: Iterable[Found]) -> list[Found]:
     """Drop copies of another run, which are not further seeds, and print a warning for each."""
-    kept: dict[str, list[Found]] = {}
+    kept: dict[tuple[str, str], Found] = {}
     for one in found:
-        alike = kept.setdefault(f"{one.place}/{one.result.arm}/{one.result.seed}", [])
-        known = next((other for other in alike if other.result == one.result), None)
-        if known is None:
-            alike.append(one)
-        else:
+        known = kept.setdefault((one.place, repr(one.result)), one)
+        if known is not one:
             print_error(f"{one.folder} is a copy of {known.folder}; left out")
-    return [one for runs in kept.values() for one in runs]
+    return list(kept.values())
 
 
-def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
+def group_runs(found: Iterable[Found]) -> dict[str, list[Found]]:
     """Group runs by folder, part, profile, pair and arm; return each group by its name, sorted by seed."""
     groups: dict[tuple[str, ...], list[Found]] = {}
     for one in found:
@@ -77,4 +70,4 @@ def grouped(found: Iterable[Found]) -> dict[str, list[Found]]:
 
 def folders_of(found: Iterable[Found]) -> dict[str, list[Path]]:
     """Return the folders of each group."""
-    return {name: [one.folder for one in runs] for name, runs in grouped(found).items()}
+    return {name: [one.folder for one in runs] for name, runs in group_runs(found).items()}

@@ -22,15 +22,9 @@ from ship_trl.transfer.casebase import LOCKS
 class Run:
     """An arm on a target case with a seed, as `make_run` plans it.
 
-    Attributes:
-        config: all settings.
-        target: the case that it learns.
-        source: the run that trains the source network; None if no source has to be trained.
-        folder: folder of all its files.
-        config_hash: digest of everything that decides what is learned. The same hash gives the same network
-            on the same machine and backend.
-        pretrained: the bundled source network, if it is the source.
-        demonstrations: the episodes that fill the replay before training.
+    `source` is the run that trains the source network; None if no source has to be trained. `config_hash` is
+    a digest of everything that decides what is learned: the same hash gives the same network on the same
+    machine and backend. `demonstrations` fill the replay before training.
     """
 
     config: Config
@@ -62,8 +56,8 @@ class Run:
     def stream(self, purpose: str) -> int:
         """Return the seed of the random stream for one purpose.
 
-        It depends on source and target. Otherwise the new layers of a transfer would be drawn with the
-        weights that its source began with, and which were trained together with the copied layers.
+        It depends on source and target. Otherwise the new layers of a transfer would get the initial weights
+        of its source, which were trained together with the copied layers.
         """
         # The stem, so that a bundled case by name and by path gets the same streams.
         source = "" if self.arm.is_scratch else self.config.source
@@ -72,15 +66,11 @@ class Run:
         return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
 
     def lock(self) -> FileLock:
-        """Return the lock to hold while the run's folder is written; its file in `.locks` is never deleted.
-
-        Raises:
-            ConfigError: the folder of the locks cannot be made.
-        """
+        """Return the lock to hold while the run's folder is written; its file is never deleted."""
         locks = Path(self.config.output) / LOCKS
         try:
             locks.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigError(f"output: {locks} cannot be made: {error.strerror}") from None
+            raise ConfigError(f"output: cannot create {locks}: {error.strerror}") from None
         config = self.config
         return FileLock(locks / f"{config.label}-{config.arm_label}-{config.seed}.lock")

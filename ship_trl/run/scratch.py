@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.config.arm import SCRATCH
-from ship_trl.config.types import Config
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import ResultError, read_result
 from ship_trl.policies import pretrained
@@ -19,12 +18,9 @@ from ship_trl.run.run import Run
 
 
 def scratch_returns(run: Run) -> NDArray[np.float64] | None:
-    """Find runs from scratch that differ from `run` only in the transfer and the seed.
+    """Return raw training returns [S, E] of runs from scratch that differ only in the transfer and the seed.
 
-    The function searches the run's output folder and the bundled curves (`pretrained`).
-
-    Returns:
-        Raw training returns [S, E] of S seeds, or None if no run is found.
+    They are in the run's output folder or among the bundled curves; None if there are none.
     """
     curves = dict(find_own_curves(run))
     seeds = {one["seed"] for one in pretrained.read()["runs"]}
@@ -36,9 +32,9 @@ def scratch_returns(run: Run) -> NDArray[np.float64] | None:
 
 def find_own_curves(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Yield config hash and training returns of the runs from scratch in the run's output folder."""
-    output = Path(run.config.output)
+    output, arm = Path(run.config.output), run.config.with_arm(SCRATCH).arm_label
     for label in sorted({run.config.label, run.target.name}):
-        for folder in sorted((output / label / from_scratch(run, 0).arm_label).glob("seed=*")):
+        for folder in sorted((output / label / arm).glob("seed=*")):
             try:
                 result = read_result(folder)
                 if result.config_hash == hash_from_scratch(run, result.seed):
@@ -52,9 +48,5 @@ def find_own_curves(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
 
 def hash_from_scratch(run: Run, seed: int) -> str:
     """Return the hash that the run would have without its transfer and with another seed."""
-    return hash_of(from_scratch(run, seed), run.target, None, demonstrations=run.demonstrations)
-
-
-def from_scratch(run: Run, seed: int) -> Config:
-    """Return the run's configuration without its transfer and with another seed."""
-    return dataclasses.replace(run.config.with_arm(SCRATCH), seed=seed)
+    config = dataclasses.replace(run.config.with_arm(SCRATCH), seed=seed)
+    return hash_of(config, run.target, None, demonstrations=run.demonstrations)

@@ -26,12 +26,7 @@ class Source:
 def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     """Read or draw the source's weights as the run's arm asks; return None for a run from scratch.
 
-    Args:
-        run: the run that transfers.
-        entry: the source network in the case base; None if it is bundled, a file, or random.
-
-    Raises:
-        ConfigError: the weights cannot be used.
+    `entry` is the source network in the case base; None if it is bundled, a file, or random.
     """
     if run.arm.is_scratch:
         return None

@@ -6,8 +6,11 @@ import os
 import signal
 import sys
 import threading
-from types import FrameType, TracebackType
-from typing import Any, NoReturn
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import NoReturn
 
 # Seconds that the runs of a grid get to stop; a step and a checkpoint take a tenth of it.
 TIME_TO_STOP = 2.0
@@ -17,47 +20,49 @@ class StoppedError(KeyboardInterrupt):
     """A training stopped because of a signal; the message says where, and how to resume it."""
 
     def __init__(self, text: str, number: signal.Signals) -> None:
-        super().__init__(text)
+        # Both are kept as arguments, so that a process of a pool can pickle the error.
+        super().__init__(text, number)
         self.text, self.number = text, number
 
-    def __reduce__(self) -> tuple[type[StoppedError], tuple[str, signal.Signals]]:
-        """Pickle both arguments, for a pool process that sends the error."""
-        return StoppedError, (self.text, self.number)
+    def __str__(self) -> str:
+        return self.text
 
 
+@dataclass
 class Stop:
-    """A context in which the first Ctrl-C or SIGTERM only sets `asked`; a second Ctrl-C interrupts at once.
+    """Whether a signal asked to stop, and which."""
+
+    asked: signal.Signals | None = None
+
+
+@contextmanager
+def stop_on_signal() -> Iterator[Stop]:
+    """Let the first Ctrl-C or SIGTERM only set `asked`; a second Ctrl-C interrupts at once.
 
     Slurm, Kubernetes and an ending launcher send SIGTERM. Signals arrive only in the main thread, so the
     context has no effect in other threads.
     """
+    stop, interrupts, before = Stop(), 0, {}
 
-    def __init__(self) -> None:
-        self.asked: signal.Signals | None = None
-        self._interrupts = 0
-        self._before: dict[signal.Signals, Any] = {}
-
-    def __enter__(self) -> Stop:
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                # An ignored signal stays ignored, for example in a background process. None means that the
-                # handler was not set from Python.
-                if signal.getsignal(number) not in (signal.SIG_IGN, None):
-                    self._before[number] = signal.signal(number, self._ask)
-        return self
-
-    def _ask(self, number: int, _: FrameType | None) -> None:
+    def ask(number: int, _: FrameType | None) -> None:
+        nonlocal interrupts
         # Ctrl-C in a shell reaches this process and its launcher, which then sends SIGTERM too. So only
         # Ctrl-C counts as a second request.
-        self._interrupts += number == signal.SIGINT
-        if self._interrupts > 1:
+        interrupts += number == signal.SIGINT
+        if interrupts > 1:
             raise KeyboardInterrupt
-        self.asked = self.asked or signal.Signals(number)
+        stop.asked = stop.asked or signal.Signals(number)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for number, handler in self._before.items():
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # An ignored signal stays ignored, for example in a background process. None means that the
+            # handler was not set from Python.
+            if signal.getsignal(number) not in (signal.SIG_IGN, None):
+                before[number] = signal.signal(number, ask)
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 
@@ -65,27 +70,24 @@ class TerminatedError(BaseException):
     """SIGTERM in a process that must end its children before it ends."""
 
 
-def unwind_at_sigterm() -> None:
-    """Raise `TerminatedError` at the first SIGTERM; further ones are ignored."""
+def raise_at_sigterm() -> None:
+    """Raise `TerminatedError` at the first SIGTERM; ignore further ones."""
 
-    def unwind(*_: object) -> None:
+    def handle(*_: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise TerminatedError
 
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, unwind)
+        signal.signal(signal.SIGTERM, handle)
 
 
-def heed_sigterm() -> None:
-    """Install a handler that ends the process at SIGTERM, if there is no other handler.
-
-    Without a handler, the first process of a container would ignore SIGTERM.
-    """
+def end_at_sigterm() -> None:
+    """End the process at SIGTERM; the first process of a container would ignore it without a handler."""
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, lambda number, _: die_of(signal.Signals(number)))
+        signal.signal(signal.SIGTERM, lambda *_: end_by_signal(signal.SIGTERM))
 
 
-def die_of(number: signal.Signals) -> NoReturn:
+def end_by_signal(number: signal.Signals) -> NoReturn:
     """End this process at once by a signal, as if the signal had no handler."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

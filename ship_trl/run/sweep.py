@@ -1,4 +1,4 @@
-"""Print the best values at the end of a sweep, as overrides for the next command."""
+"""What a sweeper maximises, and the best values at the end of a sweep. No torch."""
 
 from __future__ import annotations
 
@@ -10,11 +10,32 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 from yaml import YAMLError
 
-from ship_trl.config.errors import one_line
+from ship_trl.config.errors import ConfigError, one_line
+from ship_trl.config.types import Objective
+from ship_trl.files.curve import CurveError, read_curve, split
+from ship_trl.files.result import Result
 from ship_trl.files.untrusted import read_yaml
+from ship_trl.run.run import Run
 
 # File that Hydra's sweepers write.
 RESULTS = "optimization_results.yaml"
+
+
+def objective(run: Run, result: Result) -> float:
+    """Return the greedy return that the setting `objective` chooses."""
+    if run.config.objective is Objective.best:
+        return result.best.episode_return
+    if run.config.objective is Objective.final:
+        return result.final.episode_return
+    try:
+        _, greedy = split(read_curve(run.folder))
+    except CurveError as error:
+        raise ConfigError(
+            f"objective: {run.folder}: {error}; allowed without a curve: objective=final, objective=best"
+        ) from None
+    explored = run.config.learn.epsilon_fraction * run.config.learn.episodes
+    # Never empty, because a run ends with an evaluation.
+    return float(greedy["return"][greedy["episode"] >= explored].mean())
 
 
 class BestTrial(Callback):

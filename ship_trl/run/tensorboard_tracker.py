@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,11 @@ from ship_trl.config.types import plain
 from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.run import console
-from ship_trl.run.rows import numbers
+from ship_trl.run.history import Row, to_numbers
 from ship_trl.run.run import Run
+
+# A code block in TensorBoard's Markdown.
+CODE_BLOCK = "```\n{}\n```"
 
 
 class TensorboardTracker:
@@ -29,24 +31,23 @@ class TensorboardTracker:
         self._folder, self._output = run.folder, run.config.output
         self._writer: Any = SummaryWriter(str(run.folder))
         values = plain(run.config) | {"arm": run.config.arm_label, "config_hash": run.config_hash}
-        self._writer.add_text("config", to_code_block(yaml.safe_dump(values, sort_keys=False)))
+        self._writer.add_text("config", CODE_BLOCK.format(yaml.safe_dump(values, sort_keys=False)))
 
-    def log(self, values: Mapping[str, Any]) -> None:
+    def log(self, row: Row) -> None:
         """Log the row of an event, with the episode as horizontal axis."""
         with writing(self._folder):
-            for name, value in numbers(values).items():
-                self._writer.add_scalar(name, value, values["episode"])
+            for name, value in to_numbers(row).items():
+                self._writer.add_scalar(name, value, row["episode"])
 
     def finish(self, result: Result, folder: Path) -> None:
         """Log the pictures and the result."""
+        text = CODE_BLOCK.format(json.dumps(result.to_json(), indent=1))
         with writing(self._folder):
-            self._picture("learning curve", folder / "curve.png", result.episodes)
-            self._picture("greedy episode", folder / "episode.gif", result.episodes)
-            self._writer.add_text(
-                "result", to_code_block(json.dumps(result.to_json(), indent=1)), result.episodes
-            )
+            self._add_image("learning curve", folder / "curve.png", result.episodes)
+            self._add_image("greedy episode", folder / "episode.gif", result.episodes)
+            self._writer.add_text("result", text, result.episodes)
 
-    def _picture(self, name: str, path: Path, step: int) -> None:
+    def _add_image(self, name: str, path: Path, step: int) -> None:
         """Log an image file unchanged: TensorBoard also plays GIFs, and `add_video` would need moviepy."""
         from tensorboard.compat.proto.summary_pb2 import Summary
 
@@ -64,8 +65,3 @@ class TensorboardTracker:
         console.say(
             f"tensorboard: {self._folder}; to see it: tensorboard --logdir {shlex.quote(self._output)}"
         )
-
-
-def to_code_block(text: str) -> str:
-    """Wrap a text as a code block in TensorBoard's Markdown."""
-    return f"```\n{text}\n```"

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from ship_trl.config.types import Logger
 from ship_trl.files.curve import COLUMNS, CURVE
@@ -15,7 +13,7 @@ from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.folder import open_folder
-from ship_trl.run.rows import row
+from ship_trl.run.history import Row, to_csv, to_row
 from ship_trl.run.run import Run
 from ship_trl.run.tensorboard_tracker import TensorboardTracker
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
@@ -27,13 +25,12 @@ class CsvTracker:
     def __init__(self, folder: Path) -> None:
         self._path = folder / CURVE
         self._file = self._path.open("w", newline="")
-        self._writer = csv.DictWriter(self._file, COLUMNS, restval="", lineterminator="\n")
-        self._writer.writeheader()
+        self._file.write(",".join(COLUMNS) + "\n")
 
-    def log(self, values: dict[str, Any]) -> None:
+    def log(self, row: Row) -> None:
         """Write a row; floats keep all digits, so that equal runs give equal bytes."""
         with writing(self._path):
-            self._writer.writerow(values)
+            self._file.write(to_csv([row]))
             self._file.flush()
 
     def close(self) -> None:
@@ -45,12 +42,10 @@ class CsvTracker:
 class Tracker:
     """A context that logs to CSV and to the loggers in `logger`, and closes them even if the run fails.
 
-    Args:
-        run: the run that is logged.
-        rows: earlier events of a resumed run. All trackers get them again, so that none has to store them.
+    `rows` are the earlier events of a resumed run. They are logged again, because no tracker stores them.
     """
 
-    def __init__(self, run: Run, rows: Sequence[dict[str, Any]] = ()) -> None:
+    def __init__(self, run: Run, rows: Sequence[Row] = ()) -> None:
         self._run, self._rows = run, list(rows)
         self._others: list[WandbTracker | TensorboardTracker] = []
 
@@ -65,18 +60,17 @@ class Tracker:
         self._csv = CsvTracker(self._run.folder)
         if logger.includes(Logger.tensorboard):
             self._others.append(TensorboardTracker(self._run))
-        for values in self._rows:
-            self._log(values)
+        for row in self._rows:
+            self._log(row)
         return self
 
     def log(self, event: Finished | Evaluated) -> None:
         """Log an event with all trackers."""
-        self._log(row(event))
+        self._log(to_row(event))
 
-    def _log(self, values: dict[str, Any]) -> None:
-        self._csv.log(values)
-        for tracker in self._others:
-            tracker.log(values)
+    def _log(self, row: Row) -> None:
+        for tracker in (self._csv, *self._others):
+            tracker.log(row)
 
     def finish(self, result: Result) -> None:
         """Log the result with all trackers but CSV."""

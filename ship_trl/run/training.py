@@ -1,26 +1,29 @@
-"""Train one network to its last episode, or until a signal stops it; resume a stopped training."""
+"""Train one network to its end or until a signal stops it; write checkpoints, and resume from them."""
 
 from __future__ import annotations
 
+import csv
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import torch
+from torch import Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE
-from ship_trl.files.disk import sync
+from ship_trl.files.disk import remove, sync
 from ship_trl.files.result import Result, write_result
-from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
+from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training, add_prefix, strip_prefix
 from ship_trl.run import console
+from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.conclude import make_result, retain, write_files
-from ship_trl.run.history import History
-from ship_trl.run.journal import Journal
-from ship_trl.run.parts import make_parts
+from ship_trl.run.history import History, to_csv
+from ship_trl.run.parts import Parts, make_parts
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
-from ship_trl.run.stop import Stop, StoppedError
+from ship_trl.run.stop import Stop, StoppedError, stop_on_signal
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.cases import shadowing_case
 from ship_trl.sim.reference import best_known
@@ -31,13 +34,8 @@ from ship_trl.transfer.layers import save_weights
 def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> Result:
     """Train one network, and write all files into the run's folder, `result.json` last.
 
-    If an earlier process left a checkpoint of this run, the training resumes from it.
-
-    Args:
-        run: the run to train; the caller holds its lock.
-        device: device of the networks and environments.
-        source: the weights to copy; None from scratch.
-        place: the run's place in a grid, else empty.
+    If an earlier process left a checkpoint of this run, the training resumes from it. The caller holds the
+    run's lock. `place` is the run's place in a grid, else empty.
 
     Raises:
         StoppedError: a signal asked to stop.
@@ -56,7 +54,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     with Tracker(run, history.rows) as tracker:
         # In a resumed run, the file of the best network may be newer than the checkpoint.
         save_best(run, history)
-        with Stop() as stop:
+        with stop_on_signal() as stop:
             events = train_until_stopped(training, journal, stop)
             for event in console.progress(run.title, episodes, events, place, training.episode):
                 tracker.log(event)
@@ -76,24 +74,17 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
 
 
 def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished | Evaluated]:
-    """Train to the end and yield the events; between two steps, write a checkpoint if it is due, or stop.
-
-    Raises:
-        StoppedError: a signal asked to stop.
-        ConfigError: the training diverged.
-    """
+    """Train to the end and yield the events; between two steps, write a checkpoint if it is due, or stop."""
     try:
         if not training.has_begun:
             yield training.begin()
         while not training.is_finished:
             yield from training.advance()
+            if stop.asked is None and journal.checkpoints.due(training.episode):
+                journal.write()
+            # The signal may also have come while the checkpoint was written.
             if stop.asked is not None:
                 raise StoppedError(journal.stop(), stop.asked)
-            if journal.checkpoints.due(training.episode):
-                journal.write()
-        # The signal may have come while the last checkpoint was written.
-        if stop.asked is not None:
-            raise StoppedError(journal.stop(), stop.asked)
     except DivergedError as error:
         raise ConfigError(journal.describe_divergence(error)) from None
 
@@ -103,3 +94,105 @@ def save_best(run: Run, history: History) -> None:
     if history.best is not None:
         about = {"config_hash": run.config_hash, "episode": history.best.episode}
         save_weights(run.folder / POLICY, history.network, about)
+
+
+class Journal:
+    """Writes checkpoints of a training between two steps, and resumes from them.
+
+    `started` is the start of the training, as `time.perf_counter`.
+    """
+
+    def __init__(self, run: Run, parts: Parts, started: float) -> None:
+        self._run, self._parts, self._started = run, parts, started
+        interval, self._episodes = run.config.checkpoint, run.config.learn.episodes
+        self.checkpoints = Checkpoints(run.folder, interval.every * self._episodes, interval.seconds)
+        # Episode of the newest checkpoint; None without one.
+        self._newest: int | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Training time so far, in all processes."""
+        return time.perf_counter() - self._started
+
+    def write(self) -> None:
+        """Write a checkpoint; on a full disk the training continues without it.
+
+        Raises:
+            DivergedError: a loss or a weight is not finite. Earlier checkpoints are kept.
+        """
+        training, history = self._parts.training, self._parts.history
+        training.check_finite()
+        about = About(
+            config_hash=self._run.config_hash,
+            computed=self._parts.computed,
+            episode=training.episode,
+            episodes=self._episodes,
+            steps=training.steps,
+            seconds=self.seconds,
+        )
+        curve = np.frombuffer(to_csv(history.rows).encode(), dtype=np.uint8)
+        tensors: dict[str, Tensor] = {
+            **add_prefix("training", training.state_dict()),
+            **add_prefix("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
+            "curve": torch.from_numpy(curve.copy()),
+        }
+        try:
+            self.checkpoints.write(tensors, about)
+            self._newest = training.episode
+        except OSError as error:
+            console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
+            self.checkpoints.begin(training.episode)
+
+    def resume(self, in_a_grid: bool = False) -> None:
+        """Restore the training from the newest intact checkpoint of this run, if there is one.
+
+        Damaged checkpoints are reported and deleted. After a checkpoint of other arithmetic the run would not
+        end with the same bits: it is refused, or starts over in a grid, where nobody may be there to choose.
+        """
+        found, damaged = self.checkpoints.read(self._run.config_hash)
+        for path, reason in damaged.items():
+            then = "the other checkpoint is used" if found else "the run starts over"
+            console.say(f"checkpoint: {path} {reason}; {then}")
+            remove(path)
+        if found is None:
+            return
+        about, tensors = found
+        folder = self.checkpoints.folder
+        if about.computed != self._parts.computed:
+            differs = f"was computed by {about.computed}, and here it would be {self._parts.computed}"
+            if in_a_grid:
+                console.say(f"{folder}, episode {about.episode}, {differs}; the run starts over")
+                self.checkpoints.remove()
+                return
+            raise ConfigError(
+                f"output: {folder}, episode {about.episode}, {differs}; allowed: the same machine, device=, "
+                f"learn.precision= and learn.backend=; or delete {folder} to start over"
+            )
+        try:
+            self._parts.training.load_state_dict(strip_prefix("training", tensors))
+            rows = bytes(tensors["curve"].numpy()).decode()
+            self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.run_episode)
+        except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
+            raise ConfigError(
+                f"output: {folder} was not written by this program ({type(error).__name__}); "
+                f"delete {folder} to start over"
+            ) from None
+        self._started -= about.seconds
+        self._newest = about.episode
+        self.checkpoints.begin(about.episode)
+        console.say(f"resuming from the checkpoint at episode {about.episode} of {about.episodes}")
+
+    def stop(self) -> str:
+        """Write a checkpoint; return a message that says where the training stopped and how to resume it."""
+        self.write()
+        then = "start over" if self._newest is None else f"resume from episode {self._newest}"
+        at = self._parts.training.episode
+        return f"stopped at episode {at} of {self._episodes}; run the same command again to {then}"
+
+    def describe_divergence(self, error: DivergedError) -> str:
+        """Return a message that says how the training diverged and which checkpoint is kept."""
+        kept = "" if self._newest is None else f"; the checkpoint of episode {self._newest} is kept"
+        return (
+            f"learn: {error}, at episode {self._parts.training.episode} of {self._run.folder}{kept}; "
+            "try a smaller learn.lr or learn.reward_scale, or learn.loss=huber"
+        )

@@ -6,7 +6,7 @@ import os
 import secrets
 import shlex
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,7 +16,7 @@ from ship_trl.files.disk import DISK, links, read_file, replacing
 from ship_trl.files.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
-from ship_trl.run.rows import numbers
+from ship_trl.run.history import Row, to_numbers
 from ship_trl.run.run import Run
 
 # Seconds to wait for the network when a run starts, and for the upload when it ends.
@@ -28,27 +28,24 @@ def begin_wandb(run: Run) -> WandbTracker | None:
     """Start a run in wandb; on a full disk print a message and return None.
 
     Raises:
-        ConfigError: wandb refuses the settings, or its folder cannot be made.
+        ConfigError: wandb refuses the settings, or its folder is not writable.
     """
     try:
         return WandbTracker(run)
     except Exception as error:  # from wandb or its dependencies
         if not is_disk_full(error):
-            raise ConfigError(f"wandb: {one_line_of(error)}; logger=csv does without") from None
-        console.say(f"wandb: {one_line_of(error)}; the run goes on without it")
+            raise ConfigError(f"wandb: {describe(error)}; logger=csv trains without wandb") from None
+        console.say(f"wandb: {describe(error)}; the run continues without wandb")
         return None
 
 
 def is_disk_full(error: BaseException | None) -> bool:
     """Return whether a full disk caused the error; wandb's own errors say it only in their text."""
-    if error is None:
-        return False
-    has_errno = isinstance(error, OSError) and error.errno in DISK
-    return (
-        has_errno
-        or "no space left" in str(error).lower()
-        or is_disk_full(error.__cause__ or error.__context__)
-    )
+    while error is not None:
+        if getattr(error, "errno", None) in DISK or "no space left" in str(error).lower():
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 class WandbTracker:
@@ -67,17 +64,17 @@ class WandbTracker:
         self._folder = Path(run.config.wandb.folder)
         self._logged = 0
         self._failed = False
-        online = run.config.wandb.mode is WandbMode.online
         if linked := links(self._folder / "wandb", self._folder):
             # The output folder may be untrusted.
             raise ConfigError(f"{linked[0]} is a link; allowed: wandb.folder= with the target of the link")
         self._folder.mkdir(parents=True, exist_ok=True)
+        online = run.config.wandb.mode is WandbMode.online
         try:
             self._wandb = self._begin(run, "online" if online else "offline")
         except Exception as error:  # from wandb or its dependencies
             if not online:
                 raise
-            console.say(f"wandb: {one_line_of(error)}; this run is logged offline")
+            console.say(f"wandb: {describe(error)}; this run is logged offline")
             # A new id, because wandb still holds the id of the run that it could not start.
             self._id = secrets.token_hex(4)
             self._wandb = self._begin(run, "offline")
@@ -121,12 +118,11 @@ class WandbTracker:
 
         The new offline files will hold the complete run.
         """
-        self._note.parent.mkdir(exist_ok=True)
         with replacing(self._note) as draft:
             draft.write_text(f"{self._config_hash} {self._id}")
-        here = Path(self._wandb.dir).parent
+        here = Path(self._wandb.dir).parent.resolve()
         for folder in self._folder.glob(f"wandb/offline-run-*-{self._id}"):
-            if folder.resolve() != here.resolve():
+            if folder.resolve() != here:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _try(self, call: Callable[[], object]) -> None:
@@ -137,14 +133,14 @@ class WandbTracker:
             call()
         except Exception as error:
             self._failed = True
-            console.say(f"wandb: {one_line_of(error)}; the run goes on without it")
+            console.say(f"wandb: {describe(error)}; the run continues without wandb")
 
-    def log(self, values: Mapping[str, Any]) -> None:
+    def log(self, row: Row) -> None:
         """Log the row of an event, with the episode as horizontal axis; skip rows that wandb has already."""
         self._logged += 1
         # A resumed run logs its earlier events again, but the server has them already.
         if self._logged > self._wandb.starting_step:
-            self._try(lambda: self._wandb.log({"episode": values["episode"]} | numbers(values)))
+            self._try(lambda: self._wandb.log({"episode": row["episode"]} | to_numbers(row)))
 
     def finish(self, result: Result, folder: Path) -> None:
         """Log the pictures and put the result into the summary."""
@@ -167,18 +163,15 @@ class WandbTracker:
 
     def close(self, failed: bool) -> None:
         """Finish the run in wandb, so that the next run of a sweep is a new one, and print where it is."""
-        folder, url = relative_to_cwd(Path(self._wandb.dir).parent), self._wandb.url
+        folder, url = Path(self._wandb.dir).parent, self._wandb.url
+        if folder.is_relative_to(Path.cwd()):
+            folder = folder.relative_to(Path.cwd())
         self._try(lambda: self._wandb.finish(exit_code=int(failed)))
         # If the upload failed, the folder still holds the whole run.
         uploaded = url if url and not self._failed else None
         console.say(f"wandb: {uploaded or f'{folder}; to upload it: wandb sync {shlex.quote(str(folder))}'}")
 
 
-def one_line_of(error: Exception) -> str:
+def describe(error: Exception) -> str:
     """Return an error's message as one line."""
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
-
-
-def relative_to_cwd(folder: Path) -> Path:
-    """Return a folder relative to the working directory if it is below it."""
-    return folder.relative_to(Path.cwd()) if folder.is_relative_to(Path.cwd()) else folder

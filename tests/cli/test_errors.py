@@ -75,7 +75,7 @@ def test_second_run_takes_the_retained_source(trained: Path) -> None:
 def test_finished_run_is_shown_not_trained_again(trained: Path) -> None:
     before = files(trained / "outputs/smoke/high/FT3")
     done = ship_trl(*SMOKE, folder=trained)
-    assert "holds this run already" in done.stdout
+    assert "is already finished" in done.stdout
     assert files(trained / "outputs/smoke/high/FT3") == before
 
 

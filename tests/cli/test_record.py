@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.cli.record import best_of_folders, main
+from ship_trl.cli.record import drop_last_networks, main
 from ship_trl.config.errors import ConfigError
 from tests.command import environment, refused
 from tests.view.episodes import entry
@@ -47,9 +47,9 @@ def test_of_a_result_its_best_network_is_shown() -> None:
     best = replace(entry(), policy="a/policy.safetensors", label="a scratch seed 0, best")
     last = replace(entry(), policy="a/policy_last.safetensors", label="a scratch seed 0, final")
     named = replace(entry(), policy="a/policy_last.safetensors", label="a/policy_last.safetensors")
-    assert best_of_folders([best, last, named]) == [best, named]
+    assert drop_last_networks([best, last, named]) == [best, named]
     with pytest.raises(ConfigError, match=r"a/policy_last\.safetensors has no best network beside it"):
-        best_of_folders([last])
+        drop_last_networks([last])
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,9 @@ def trial(name: str, pause: float, kill: float | None, folder: Path) -> Trial:
     problems = [str(one) for one in ended if one.code != 0 or "Traceback" in one.err]
     if kill is None and not problems:
         out = "".join(one.out for one in ended)
-        if out.count("two trainings") > 1:
+        if out.count("training the source first") > 1:
             problems.append("the source was trained twice")
-        if "same" in name and (shown := out.count("holds this run already")) != 1:
+        if "same" in name and (shown := out.count("is already finished")) != 1:
             problems.append(f"{shown} of two showed a finished run")
     if not problems and (found := difference(expected(*PAIRS[name]), drop_drafts(contents(folder)))):
         problems.append(found)

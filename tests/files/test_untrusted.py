@@ -24,7 +24,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import read_demonstration
 from ship_trl.run.checkpoint import CheckpointError
 from ship_trl.run.checkpoint import read as read_checkpoint
-from ship_trl.run.entries import settings_of
+from ship_trl.run.entries import read_settings
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.reference import best_known, plan_name
 from ship_trl.study.plan.manifest import read_plan
@@ -90,7 +90,7 @@ READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
     "result": ("result.json", lambda path, world: read_result(path.parent)),
     "curve": ("curve.csv", lambda path, world: read_curve(path.parent)),
     "case": ("mine.yaml", lambda path, world: load_case(str(path), world)),
-    "configuration": ("config.yaml", lambda path, world: settings_of(path.parent)),
+    "configuration": ("config.yaml", lambda path, world: read_settings(path.parent)),
     "whole configuration": ("config.yaml", lambda path, world: read_config(path)),
     "demonstration": ("2-001.json", lambda path, world: read_demonstration(path, 7)),
     "plan of a study": (PLAN, lambda path, world: read_plan(path, "copy")),
@@ -176,7 +176,7 @@ def test_yaml_is_values_and_no_more(
     path.write_text(text)
     for read in (
         lambda: load_case(str(path), world),
-        lambda: settings_of(tmp_path),
+        lambda: read_settings(tmp_path),
         lambda: read_config(path),
     ):
         with pytest.raises(ConfigError) as caught:
@@ -206,7 +206,7 @@ def test_the_world_of_an_untrusted_file_is_checked(
 ) -> None:
     (tmp_path / "config.yaml").write_text(yaml.safe_dump({"world": plain(world) | change, "colour": False}))
     with pytest.raises(ConfigError, match=rf"^policy: \S+: world.{next(iter(change))}: must be"):
-        settings_of(tmp_path)
+        read_settings(tmp_path)
 
 
 @pytest.mark.parametrize("word", ["\x1b]0;title\x07", "a\nb", "\x9b2J", "\u202e"])

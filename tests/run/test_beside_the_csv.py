@@ -92,9 +92,10 @@ def test_a_run_that_was_stopped_is_there_once(number: signal.Signals, tmp_path: 
         "tracking.Tracker.log = counted"
     )
     stopped = ship_trl(*LINE, folder=tmp_path, code=128 + number, first=first)
-    assert stopped.stderr == "ship_trl: stopped at episode 3 of 6; the same command goes on from there\n"
+    words = "stopped at episode 3 of 6; run the same command again to resume from episode 3"
+    assert stopped.stderr == f"ship_trl: {words}\n"
     said = ship_trl(*LINE, folder=tmp_path).stdout
-    assert "goes on from its checkpoint, episode 3 of 6" in said
+    assert "resuming from the checkpoint at episode 3 of 6" in said
     output = tmp_path / "outputs/smoke"
     (run,) = (output / "wandb").glob("offline-run-*")
     assert f"wandb sync outputs/smoke/wandb/{run.name}" in said

@@ -10,7 +10,7 @@ from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
 from ship_trl.learn.replay import StateReplay
 from ship_trl.policies.demonstrations import write_demonstration
-from ship_trl.run.demonstrate import preload_replay
+from ship_trl.run.parts import preload_replay
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv

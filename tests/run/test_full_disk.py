@@ -11,8 +11,8 @@ from ship_trl.cli.errors import hydra_errors
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.result import write_result
 from ship_trl.run.folder import open_folder
+from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
-from ship_trl.run.rows import row
 from ship_trl.run.tracking import CsvTracker
 from ship_trl.transfer.layers import save_weights
 from tests.a_result import a_result
@@ -35,7 +35,7 @@ def largest_file(size: int) -> Iterator[None]:
 def write_curve(folder: Path) -> None:
     tracker = CsvTracker(folder)
     try:
-        tracker.log(row(FINISHED))
+        tracker.log(to_row(FINISHED))
     finally:
         tracker.close()
 

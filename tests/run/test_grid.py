@@ -22,9 +22,9 @@ SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
         (["method=scratch,finetune"], "source: must be a case, for method=finetune"),
         (
             ["learn.lr=0.001,0.002", "learn.tau=0.1,0.2"],
-            "/1/scratch/seed=0; allowed: one each, as 'output=outputs/${learn.lr}-${learn.tau}'",
+            "/1/scratch/seed=0; allowed: 'output=outputs/${learn.lr}-${learn.tau}'",
         ),
-        (["network=paper,five"], "allowed: one each, by a grid for each with another output=FOLDER"),
+        (["network=paper,five"], "allowed: a grid for each value, with its own output=FOLDER"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

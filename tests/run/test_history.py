@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ship_trl.learn.train import Finished
-from ship_trl.run.history import from_csv, to_csv
-from ship_trl.run.rows import row
+from ship_trl.run.history import from_csv, to_csv, to_row
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 EPISODES = st.builds(
@@ -25,5 +24,5 @@ EPISODES = st.builds(
 
 @given(st.lists(EPISODES, max_size=5))
 def test_rows_are_read_as_they_were(episodes: list[Finished]) -> None:
-    rows = [row(episode) for episode in episodes]
+    rows = [to_row(episode) for episode in episodes]
     assert from_csv(to_csv(rows)) == rows

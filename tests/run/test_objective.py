@@ -8,9 +8,9 @@ import yaml
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE, read_curve, split
 from ship_trl.files.result import read_result
-from ship_trl.run.objective import objective
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
+from ship_trl.run.sweep import objective
 from tests.a_result import a_result, an_evaluation
 from tests.command import ship_trl
 from tests.config.test_config import composed
@@ -44,7 +44,7 @@ def test_an_objective_is_a_greedy_return(change: str, value: float, tmp_path: Pa
 def test_a_curve_that_is_damaged_is_said_where_it_is_asked_for(tmp_path: Path) -> None:
     run = finished(tmp_path)
     (run.folder / CURVE).unlink()
-    with pytest.raises(ConfigError, match=r"^objective: .*: curve.csv is missing; allowed without it: obj"):
+    with pytest.raises(ConfigError, match=r"^objective: .*: curve.csv is missing; allowed without a"):
         objective(run, RESULT)
 
 
@@ -75,7 +75,7 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     )
     assert f", late {max(values):.1f}; " in said.splitlines()[-1]
     # The same command tries the same values, and finds its trials there.
-    assert ship_trl(*line, folder=tmp_path).stdout.count("holds this run already") == 2
+    assert ship_trl(*line, folder=tmp_path).stdout.count("is already finished") == 2
     # Other settings are refused in the place of the first, in one line.
     other = (*line, "learn.episodes=5")
     refused = ship_trl(*other, folder=tmp_path, code=1).stderr

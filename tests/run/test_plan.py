@@ -187,5 +187,7 @@ def test_the_same_case_by_another_name_draws_otherwise_and_is_another_run(tmp_pa
 
 def test_an_own_pair_has_no_pretrained_source() -> None:
     config = dataclasses.replace(composed("+pair=low", "layers=3", "source=pretrained"), pair="mine")
-    with pytest.raises(ConfigError, match="source: pretrained knows the shipped pairs alone, not mine"):
+    with pytest.raises(
+        ConfigError, match="source: pretrained is allowed for the shipped pairs only, not for mine"
+    ):
         make_run(config)

@@ -82,8 +82,8 @@ def test_a_waiting_process_says_what_for(
     waiting.join(10)
     *lines, last = capsys.readouterr().out.splitlines()
     assert last == "mine" and len(lines) >= 2
-    start = "waiting for another process that is at case 1, scratch, seed 0 (0 s so far; "
-    assert all(line == f"{start}{place})" for line in lines)
+    told = f"waiting 0 s for another process that trains case 1, scratch, seed 0 ({place})"
+    assert all(line == told for line in lines)
     with console.hold(FileLock(place), "nothing"):  # free again
         assert capsys.readouterr().out == ""
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.run.stop import Stop, StoppedError
+from ship_trl.run.stop import StoppedError, stop_on_signal
 from ship_trl.study.launch.progress import last_episode
 from tests.command import environment
 
@@ -28,14 +28,14 @@ def heeded() -> Iterator[None]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_asks(number: signal.Signals) -> None:
     before = signal.getsignal(number)
-    with Stop() as stop:
+    with stop_on_signal() as stop:
         signal.raise_signal(number)
     assert stop.asked is number
     assert signal.getsignal(number) is before
 
 
 def test_a_second_ctrl_c_acts_at_once() -> None:
-    with Stop():
+    with stop_on_signal():
         signal.raise_signal(signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
@@ -43,7 +43,7 @@ def test_a_second_ctrl_c_acts_at_once() -> None:
 
 
 def test_a_sigterm_after_ctrl_c_is_not_a_second_ctrl_c() -> None:
-    with Stop() as stop:
+    with stop_on_signal() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
         assert stop.asked is signal.SIGINT
@@ -52,7 +52,7 @@ def test_a_sigterm_after_ctrl_c_is_not_a_second_ctrl_c() -> None:
 def test_a_signal_that_was_ignored_stays_ignored() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with Stop() as stop:
+        with stop_on_signal() as stop:
             signal.raise_signal(signal.SIGINT)
     finally:
         signal.signal(signal.SIGINT, before)
@@ -68,7 +68,7 @@ def test_outside_the_main_thread_it_changes_nothing() -> None:
     before, seen = signal.getsignal(signal.SIGTERM), []
 
     def work() -> None:
-        with Stop() as stop:
+        with stop_on_signal() as stop:
             seen.append((stop.asked, signal.getsignal(signal.SIGTERM)))
 
     thread = threading.Thread(target=work)
@@ -78,7 +78,10 @@ def test_outside_the_main_thread_it_changes_nothing() -> None:
 
 
 def test_a_process_ends_as_one_that_the_signal_killed() -> None:
-    code = "import signal; from ship_trl.run.stop import die_of; print('last words'); die_of(signal.SIGTERM)"
+    code = (
+        "import signal; from ship_trl.run.stop import end_by_signal\n"
+        "print('last words'); end_by_signal(signal.SIGTERM)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=os.environ
     )

@@ -8,8 +8,8 @@ import torch
 
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.run.history import to_numbers, to_row
 from ship_trl.run.plan import make_run
-from ship_trl.run.rows import numbers, row
 from ship_trl.run.tracking import CsvTracker, Tracker
 from tests.config.test_config import composed
 
@@ -26,7 +26,7 @@ FINISHED = Finished(3, 90, 0.5, 0.1 + 0.2, 30, "goal", math.inf, None)
 
 
 def test_numbers_have_the_names_of_a_chart() -> None:
-    trained, greedy = numbers(row(FINISHED)), numbers(row(Evaluated(3, 90, EPISODE)))
+    trained, greedy = to_numbers(to_row(FINISHED)), to_numbers(to_row(Evaluated(3, 90, EPISODE)))
     assert (trained["train/return"], trained["train/goal"], trained["train/collision"]) == (0.1 + 0.2, 1, 0)
     assert (greedy["greedy/return"], greedy["greedy/goal"], greedy["greedy/collision"]) == (-3.5, 0, 1)
     assert all(name.startswith("train/") for name in trained) and "train/loss" not in trained
@@ -35,11 +35,11 @@ def test_numbers_have_the_names_of_a_chart() -> None:
 
 def test_csv_keeps_every_digit_and_grows_as_it_goes(tmp_path: Path) -> None:
     tracker = CsvTracker(tmp_path)
-    tracker.log(row(FINISHED))
+    tracker.log(to_row(FINISHED))
     with (tmp_path / "curve.csv").open() as file:  # before it is closed
         (first,) = csv.DictReader(file)
     assert float(first["return"]) == 0.1 + 0.2 and first["loss"] == "" and first["dcpa"] == ""
-    tracker.log(row(Evaluated(3, 90, EPISODE)))
+    tracker.log(to_row(Evaluated(3, 90, EPISODE)))
     tracker.close()
     with (tmp_path / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))

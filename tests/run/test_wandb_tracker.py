@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.run.checkpoint import FOLDER
+from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
-from ship_trl.run.rows import row
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
 from tests.config.test_config import composed
 from tests.run.test_tracking import FINISHED
@@ -68,7 +69,7 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Server:
 
 def tracker(*overrides: str) -> WandbTracker:
     run = make_run(composed(*LINE, *overrides))
-    run.folder.mkdir(parents=True, exist_ok=True)
+    (run.folder / FOLDER).mkdir(parents=True, exist_ok=True)
     found = WandbTracker(run)
     found.remember()
     return found
@@ -78,14 +79,14 @@ def test_without_a_network_or_with_a_wrong_key_it_logs_offline(
     server: Server, capsys: pytest.CaptureFixture[str]
 ) -> None:
     server.fails["online"] = Error("the network\nis gone")
-    tracker("wandb.mode=online").log(row(FINISHED))
+    tracker("wandb.mode=online").log(to_row(FINISHED))
     assert [given["mode"] for given in server.begun] == ["online", "offline"] and len(server.logged) == 1
     assert capsys.readouterr().out == "wandb: the network is gone; this run is logged offline\n"
 
 
 def test_a_wandb_refusal_comes_before_training(server: Server) -> None:
     server.fails["offline"] = Error("no such project")
-    with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv does without"):
+    with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv trains without wandb"):
         begin_wandb(make_run(composed(*LINE)))
 
 
@@ -95,7 +96,7 @@ def test_on_a_full_disk_the_run_goes_on_without_it(
 ) -> None:
     server.fails["offline"] = error
     assert begin_wandb(make_run(composed(*LINE))) is None
-    assert capsys.readouterr().out.endswith("; the run goes on without it\n")
+    assert capsys.readouterr().out.endswith("; the run continues without wandb\n")
 
 
 @pytest.mark.parametrize("call", ["log", "finish"])
@@ -104,11 +105,11 @@ def test_a_later_failure_is_reported_once_and_ends_nothing(
 ) -> None:
     found = tracker()
     server.fails[call] = OSError(28, "No space left on device")
-    found.log(row(FINISHED))
-    found.log(row(FINISHED))
+    found.log(to_row(FINISHED))
+    found.log(to_row(FINISHED))
     found.close(failed=False)
     said = capsys.readouterr().out
-    assert said.count("the run goes on without it") == 1
+    assert said.count("the run continues without wandb") == 1
 
 
 def test_every_wait_has_a_timeout(server: Server) -> None:
@@ -118,7 +119,7 @@ def test_every_wait_has_a_timeout(server: Server) -> None:
 
 
 def test_offline_a_run_that_goes_on_takes_the_place_of_its_first_part(server: Server) -> None:
-    tracker().log(row(FINISHED))
+    tracker().log(to_row(FINISHED))
     (first,) = server.root.glob("wandb/*")
     tracker()
     (second,) = server.root.glob("wandb/*")
@@ -128,11 +129,11 @@ def test_offline_a_run_that_goes_on_takes_the_place_of_its_first_part(server: Se
 def test_online_it_goes_on_under_its_id_and_logs_nothing_twice(server: Server) -> None:
     found = tracker("wandb.mode=online")
     for _ in range(3):
-        found.log(row(FINISHED))
+        found.log(to_row(FINISHED))
     server.known[server.begun[0]["id"]] = 3
     again = tracker("wandb.mode=online")
     for _ in range(5):  # of which the server has three
-        again.log(row(FINISHED))
+        again.log(to_row(FINISHED))
     assert server.begun[1]["id"] == server.begun[0]["id"] and server.begun[1]["resume"] == "allow"
     assert len(server.logged) == 5
 

@@ -53,7 +53,7 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
     found = []
     for question in questions:
         tests = ask(shown, question)
-        measured = [finding for test in tests for finding in test(shown, "")]
+        measured = [finding for test in tests for finding in test(shown)]
         if not measured:
             raise ConfigError(f"question: {question!r} needs two seeds that all of its arms have")
         if few := len(tests) - len(measured):

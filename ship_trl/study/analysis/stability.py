@@ -30,7 +30,7 @@ def measure_runs(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any
     for name, folders in groups.items():
         for folder in folders:
             try:
-                record = read_run(folder)
+                record, *_ = read_run(folder)
             except BrokenRunError as error:
                 print_error(f"{folder}: {error}; left out")
                 continue

@@ -137,7 +137,7 @@ def read_study(folder: Path) -> Study:
         ConfigError: tables or a plan that are not whole.
     """
     broken: list[tuple[Path, str]] = []
-    found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
+    found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
     records = {(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found}
     plan = read_manifest(folder)
     return Study(records, broken, plan, layers=layers_of(folder, records, broken))

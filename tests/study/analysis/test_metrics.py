@@ -17,7 +17,7 @@ from tests.study.synthetic import make_record, returns_of, write_run
 
 
 def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> Record:
-    return read_run(write_run(tmp_path, np.array(scores), before=before, every=every))
+    return read_run(write_run(tmp_path, np.array(scores), before=before, every=every))[0]
 
 
 def test_areas_and_ends(tmp_path: Path) -> None:

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ship_trl.study.records.record import BrokenRunError, find_runs, read_run
+from ship_trl.study.records.record import BrokenRunError, read_run, read_runs
 from tests.study.synthetic import learning, write_run
 
 
 def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
-    record = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
+    record, *_ = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
     assert (record.pair, record.arm.name, record.seed, record.part) == ("high", "FE3", 4, "pairs")
     np.testing.assert_allclose(record.score(record.training.returns), scores, atol=2e-6)
-    assert record.score(record.before) == pytest.approx(0.2) and record.score(record.scratch) == 0.0
+    assert record.score(record.before) == pytest.approx(0.2)
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
     assert (record.training.goal == (record.training.returns > 0)).all()
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
@@ -24,9 +24,9 @@ def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 def test_draws_before_training_are_read_and_an_older_run_has_none(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
-    record = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
+    record, *_ = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
     assert record.draws.tolist() == [-300.0, 80.5]
-    assert read_run(write_run(tmp_path, scores, seed=2)).draws.shape == (0,)
+    assert read_run(write_run(tmp_path, scores, seed=2))[0].draws.shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -85,12 +85,13 @@ def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str,
 def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 20)
     write_run(tmp_path / "pairs", scores)
-    write_run(tmp_path / "reuse/epsilon", scores, seed=3)
+    write_run(tmp_path / "reuse/epsilon_low", scores, seed=3)
     write_run(tmp_path / "case_base", scores)
     (tmp_path / "pairs/low/FE1/seed=2").mkdir(parents=True)
-    found = [(str(path.relative_to(tmp_path)), part) for path, part in find_runs(tmp_path)]
+    broken: list[tuple[Path, str]] = []
+    found = [(str(run.folder.relative_to(tmp_path)), run.part) for run, *_ in read_runs(tmp_path, broken)]
     assert found == [
         ("pairs/high/scratch/seed=0", "pairs"),
-        ("pairs/low/FE1/seed=2", "pairs"),
-        ("reuse/epsilon/high/scratch/seed=3", "reuse/epsilon"),
+        ("reuse/epsilon_low/high/scratch/seed=3", "reuse/epsilon_low"),
     ]
+    assert broken == [(tmp_path / "pairs/low/FE1/seed=2", "result.json is missing")]

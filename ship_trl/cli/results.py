@@ -1,4 +1,4 @@
-"""`python -m ship_trl results`: a table of the finished runs below a folder. No torch."""
+"""`python -m ship_trl results`: list the finished runs below folders in a table. No torch."""
 
 from __future__ import annotations
 

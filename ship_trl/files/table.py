@@ -1,4 +1,4 @@
-"""Untrusted tables: CSV, read row by row, and refused in one line."""
+"""Read untrusted CSV tables, or refuse them in one line."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def read_table(
     Args:
         path: the file.
         columns: the names that it must have.
-        make: converts the text cells of a row; raises ValueError for a wrong one.
+        make: converts the text cells of a row; raises ValueError for a wrong cell.
         most: how many bytes are allowed.
         given_as: the option or argument that named the file.
-        kind: what it should be, as "a table of layers".
+        kind: what it should be, such as "a table of layers".
 
     Raises:
         ConfigError: it cannot be read, or is not such a table.
@@ -40,11 +40,7 @@ def read_table(
 
 
 def rows(data: bytes, columns: Sequence[str]) -> list[Cells]:
-    """Parse a table into rows of text cells.
-
-    Raises:
-        ValueError: it is not CSV, lacks a column, or has one twice.
-    """
+    """Parse a table into rows of text cells; raise ValueError if it is not CSV or has other columns."""
     table = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     try:
         missing = [name for name in columns if name not in (table.fieldnames or ())]

@@ -1,7 +1,4 @@
-"""Untrusted files: YAML as plain values, and unpacking with a limit. No torch.
-
-SECURITY.md says what is promised; tests/files/test_untrusted.py checks it.
-"""
+"""Read untrusted files: YAML as plain values, and xz with a limit. SECURITY.md has the promises. No torch."""
 
 from __future__ import annotations
 
@@ -15,9 +12,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.files.disk import read_file
 
-# A run's configuration has two thousand bytes, a case of eight ships 700.
+# A run's configuration has 2,000 bytes, a case of eight ships 700.
 MAX_YAML_BYTES = 64_000
-# Levels of lists and mappings; a configuration has four.
+# A configuration has four levels of lists and mappings.
 MAX_YAML_DEPTH = 50
 
 
@@ -41,16 +38,12 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
     except AssertionError:  # OmegaConf raises it for a number in quotes
         raise yaml.YAMLError("a single value") from None
     except (OmegaConfBaseException, ValueError, LookupError, TypeError, AttributeError) as error:
-        # PyYAML raises Python's own errors: no UTF-8, a number of thousands of digits, `!!int x`.
+        # PyYAML raises Python's own errors, for example for no UTF-8, or `!!int x`.
         raise yaml.YAMLError(str(error)) from None
 
 
 def refuse_more_than_values(text: str) -> None:
-    """Refuse interpolations, escaped ones too, aliases, and deep nesting.
-
-    Raises:
-        yaml.YAMLError: there is one, or the text is not YAML.
-    """
+    """Raise a YAMLError for interpolations (escaped ones too), aliases, deep nesting, or other text."""
     depth = 0
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
         line = event.start_mark.line + 1 if event.start_mark else 0

@@ -43,9 +43,6 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
     """Measure questions on the first `seeds` seeds, or on those of the last look.
 
     Contrasts of `every pair` and `every arm` with too few seeds are left out, and counted on stderr.
-
-    Raises:
-        ConfigError: a question cannot be read, or its arms have fewer than two common seeds.
     """
     shown = study.first(study.whole_looks[-1] if seeds is None else seeds, LEVEL / 2)
     found = []

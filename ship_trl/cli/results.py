@@ -60,11 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
-    """Find the runs in folders and below; runs that cannot be read are named on stderr.
-
-    Raises:
-        ConfigError: there is no run.
-    """
+    """Find the runs in folders and below, at least one; name those that cannot be read on stderr."""
     found: list[Found] = []
     for folder in folders:
         whole, broken = collect(folder)
@@ -133,11 +129,7 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
 
 
 def picture(path: Path, found: list[Found]) -> None:
-    """Draw learning curves: a panel for each pair, a line for each arm and folder.
-
-    Raises:
-        ConfigError: no curve can be read.
-    """
+    """Draw learning curves: a panel for each pair, a line for each arm and folder."""
     from ship_trl.view.curves import Curve, draw_comparison
 
     several = len({one.below for one in found}) > 1

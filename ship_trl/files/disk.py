@@ -27,10 +27,9 @@ def links(folder: Path, below: Path) -> list[Path]:
 
 
 def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
-    """Read a file of at most `most` bytes.
+    """Read a file; raise OSError if it has more than `most` bytes or is no regular file.
 
-    Raises:
-        OSError: it is missing or larger, or is no regular file: reading a pipe might never end.
+    Reading a pipe or a device might never end.
     """
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "is no file", str(path))
@@ -48,12 +47,7 @@ def remove(path: Path) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file.
-
-    Raises:
-        OSError: as `read_file`.
-        ValueError: it is not JSON, or nested too deeply.
-    """
+    """Read a JSON file, or raise an OSError as `read_file` does, or a ValueError."""
     try:
         return json.loads(read_file(path))
     except RecursionError:
@@ -102,12 +96,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, str]) -> None:
-    """Write a safetensors file to a draft of `replacing`; the tensors must be contiguous.
-
-    Raises:
-        MemoryError: there is no room for two copies of the tensors.
-        OSError: the disk is full, or the folder cannot be written.
-    """
+    """Write contiguous tensors as a safetensors file; raise MemoryError if two copies do not fit."""
     import numpy as np
     from safetensors.torch import save
 

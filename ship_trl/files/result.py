@@ -97,11 +97,7 @@ class Result:
 
 
 def from_json(values: Any) -> Result:
-    """Make a result from a file's values, in this schema or an older one.
-
-    Raises:
-        ResultError: a key is missing or wrong, or the schema is newer.
-    """
+    """Make a result from a file's values, in this schema or an older one, or raise a ResultError."""
     if not isinstance(values, dict):
         raise ResultError("is not a result of this program")
     version = values.get("schema_version", 1)
@@ -115,11 +111,7 @@ def from_json(values: Any) -> Result:
 
 
 def read_result(folder: Path) -> Result:
-    """Read a run's result.
-
-    Raises:
-        ResultError: it is missing or damaged.
-    """
+    """Read a run's result, or raise a ResultError."""
     try:
         values = read_json(folder / RESULT)
     except FileNotFoundError:

@@ -18,18 +18,10 @@ Row = TypeVar("Row")
 def read_table(
     path: Path, columns: Sequence[str], make: Callable[[Cells], Row], most: int, given_as: str, kind: str
 ) -> list[Row]:
-    """Read a table with at least these columns.
+    """Read a table with at least these columns and at most `most` bytes, or raise a ConfigError.
 
-    Args:
-        path: the file.
-        columns: the names that it must have.
-        make: converts the text cells of a row; raises ValueError for a wrong cell.
-        most: how many bytes are allowed.
-        given_as: the option or argument that named the file.
-        kind: what it should be, such as "a table of layers".
-
-    Raises:
-        ConfigError: it cannot be read, or is not such a table.
+    `make` converts the text cells of a row, and raises ValueError for a wrong one. Messages name the option
+    or argument `given_as`, and the `kind` of table, such as "a table of layers".
     """
     try:
         return [make(cells) for cells in rows(read_file(path, most), columns)]

@@ -60,8 +60,8 @@ def read_xz(path: Path, most: int) -> bytearray:
     """Unpack an xz file to at most `most` bytes, because a small file may hold very many.
 
     Raises:
-        OSError, EOFError, lzma.LZMAError: it cannot be read, or is damaged.
         ValueError: it holds more.
+        OSError, EOFError, lzma.LZMAError: it is damaged.
     """
     data = bytearray()
     with lzma.open(path) as file:

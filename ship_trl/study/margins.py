@@ -32,11 +32,7 @@ class Margins:
 
 
 def read_margins(path: Path) -> Margins:
-    """Read and check a file of margins.
-
-    Raises:
-        ConfigError: an unknown key or metric, or a number that is not above 0.
-    """
+    """Read and check a file of margins."""
     try:
         values = OmegaConf.load(path)
     except (yaml.YAMLError, OSError, OmegaConfBaseException) as error:

@@ -76,7 +76,7 @@ def standard_error(values: Sample) -> tuple[float, float]:
     squares = float(np.sum((winsorised - winsorised.mean()) ** 2))
     if squares < TOLERANCE**2:
         return float(np.std(values, ddof=1)) / sqrt(count), count - 1
-    return sqrt(squares / (kept * (kept - 1))), FREEDOM_FACTOR * (kept - 1)
+    return sqrt(squares / (kept * (kept - 1))), degrees_of_freedom(count)
 
 
 def estimate_mean(values: Sample, level: float = LEVEL / 2) -> Estimate:
@@ -119,13 +119,7 @@ def look_level(look: int, looks: int) -> float:
 
 
 def bootstrap(samples: Sequence[Sample], statistic: Callable[..., Any], seed: int) -> Estimate:
-    """Return a statistic of samples with its 95 % interval over resampled seeds.
-
-    Args:
-        samples: of equal length [S]; their seeds are drawn jointly.
-        statistic: takes the samples and `axis`, along which seeds lie.
-        seed: of the resampling.
-    """
+    """Return a statistic of samples with its 95 % interval over seeds, which are resampled jointly."""
     low, high = resample(samples, statistic, np.random.default_rng(seed), RESAMPLES)
     return Estimate(float(statistic(*samples, axis=-1)), float(low), float(high))
 
@@ -217,12 +211,7 @@ def min_detectable_effect(seeds: int, level: float = LEVEL / 2, power: float = 0
 def seeds_needed(difference: float, error: float, seeds: int, level: float, power: float) -> int | None:
     """Return how many seeds detect a difference; None if the error is unknown or 1,000 seeds are too few.
 
-    Args:
-        difference: above zero.
-        error: the standard error with `seeds` seeds; it falls with the root of their number.
-        seeds: at least two.
-        level: one-sided.
-        power: above a half.
+    `error` is the standard error with `seeds` seeds; it falls with the root of their number.
     """
     if not error > 0:
         return None

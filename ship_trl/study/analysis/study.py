@@ -129,11 +129,7 @@ class Study:
 
 
 def read_study(folder: Path) -> Study:
-    """Read a study from its tables, or else from the runs below a folder.
-
-    Raises:
-        ConfigError: the tables or the plan are damaged.
-    """
+    """Read a study from its tables, or else from the runs below a folder."""
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
     records = {(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found}
@@ -141,11 +137,7 @@ def read_study(folder: Path) -> Study:
 
 
 def finished_study(folder: Path, seeds: int | None = None) -> Study:
-    """Read a study, or its first `seeds`; runs that cannot be read are named on stderr and left out.
-
-    Raises:
-        ConfigError: there is no finished run, there are fewer seeds, or tables are damaged.
-    """
+    """Read a study with a finished run, or its first `seeds`; name runs that cannot be read on stderr."""
     study = read_study(folder)
     if seeds is not None:
         if not 1 <= seeds <= len(study.seeds):

@@ -101,9 +101,7 @@ HYPOTHESES = [
         [means("low", FT, FE), *(steady("low", t, e) for t, e in zip(FT, FE, strict=True))],
     ),
     claim(
-        "H6d",
-        "FE4 is the worst arm.",
-        each_beats("low", (SCRATCH, *transfers_but("FE4")), ["FE4"], "area"),
+        "H6d", "FE4 is the worst arm.", each_beats("low", (SCRATCH, *transfers_but("FE4")), ["FE4"], "area")
     ),
     claim(
         "H6e",

@@ -58,11 +58,7 @@ def weighted(
     metric: str,
     claimed: Claimed = Claimed.above,
 ) -> Test:
-    """Test a weighted sum of arms, with the opposite sign for times, where less is better.
-
-    Raises:
-        ValueError: there is no such metric.
-    """
+    """Test a weighted sum of arms, with the opposite sign for times, where less is better."""
     if metric not in METRICS:
         raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
     sign = -1.0 if metric in TIMES else 1.0

@@ -37,8 +37,6 @@ def ask(study: Study, question: str) -> list[Test]:
         raise ConfigError(f"question: no metric {metric!r}; allowed: {', '.join(METRICS)}")
     if word not in (None, comparative(metric)):
         raise ConfigError(f"question: {metric} takes {comparative(metric)!r}, got {word!r}")
-    if EVERY_ARM in f"{worse}":
-        raise ConfigError(f"question: {EVERY_ARM!r} stands on the right; allowed: on the left")
     if where not in known and where != EVERY_PAIR:
         raise ConfigError(f"question: no runs of {where!r}; allowed: {EVERY_PAIR}, {', '.join(known)}")
     asked = [name for name in known if name in pairs(study)] if where == EVERY_PAIR else [where]
@@ -70,11 +68,7 @@ def tests_of(
 
 
 def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, Place]:
-    """Read the arms of one side: `ARM`, `ARM of WHERE`, or `mean of ARM, ARM`.
-
-    Raises:
-        ConfigError: the study has no such arm there, or the arm has another target.
-    """
+    """Read the arms of one side: `ARM`, `ARM of WHERE`, or `mean of ARM, ARM`; all have one target."""
     names = [words]
     if words.startswith(MEAN):
         names = split_names(words.removeprefix(MEAN), [*known[where]])

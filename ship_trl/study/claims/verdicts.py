@@ -91,11 +91,7 @@ def explore(study: Study) -> list[Answer]:
 def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: float) -> list[Answer]:
     """Judge the claims of a figure together.
 
-    Args:
-        study: the runs.
-        family: the claims.
-        seeds: how many a contrast must have to count; None for any number from five on.
-        level: one-sided.
+    A contrast counts if it has `seeds` seeds, or at least five if that is None. The level is one-sided.
     """
     measured = [[finding for test in hypothesis.tests for finding in test(study)] for hypothesis in family]
     # Holm's method counts the planned contrasts, also those that lack runs.

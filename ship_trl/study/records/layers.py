@@ -35,11 +35,7 @@ class Layer(NamedTuple):
 
 
 def read_layers(path: Path) -> list[Layer]:
-    """Read a table of layers.
-
-    Raises:
-        ConfigError: it is not such a table.
-    """
+    """Read a table of layers, or raise a ConfigError."""
     return read_table(path, Layer._fields, layer_of, MAX_BYTES, "table", "a table of layers")
 
 

@@ -87,11 +87,7 @@ class Record:
 
 
 def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
-    """Make a record of a result and a curve (`rows` as `read_curve` returns them).
-
-    Raises:
-        BrokenRunError: something is missing, or result and curve do not fit.
-    """
+    """Make a record of a result and its curve, or raise a BrokenRunError if they do not fit."""
     if result.random_return is None:
         raise BrokenRunError(f"{RESULT} has no random_return")
     if result.best_known_return <= result.random_return:
@@ -122,11 +118,7 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
 
 
 def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> None:
-    """Check that a curve has training episodes 1 to `count`, and evaluations from 0 to the last.
-
-    Raises:
-        BrokenRunError: it lacks some, or has a number that is not finite.
-    """
+    """Check that a curve has finite numbers of episodes 1 to `count`, and evaluations from 0 to `count`."""
     # The length comes first: a damaged result may claim more episodes than fit into memory.
     if len(training) != count or training["episode"].tolist() != list(range(1, count + 1)):
         raise BrokenRunError(f"{CURVE} has not the {count} episodes of {RESULT}")
@@ -150,11 +142,7 @@ def to_episodes(rows: pd.DataFrame) -> Episodes:
 
 
 def read_run(folder: Path, part: str = "") -> Run:
-    """Read a run's folder; numbers are rounded to `DECIMALS`.
-
-    Raises:
-        BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
-    """
+    """Read a run's folder and round to `DECIMALS`; raise a BrokenRunError if a file is not whole."""
     try:
         result, rows = read_result(folder), read_curve(folder)
     except ResultError as error:
@@ -169,11 +157,7 @@ def read_run(folder: Path, part: str = "") -> Run:
 
 
 def read_placed(folder: Path, part: str = "") -> Run:
-    """Read a run's folder, whose path must name the run: a copied folder is no further seed.
-
-    Raises:
-        BrokenRunError: as `read_run`, or the path names another run.
-    """
+    """Read a run's folder, whose path must name the run: a copied folder is no further seed."""
     run = read_run(folder, part)
     record = run[0]
     if folder.parts[-3:] != (record.pair, record.arm.name, f"seed={record.seed}"):

@@ -13,6 +13,8 @@ import hashlib
 import io
 import json
 import lzma
+import os
+import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -22,9 +24,9 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
-from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES
+from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, write_curve
 from ship_trl.files.disk import read_file, replacing, writing
-from ship_trl.files.result import Result, ResultError, from_json
+from ship_trl.files.result import Result, ResultError, from_json, write_result
 from ship_trl.files.table import rows
 from ship_trl.files.untrusted import read_xz
 from ship_trl.study.plan.jobs import PARTS, PlannedJob, run_folder
@@ -57,21 +59,13 @@ def has_tables(folder: Path) -> bool:
 def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list[Run]]:
     """Read a study's plan and runs, as they would be read from the runs' folders.
 
-    Args:
-        folder: of the tables.
-        key: the argument that named the folder, for messages.
-
-    Raises:
-        ConfigError: a table is missing, damaged, or holds no run of a study.
+    Messages name `key`, the argument that gave the folder.
     """
     plan = read_plan(folder / PLAN, key)
-    for name in (RUNS, CURVES):
-        try:
-            same = digest(folder / name) == plan[KEPT][name]
-        except (OSError, KeyError, TypeError):
-            same = False
-        if not same:
-            raise ConfigError(f"{key}: {folder / name} is not the file that {PLAN} was kept with")
+    kept = plan.get(KEPT)
+    for path in (folder / RUNS, folder / CURVES):
+        if not isinstance(kept, dict) or not path.is_file() or digest(path) != kept.get(path.name):
+            raise ConfigError(f"{key}: {path} is not the file that {PLAN} was kept with")
     with refused(key, folder / RUNS):
         results = [from_cells(cells) for cells in rows(read_file(folder / RUNS), ("part",))]
         places = [place_of(part, result) for part, result in results]
@@ -115,9 +109,6 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
 
     Returns:
         The number of runs, and the number of runs left out because they are not whole.
-
-    Raises:
-        ConfigError: the folder holds no study or no whole run, or the tables cannot be written.
     """
     import pandas as pd
 
@@ -171,6 +162,43 @@ def write_curves(path: Path, runs: Sequence[Run]) -> None:
             file.write(lzma.compress(text.encode(), preset=PRESET))
 
 
+def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
+    """Write a study's folder with the complete seeds of its tables.
+
+    Other seeds are trained anew as a whole: their missing runs would need networks that no longer exist.
+
+    Returns:
+        The number of restored runs, and the seeds that are not complete.
+    """
+    plan, runs = read_tables(copy, "copy")
+    planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in plan["jobs"]}
+    have = {(record.part, record.pair, record.arm.name, record.seed) for record, _, _ in runs}
+    seeds = {seed for *_, seed in planned}
+    complete = seeds - {seed for *_, seed in planned - have}
+    restored = [run for run in runs if run[0].seed in complete]
+    if not complete:
+        raise ConfigError(f"copy: {copy} has no seed with all its runs; start a new study instead")
+    folder = folder.resolve()
+    draft = folder.with_name(f".{folder.name}.{os.getpid()}")
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
+        draft.mkdir(parents=True)
+        for record, result, rows in restored:
+            place = draft / place_of(record.part, result)
+            place.mkdir(parents=True)
+            write_curve(place, rows)
+            write_result(place, result)
+        del plan[KEPT]
+        (draft / PLAN).write_text(json.dumps(plan, indent=1))
+        draft.rename(folder)
+    except OSError as error:
+        raise ConfigError(f"folder: {error.filename or folder} cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return len(restored), sorted(({seed for *_, seed in have} | seeds) - complete)
+
+
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file."""
     return hashlib.sha256(read_file(path)).hexdigest()
@@ -192,11 +220,7 @@ def to_cells(result: Result) -> dict[str, str]:
 
 
 def from_cells(row: dict[str, str]) -> tuple[str, Result]:
-    """Read part and result of a run from its cells.
-
-    Raises:
-        ResultError, ValueError, KeyError, TypeError: the cells are of no run.
-    """
+    """Read part and result of a run from its cells."""
     values: dict[str, Any] = {}
     for key, cell in row.items():
         outer, _, inner = key.partition(".")
@@ -221,11 +245,7 @@ def from_cell(cell: str) -> Any:
 
 
 def place_of(part: str, result: Result) -> Path:
-    """Return a run's folder below its study's folder.
-
-    Raises:
-        ValueError: a name that would lead out of the study, or that no run has.
-    """
+    """Return a run's folder below its study's folder; raise ValueError if its names could lead elsewhere."""
     if part not in PARTS or not (is_name(result.pair) and is_name(result.arm)) or result.seed < 0:
         found = f"{part:.40} {result.pair:.40} {result.arm:.40} {result.seed}"
         raise ValueError(f"no run of a study is named {found}")

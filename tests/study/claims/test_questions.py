@@ -126,7 +126,7 @@ def test_of_one_arm_it_is_the_level(study: Study, metric: str) -> None:
         ("high: mean of FE1 and FE2 above scratch", "no arm 'FE1 and FE2' in high"),
         ("high: mean of FE3 of nowhere, FE1 above scratch", "no arm 'FE3 of nowhere' in high"),
         ("high: mean of FE3 of low above scratch", "'FE3 of low' has target 4; allowed: target 2, as high"),
-        ("high: FE3 above every arm", "'every arm' stands on the right"),
+        ("high: FE3 above every arm", "no arm 'every arm' in high"),
         ("high: mean of , above FE3", "'mean of' names no arm"),
         ("high: FE3 sooner than FE4", "area takes 'above', got 'sooner than'"),
     ],

@@ -6,17 +6,15 @@ import dataclasses
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import limit, read_as
+from ship_trl.config.schema import read_as
 from ship_trl.files.disk import read_json, replacing
 
 RESULT = "result.json"
-# Goes up when a key is added, renamed or changes its meaning.
+# Goes up when a key is added, renamed or changes its meaning; other versions are refused.
 SCHEMA_VERSION = 3
-# Old names of keys; files of schema 1 do not state their version.
-RENAMED = {"recipe": "config_hash"}
 
 
 class ResultError(Exception):
@@ -73,13 +71,12 @@ class Result:
     torch: str
     processor: str
     seconds: float
-    # The oldest results lack the keys with a default.
-    random_return: float | None = None
-    draws: list[float] = field(default_factory=list)
-    precision: str | None = None
-    backend: str | None = None
-    algorithm_version: int = 0
-    schema_version: Annotated[int, limit(1, SCHEMA_VERSION)] = 1
+    random_return: float
+    draws: list[float]
+    precision: str
+    backend: str
+    algorithm_version: int
+    schema_version: int
 
     @property
     def title(self) -> str:
@@ -97,15 +94,14 @@ class Result:
 
 
 def from_json(values: Any) -> Result:
-    """Make a result from a file's values, in this schema or an older one, or raise a ResultError."""
+    """Make a result from a file's values, or raise a ResultError."""
     if not isinstance(values, dict):
         raise ResultError("is not a result of this program")
-    version = values.get("schema_version", 1)
-    if type(version) is int and version > SCHEMA_VERSION:
-        raise ResultError(f"has schema_version {version}; up to {SCHEMA_VERSION} can be read")
+    version = values.get("schema_version")
+    if version != SCHEMA_VERSION:
+        raise ResultError(f"has schema_version {version!r:.50}; only {SCHEMA_VERSION} can be read")
     try:
-        renamed = {RENAMED.get(key, key): value for key, value in values.items()}
-        return read_as(Result, renamed, from_json=True)
+        return read_as(Result, values, from_json=True)
     except ConfigError as error:
         raise ResultError(f"cannot be used: {error}") from None
 

@@ -54,7 +54,7 @@ class Record:
     """A finished run.
 
     `random` is the mean return of random actions, `before` the greedy return before training. `draws` are
-    greedy returns before training over draws of the layers that are not copied, [D]; old runs have none.
+    greedy returns before training over draws of the layers that are not copied, [D], if there were any.
     `computed` holds version, device, precision and the like; `measured` caches metrics.
     """
 
@@ -88,8 +88,6 @@ class Record:
 
 def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
     """Make a record of a result and its curve, or raise a BrokenRunError if they do not fit."""
-    if result.random_return is None:
-        raise BrokenRunError(f"{RESULT} has no random_return")
     if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
     try:
@@ -112,7 +110,7 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         before=result.before.episode_return,
         training=to_episodes(training),
         greedy=to_episodes(greedy),
-        computed={key: str(value) for key in COMPUTED if (value := getattr(result, key)) is not None},
+        computed={key: str(getattr(result, key)) for key in COMPUTED},
         draws=np.array(result.draws, np.float64),
     )
 

@@ -228,7 +228,7 @@ def from_cells(row: dict[str, str]) -> tuple[str, Result]:
             values.setdefault(outer, {})[inner] = from_cell(cell)
         elif cell:
             values[outer] = from_cell(cell)
-    return str(values.pop("part")), from_json(values)
+    return str(values.pop("part")), from_json(values | {"draws": []})
 
 
 def as_cell(value: Any) -> str:

@@ -110,12 +110,12 @@ def contrast(
     level: float = LEVEL / 2,
 ) -> Finding:
     """Measure differences by seed, [S]; the interval leaves out `level` at each end."""
-    p, against = p_above(differences), p_below(differences)
-    if claimed is Claimed.no_more:
-        # "No more" is measured against the margin, so without a margin there is no evidence.
+    if claimed is Claimed.above:
+        p, against = p_above(differences), p_below(differences)
+    elif margin is not None:
+        p, against = p_below(differences, margin), p_above(differences, margin)
+    else:
         p, against = 1.0, 1.0
-        if margin is not None:
-            p, against = p_below(differences, margin), p_above(differences, margin)
     return Finding(
         what,
         metric,
@@ -158,7 +158,7 @@ def measure_levels(
 
 
 def measure_spread(study: Study, where: str, places: Places, steady: str, other: str) -> list[Finding]:
-    """Measure how much less one arm's curves vary over seeds than another's (see `spread_test`)."""
+    """Measure how much less one arm's curves vary over seeds than another's."""
     runs = study.matched(places)
     if min(map(len, runs.values())) < 2:
         return []

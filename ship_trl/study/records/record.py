@@ -119,7 +119,7 @@ def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> Non
     """Check that a curve has finite numbers of episodes 1 to `count`, and evaluations from 0 to `count`."""
     # The length comes first: a damaged result may claim more episodes than fit into memory.
     if len(training) != count or training["episode"].tolist() != list(range(1, count + 1)):
-        raise BrokenRunError(f"{CURVE} has not the {count} episodes of {RESULT}")
+        raise BrokenRunError(f"{CURVE} does not have the {count} episodes of {RESULT}")
     if len(greedy) < 2 or greedy["episode"].iloc[0] != 0 or greedy["episode"].iloc[-1] != count:
         raise BrokenRunError(f"{CURVE} lacks greedy evaluations")
     numbers = training["return"], training["epsilon"], greedy["return"]

@@ -70,7 +70,7 @@ def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list
         results = [from_cells(cells) for cells in rows(read_file(folder / RUNS), ("part",))]
         places = [place_of(part, result) for part, result in results]
     if not results or len(set(places)) < len(results):
-        raise ConfigError(f"{key}: {folder / RUNS} has no run, or one twice")
+        raise ConfigError(f"{key}: {folder / RUNS} has no run, or a run twice")
     runs: list[Run] = []
     with refused(key, folder / CURVES):
         curves = dict(iter(read_curves(folder / CURVES).groupby("run", sort=False)))

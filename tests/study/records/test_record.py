@@ -64,8 +64,8 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"episodes": 49}, "curve.csv has not the 49 episodes"),
-        ({"episodes": 10**12}, "curve.csv has not the 1000000000000 episodes"),
+        ({"episodes": 49}, "curve.csv does not have the 49 episodes"),
+        ({"episodes": 10**12}, "curve.csv does not have the 1000000000000 episodes"),
         ({"best_known_return": float("nan")}, "best_known_return: must be a finite number, got nan"),
         ({"arm": "FE3-demonstrations"}, "result.json: 'FE3-demonstrations' names no arm"),
         ({"random_return": None}, "random_return: must be a finite number, got null"),

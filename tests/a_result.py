@@ -23,6 +23,7 @@ def a_result(**changes: Any) -> Result:
         "source_network": None,
         "best_known_return": 80.0,
         "random_return": -320.0,
+        "draws": [],
         **{key: an_evaluation() for key in ("scratch", "before", "best", "final")},
         "episodes": 50,
         "steps": 2000,

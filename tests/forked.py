@@ -26,7 +26,7 @@ from typing import Any, NoReturn
 # Imported before the fork, so that no child has to.
 HEAVY = (
     *("ship_trl.run.experiment", "hydra_plugins.hydra_joblib_launcher._core", "ship_trl.study.report.write"),
-    *("pandas", "scipy.stats", "statsmodels.api"),
+    *("pandas", "scipy.stats"),
 )
 TIMEOUT = 300.0
 

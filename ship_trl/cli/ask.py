@@ -1,4 +1,4 @@
-"""`python -m ship_trl ask FOLDER "low: FE3 above FE4 (asymptote)"`: any contrast of a study's arms.
+"""`python -m ship_trl ask FOLDER "low: FE3 above FE4 (asymptote)"`: measure any contrast of a study's arms.
 
     every pair: FTW above scratch (early area)
     low: every arm sooner than scratch (time)
@@ -7,9 +7,8 @@
     low: FE4 (start)
 
 An estimate is the interquartile mean over seeds of the difference within a seed, as in the report; for times,
-how much sooner. Without a second arm it is the level of the first one. Each interval is at 95 %, adjusted for
-nothing: a question asked after the runs were seen explores, and decides no claim. A study under way shows the
-seeds of its last look, or the first --seeds.
+how much sooner. Without a second arm it is the level of the first one. Intervals are at 95 %, unadjusted, and
+decide no claim. A study under way shows the seeds of its last look, or the first --seeds.
 """
 
 from __future__ import annotations
@@ -37,27 +36,23 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     with refusals():
         study = finished_study(options.folder, options.seeds)
-        found = answers(study, options.questions, options.seeds)
-        show(HEADINGS, map(row, found))
+        show(HEADINGS, map(row, answers(study, options.questions, options.seeds)))
 
 
 def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
     """Measure questions on the first `seeds` seeds, or on those of the last look.
 
     Contrasts of `every pair` and `every arm` with too few seeds are left out, and counted on stderr.
-
-    Raises:
-        ConfigError: a question cannot be read, or its arms have fewer than two seeds in common.
     """
     shown = study.first(study.whole_looks[-1] if seeds is None else seeds, LEVEL / 2)
     found = []
     for question in questions:
         tests = ask(shown, question)
-        measured = [finding for test in tests for finding in test(shown, "")]
+        measured = [finding for test in tests for finding in test(shown)]
         if not measured:
-            raise ConfigError(f"question: {question!r} needs two seeds that all of its arms have")
+            raise ConfigError(f"question: {question!r} needs two seeds that all its arms have")
         if few := len(tests) - len(measured):
-            print_error(f"{question}: {few} of {len(tests)} have less than two seeds in common; left out")
+            print_error(f"{question}: {few} of {len(tests)} have fewer than two common seeds; left out")
         found += measured
     return found
 

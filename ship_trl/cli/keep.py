@@ -1,4 +1,4 @@
-"""`python -m ship_trl keep FOLDER COPY`: copies what a study's report needs, small enough to commit.
+"""`python -m ship_trl keep FOLDER COPY`: copy what a study's report needs, small enough to commit.
 
 `python -m ship_trl keep --restore COPY FOLDER` makes a study's folder from its copy. The study goes on
 from there, and does not train complete seeds again.
@@ -14,31 +14,22 @@ from ship_trl.cli.parser import make_parser
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Copy a study, or restore it."""
+    """Copy a study and print the size of the copy, or restore it and print the seeds left to train."""
     parser = make_parser("keep", __doc__)
-    parser.add_argument("--restore", action="store_true", help="from a copy to a study's folder")
+    parser.add_argument("--restore", action="store_true", help="make a study's folder from a copy")
     parser.add_argument("origin", type=Path, metavar="FOLDER", help="of a study, as outputs/quick_study")
-    parser.add_argument("goal", type=Path, metavar="COPY", help="of the tables; with --restore in exchange")
+    parser.add_argument("goal", type=Path, metavar="COPY", help="of the tables; --restore swaps the two")
     options = parser.parse_args(arguments)
+    origin, goal = options.origin, options.goal
     with refusals():
-        (restore_study if options.restore else keep_study)(options.origin, options.goal)
+        from ship_trl.study.records.tables import CURVES, RUNS, restore, write_tables
 
-
-def keep_study(folder: Path, copy: Path) -> None:
-    """Copy a study and print the size of the copy."""
-    from ship_trl.study.records.tables import CURVES, RUNS, write_tables
-
-    whole, broken = write_tables(folder, copy)
-    size = sum((copy / name).stat().st_size for name in (RUNS, CURVES))
-    left = f", {broken} left out" if broken else ""
-    sys.stdout.write(f"{whole} runs{left}; {size / whole / 1000:.1f} kB a run in {copy}\n")
-
-
-def restore_study(copy: Path, folder: Path) -> None:
-    """Restore a study and print the seeds that are left to train."""
-    from ship_trl.study.records.restore import restore
-    from ship_trl.study.records.tables import read_tables
-
-    runs, others = restore(read_tables(copy, "copy"), folder)
-    left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
-    sys.stdout.write(f"{runs} runs{left}; {folder}\n")
+        if options.restore:
+            runs, others = restore(origin, goal)
+            left = f"; not complete, to be trained anew: seeds {' '.join(map(str, others))}" if others else ""
+            sys.stdout.write(f"{runs} runs{left}; {goal}\n")
+            return
+        whole, broken = write_tables(origin, goal)
+        size = sum((goal / name).stat().st_size for name in (RUNS, CURVES))
+        left = f", {broken} left out" if broken else ""
+        sys.stdout.write(f"{whole} runs{left}; {size / whole / 1000:.1f} kB a run in {goal}\n")

@@ -1,4 +1,4 @@
-"""`python -m ship_trl layers FOLDER TABLE`: how alike the layers of a study's networks are (CKA)."""
+"""`python -m ship_trl layers FOLDER TABLE`: measure how alike the layers of a study's networks are (CKA)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from ship_trl.cli.parser import make_parser
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read the command line, and add the seeds that the table lacks."""
+    """Add the seeds that the table lacks."""
     parser = make_parser("layers", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="a study's, with its networks")
-    parser.add_argument("table", type=Path, metavar="TABLE", help="a CSV; the seeds that it has are kept")
+    parser.add_argument("table", type=Path, metavar="TABLE", help="a CSV to which missing seeds are added")
     options = parser.parse_args(arguments)
     with refusals():
         from ship_trl.explain.study import add_seeds

@@ -15,31 +15,30 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CURVE = "curve.csv"
-# A line is a training episode, or a greedy evaluation with its own columns.
+# A line is a training episode or a greedy evaluation, which has its own columns.
 COLUMNS = (
     "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
     "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa",
 )  # fmt: skip
-# pandas takes minutes for a file of very many columns.
+# pandas takes minutes for a million columns.
 MAX_HEADER_BYTES = 1000
-# The kinds of a line.
 TRAINING, GREEDY = "training", "greedy"
-# Both kinds have these; only training has an exploration rate.
+# The columns that both kinds of lines have.
 SHARED = ("return", "outcome", "dcpa")
 TYPES = {"episode": "int64", "epsilon": "float64", "return": "float64", "outcome": "str", "dcpa": "float64"}
 
 
 class CurveError(Exception):
-    """A curve that is missing or damaged; its text says what is wrong, in a few words."""
+    """A curve that is missing or damaged; the text says why in a few words."""
 
 
 def read_curve(folder: Path) -> pd.DataFrame:
-    """Read the curve in a run's folder, in the order of the file.
+    """Read the curve in a run's folder.
 
     Returns:
-        A row for each training episode and greedy evaluation: `kind` (`TRAINING` or `GREEDY`), `episode`
-        (of an evaluation: the number before it), `epsilon`, `return` (raw, undiscounted), `outcome` (goal,
-        collision or timeout) and `dcpa` (metres; NaN without target ships).
+        A row for each line of the file: `kind` (`TRAINING` or `GREEDY`), `episode` (training episodes done),
+        `epsilon` (NaN for evaluations), `return` (raw, undiscounted), `outcome` (goal, collision or timeout)
+        and `dcpa` (metres; NaN without target ships).
 
     Raises:
         CurveError: the file is missing, cut short, or another program's.
@@ -52,7 +51,7 @@ def read_curve(folder: Path) -> pd.DataFrame:
         if len(data.partition(b"\n")[0]) > MAX_HEADER_BYTES:
             raise ValueError
         # Without `index_col` a line with too many cells would shift its columns by one.
-        with np.errstate(invalid="raise"):  # pandas would convert an infinite episode to some integer
+        with np.errstate(invalid="raise"):  # else pandas converts an infinite episode to some integer
             lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
     except FileNotFoundError:
         raise CurveError(f"{CURVE} is missing") from None
@@ -75,7 +74,7 @@ def split(rows: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def write_curve(folder: Path, rows: pd.DataFrame) -> None:
-    """Write rows of the form that `read_curve` returns; other columns of `COLUMNS` are left out."""
+    """Write rows as `read_curve` returns them; the other columns are left out."""
     trained = rows["kind"] == TRAINING
     lines = rows[["episode", "epsilon"]].assign(
         **{name: rows[name].where(trained) for name in SHARED},
@@ -85,7 +84,7 @@ def write_curve(folder: Path, rows: pd.DataFrame) -> None:
 
 
 def moving_mean(values: ArrayLike, window: int) -> NDArray[np.float64]:
-    """Return the mean of each value and up to `window - 1` values before it: [..., N] to [..., N]."""
+    """Return the mean of each value and up to `window - 1` values before it, [..., N]."""
     numbers = np.asarray(values, dtype=np.float64)
     sums = np.cumsum(np.pad(numbers, [(0, 0)] * (numbers.ndim - 1) + [(1, 0)]), axis=-1)
     ends = np.arange(1, numbers.shape[-1] + 1)

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torch import Tensor
 
-# Bytes of a file that is read at once: a curve of ten million episodes.
+# The largest file that is read at once; a curve of ten million episodes is as large.
 MAX_FILE_BYTES = 1 << 30
-# Errors of a disk that is full or broken, or of a quota; such an error may name no file.
+# Errors of a disk that is full, broken or over a quota; they may name no file.
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 
 
@@ -27,10 +27,9 @@ def links(folder: Path, below: Path) -> list[Path]:
 
 
 def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
-    """Read a file of at most `most` bytes.
+    """Read a file; raise OSError if it has more than `most` bytes or is no regular file.
 
-    Raises:
-        OSError: it is missing or larger, or is a folder, a pipe or a device, whose reading might never end.
+    Reading a pipe or a device might never end.
     """
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "is no file", str(path))
@@ -48,12 +47,7 @@ def remove(path: Path) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read a JSON file.
-
-    Raises:
-        OSError: as `read_file`.
-        ValueError: it is not JSON, or nested too deeply.
-    """
+    """Read a JSON file, or raise an OSError as `read_file` does, or a ValueError."""
     try:
         return json.loads(read_file(path))
     except RecursionError:
@@ -62,18 +56,18 @@ def read_json(path: Path) -> Any:
 
 @contextmanager
 def writing(path: Path, draft: Path | None = None) -> Iterator[None]:
-    """Name `path` in an `OSError` that names no file, as on a full disk, or only its draft."""
+    """Name `path` in an `OSError` that names no file, as on a full disk, or only the draft."""
     try:
         yield
     except OSError as error:
-        # The text of an error without a number would be hidden by a file name.
+        # An error without a number would lose its text if it named a file.
         if error.errno is not None and error.filename in (None, draft, str(draft)):
             error.filename = str(path)
         raise
 
 
 def sync(path: Path) -> None:
-    """Flush a file or a folder's names to the disk: after a power cut the file might else be empty."""
+    """Flush a file or a folder's names to the disk, so that they survive a power cut."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -83,16 +77,16 @@ def sync(path: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Write atomically: yield the path of a draft beside `path`, and rename it over `path` at the end.
+    """Write atomically: yield the path of a draft beside `path`, and rename it to `path` at the end.
 
     A reader sees the old file or the whole new one; after an error only the old one is left.
     """
-    # A name that cannot be guessed: a link put there in advance would be written through.
+    # The name cannot be guessed: a link put there in advance would be written through.
     draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         with writing(path, draft):
             yield draft
-            # Some writers make files that only their owner may read.
+            # Some writers make files that only the owner can read.
             draft.chmod(0o644)
             sync(draft)
             draft.replace(path)
@@ -102,17 +96,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, str]) -> None:
-    """Write a safetensors file to a draft of `replacing`; the tensors must be contiguous.
-
-    Raises:
-        MemoryError: there is no room for two copies of the tensors.
-        OSError: the disk is full, or the folder cannot be written.
-    """
+    """Write contiguous tensors as a safetensors file; raise MemoryError if two copies do not fit."""
     import numpy as np
     from safetensors.torch import save
 
-    # safetensors makes two copies in Rust, which aborts the process where memory is short. So Python
-    # allocates as much first, and frees it again.
+    # safetensors makes two copies in Rust, which aborts the process if memory is short. So Python allocates
+    # as much first, and frees it again.
     np.empty(2 * sum(value.nbytes for value in tensors.values()) + (1 << 20), np.uint8)
-    # Not `save_file`: on a full disk it raises no OSError, and it leaves a draft of its own if killed.
+    # `save_file` raises no OSError on a full disk, and leaves a draft of its own if killed.
     path.write_bytes(save(dict(tensors), dict(header)))

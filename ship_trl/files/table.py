@@ -1,4 +1,4 @@
-"""Untrusted tables: CSV, read row by row, and refused in one line."""
+"""Read untrusted CSV tables, or refuse them in one line."""
 
 from __future__ import annotations
 
@@ -18,18 +18,10 @@ Row = TypeVar("Row")
 def read_table(
     path: Path, columns: Sequence[str], make: Callable[[Cells], Row], most: int, given_as: str, kind: str
 ) -> list[Row]:
-    """Read a table with at least these columns.
+    """Read a table with at least these columns and at most `most` bytes, or raise a ConfigError.
 
-    Args:
-        path: the file.
-        columns: the names that it must have.
-        make: converts the text cells of a row; raises ValueError for a wrong one.
-        most: how many bytes are allowed.
-        given_as: the option or argument that named the file.
-        kind: what it should be, as "a table of layers".
-
-    Raises:
-        ConfigError: it cannot be read, or is not such a table.
+    `make` converts the text cells of a row, and raises ValueError for a wrong one. Messages name the option
+    or argument `given_as`, and the `kind` of table, such as "a table of layers".
     """
     try:
         return [make(cells) for cells in rows(read_file(path, most), columns)]
@@ -40,11 +32,7 @@ def read_table(
 
 
 def rows(data: bytes, columns: Sequence[str]) -> list[Cells]:
-    """Parse a table into rows of text cells.
-
-    Raises:
-        ValueError: it is not CSV, lacks a column, or has one twice.
-    """
+    """Parse a table into rows of text cells; raise ValueError if it is not CSV or has other columns."""
     table = csv.DictReader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
     try:
         missing = [name for name in columns if name not in (table.fieldnames or ())]

@@ -1,13 +1,10 @@
-"""Untrusted files: YAML as plain values, and streams with a limit. No torch.
-
-SECURITY.md says what is promised; tests/files/test_untrusted.py checks it.
-"""
+"""Read untrusted files: YAML as plain values, and xz with a limit. SECURITY.md has the promises. No torch."""
 
 from __future__ import annotations
 
 import io
+import lzma
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import yaml
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -15,12 +12,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.files.disk import read_file
 
-if TYPE_CHECKING:
-    from _typeshed import WriteableBuffer
-
-# A run's configuration has two thousand bytes, a case of eight ships 700.
+# A run's configuration has 2,000 bytes, a case of eight ships 700.
 MAX_YAML_BYTES = 64_000
-# Levels of lists and mappings; a configuration has four.
+# A configuration has four levels of lists and mappings.
 MAX_YAML_DEPTH = 50
 
 
@@ -44,16 +38,12 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
     except AssertionError:  # OmegaConf raises it for a number in quotes
         raise yaml.YAMLError("a single value") from None
     except (OmegaConfBaseException, ValueError, LookupError, TypeError, AttributeError) as error:
-        # PyYAML raises Python's own errors: no UTF-8, a number of thousands of digits, `!!int x`.
+        # PyYAML raises Python's own errors, for example for no UTF-8, or `!!int x`.
         raise yaml.YAMLError(str(error)) from None
 
 
 def refuse_more_than_values(text: str) -> None:
-    """Refuse interpolations, escaped ones too, aliases, and deep nesting.
-
-    Raises:
-        yaml.YAMLError: there is one, or the text is not YAML.
-    """
+    """Raise a YAMLError for interpolations (escaped ones too), aliases, deep nesting, or other text."""
     depth = 0
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
         line = event.start_mark.line + 1 if event.start_mark else 0
@@ -66,26 +56,17 @@ def refuse_more_than_values(text: str) -> None:
             raise yaml.YAMLError(f"line {line}: no interpolation (${{...}}) is allowed")
 
 
-class Bounded(io.RawIOBase):
-    """A binary stream of at most `most` bytes, because unpacked data may be far larger than its file.
+def read_xz(path: Path, most: int) -> bytearray:
+    """Unpack an xz file to at most `most` bytes, because a small file may hold very many.
 
     Raises:
-        ValueError: while reading, where there are more.
+        ValueError: it holds more.
+        OSError, EOFError, lzma.LZMAError: it is damaged.
     """
-
-    def __init__(self, stream: io.BufferedIOBase, most: int) -> None:
-        self._stream, self._left, self._most = stream, most, most
-
-    def readable(self) -> bool:
-        """Return that the stream can be read."""
-        return True
-
-    def readinto(self, buffer: WriteableBuffer) -> int:
-        """Read into a buffer; return the number of bytes."""
-        view = memoryview(buffer).cast("B")
-        data = self._stream.read(len(view))
-        view[: len(data)] = data
-        self._left -= len(data)
-        if self._left < 0:
-            raise ValueError(f"unpacked it has more than {self._most} bytes")
-        return len(data)
+    data = bytearray()
+    with lzma.open(path) as file:
+        while part := file.read(1 << 20):
+            data += part
+            if len(data) > most:
+                raise ValueError(f"unpacked it has more than {most} bytes")
+    return data

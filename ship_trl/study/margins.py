@@ -1,4 +1,4 @@
-"""The margins within which a difference counts as none: conf/analysis.yaml."""
+"""The margins within which arms count as equivalent: conf/analysis.yaml."""
 
 from __future__ import annotations
 
@@ -32,11 +32,7 @@ class Margins:
 
 
 def read_margins(path: Path) -> Margins:
-    """Read and check a file of margins.
-
-    Raises:
-        ConfigError: an unknown key or metric, or a number that is not above 0.
-    """
+    """Read and check a file of margins."""
     try:
         values = OmegaConf.load(path)
     except (yaml.YAMLError, OSError, OmegaConfBaseException) as error:
@@ -51,11 +47,11 @@ def margins() -> Margins:
 
 
 def possible_gain(target: str, metric: str) -> float | None:
-    """Return how much transfer could gain in a metric on a target case; None where it was not measured."""
+    """Return how much transfer could gain in a metric on a target case; None if it was not measured."""
     return margins().gains.get(target, {}).get(metric)
 
 
 def margin(target: str, metric: str) -> float | None:
-    """Return the margin of a metric on a target case; None where the possible gain is unknown."""
+    """Return the margin of a metric on a target case; None if the possible gain is unknown."""
     gain = possible_gain(target, metric)
     return None if gain is None else margins().margin * gain

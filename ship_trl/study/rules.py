@@ -1,11 +1,10 @@
-"""The analysis plan by which a study is judged, as it was when the study was begun."""
+"""The analysis plan that judges a study, as it was when the study was begun."""
 
 from __future__ import annotations
 
 import hashlib
 import subprocess
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 from ship_trl.config.paths import conf_dir
@@ -14,27 +13,24 @@ PLAN_TEXT, NUMBERS = "docs/analysis-plan.md", "analysis.yaml"
 
 
 def digest() -> str | None:
-    """Return a digest of the plan's text and numbers; None where the package came without its docs."""
+    """Return a digest of the plan's text and numbers; None if the package came without its docs."""
     text = conf_dir().parent / PLAN_TEXT
     if not text.is_file():
         return None
-    found = hashlib.sha256(text.read_bytes())
-    found.update((conf_dir() / NUMBERS).read_bytes())
-    return found.hexdigest()
+    return hashlib.sha256(text.read_bytes() + (conf_dir() / NUMBERS).read_bytes()).hexdigest()
 
 
 def stamp() -> dict[str, Any]:
     """Return digest and commit of the plan, and the present time."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"digest": digest(), "commit": last_commit(conf_dir().parent), "begun": now}
+    return {"digest": digest(), "commit": last_commit(), "begun": now}
 
 
-def last_commit(checkout: Path) -> str | None:
+def last_commit() -> str | None:
     """Return commit and time of the plan's last change; None if unknown or not committed."""
-    paths = [PLAN_TEXT, f"conf/{NUMBERS}"]
 
     def git(*words: str) -> str:
-        line = ["git", "-C", str(checkout), *words, "--", *paths]
+        line = ["git", "-C", str(conf_dir().parent), *words, "--", PLAN_TEXT, f"conf/{NUMBERS}"]
         return subprocess.run(line, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
 
     try:
@@ -49,6 +45,6 @@ def describe_rules(rules: dict[str, Any]) -> str:
         return "No plan was kept with these runs, so nothing shows that the rules are older than the runs."
     commit = "no commit" if rules["commit"] is None else f"commit {rules['commit']}"
     words = f"Rules: {PLAN_TEXT}, {commit}; the study was begun at {rules['begun']}."
-    if digest() == rules["digest"]:
-        return words
-    return f"{words} The text has changed since; that commit has it as it was when the study was begun."
+    if digest() != rules["digest"]:
+        words += " The text has changed since; that commit has it as it was when the study was begun."
+    return words

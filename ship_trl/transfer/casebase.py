@@ -21,7 +21,6 @@ from ship_trl.config.arm import Arm, Method
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.files.disk import links, read_json, sync, writing
-from ship_trl.files.result import RENAMED
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.similarity import MEASURES, similarity
 
@@ -84,7 +83,7 @@ class CaseBase:
         for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
             try:
                 values = read_json(file)
-                one = Entry(path=file.parent, **{RENAMED.get(k, k): v for k, v in values.items()})
+                one = Entry(path=file.parent, **values)
             except (OSError, ValueError, TypeError, AttributeError):
                 continue
             texts = (str(one.path), one.case, one.fingerprint, one.arm, one.config_hash)

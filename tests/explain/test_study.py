@@ -106,7 +106,7 @@ def test_the_report_draws_the_table_beside_the_runs(folder: Path, capsys: pytest
     with (place / LAYERS).open("a") as file:
         file.write("7,high,FE2,source,conv1,0.5\n")
     report([str(place)])
-    assert "1 of 46 rows are of runs that are not there; left out" in capsys.readouterr().err
+    assert "1 of 46 rows are of missing runs; left out" in capsys.readouterr().err
     assert picture.read_bytes() == drawn
     (place / LAYERS).write_bytes(b"\x80")
     report([str(place)])

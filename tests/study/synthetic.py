@@ -127,8 +127,8 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     there = np.concatenate([[False], goal])
     greedy = Episodes(count, np.full(len(count), np.nan), judged, there, ~there, np.full(len(count), 50.0))
     return Record(
-        Path(part, pair, arm), part, pair, None, "2", Arm.parse(arm), seed, "quick", "", BEST, RANDOM, RANDOM,
-        RANDOM, training, greedy,
+        Path(part, pair, arm), part, pair, None, "2", Arm.parse(arm), seed, "quick", BEST, RANDOM, RANDOM,
+        training, greedy,
         computed={},
     )  # fmt: skip
 

@@ -38,11 +38,11 @@ def same(one: str, other: str) -> bool:
 
 
 def test_its_seeds_are_whole_and_of_the_plan() -> None:
-    tables = read_tables(FOLDER)
+    plan, runs = read_tables(FOLDER)
     planned, kept = defaultdict(set), defaultdict(set)
-    for job in tables.plan["jobs"]:
+    for job in plan["jobs"]:
         planned[job["seed"]].add((job["part"], job["label"], job["arm"]))
-    for record, result, _ in tables.by_run():
+    for record, result, _ in runs:
         kept[record.seed].add((record.part, record.pair, record.arm.name))
         assert result.profile == "quick" and result.episodes == 600
     assert sorted(planned) == list(range(100, 115))

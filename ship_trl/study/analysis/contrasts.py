@@ -1,4 +1,4 @@
-"""Contrasts between arms, measured on a study: estimate, interval, and the p-values behind verdicts."""
+"""Contrasts between arms: estimate, interval, and the p-values behind verdicts."""
 
 from __future__ import annotations
 
@@ -24,15 +24,14 @@ from ship_trl.study.analysis.statistics import (
 from ship_trl.study.analysis.study import Place, Places, Study
 from ship_trl.study.margins import margin
 
-# Two or three seeds cannot show how seeds vary: with fewer there is no verdict.
+# With fewer seeds there is no verdict: two or three cannot show how seeds vary.
 MIN_SEEDS = 5
-# Seed of all resampling: the same study gives the same report.
+# The seed of all resampling, so that the same study gives the same report.
 SEED = 2022
-# The metric of contrasts of spread; all other contrasts are of levels.
 SPREAD = "spread"
-# The least share of an arm's runs that reach the threshold for its times to count as equal to others.
+# Times can be equivalent only if at least this share of each arm's runs reaches the threshold.
 MIN_REACHED = 0.75
-# Metrics that show whether the choice of a metric matters.
+# Further metrics reported beside a metric; they decide nothing.
 SENSITIVITY = {
     "area": ("greedy area",),
     "asymptote": ("greedy asymptote",),
@@ -41,7 +40,7 @@ SENSITIVITY = {
 
 
 class Verdict(StrEnum):
-    """What was measured of a claim."""
+    """What the runs say about a claim."""
 
     supported = "supported"
     contradicted = "contradicted"
@@ -50,7 +49,7 @@ class Verdict(StrEnum):
 
 
 class Claimed(StrEnum):
-    """What is claimed of a contrast."""
+    """What a claim says about a contrast."""
 
     above = "above zero"
     no_more = "not above the margin"
@@ -63,13 +62,12 @@ class Finding:
     Estimate, interval and p-values are of the interquartile mean over seeds of the difference within a seed,
     or of the logarithm of a ratio of spreads. All p-values are one-sided.
 
-    `p` is for the claim, `against` for its opposite, and `within` for a difference within the margin (1
-    without a margin). `adjusted` is `against` by Holm's method over all contrasts of the figure. `error` is
-    the standard error, NaN for spreads. `beside` is the same contrast by other metrics, which decide nothing.
-    `differences` are by seed, in order; spreads have none.
+    `p` is for the claim, `against` for its opposite, `adjusted` is `against` adjusted by Holm's method over
+    all contrasts of the figure, and `within` is for a difference within the margin (1 without a margin).
+    `error` is the standard error; spreads have none. `beside` holds the same contrast in further metrics.
+    `differences` are by seed; spreads have none.
     """
 
-    claim: str
     what: str
     metric: str
     estimate: Estimate
@@ -104,7 +102,6 @@ class Gain(Estimate):
 
 
 def contrast(
-    claim: str,
     what: str,
     metric: str,
     differences: Sample,
@@ -112,25 +109,14 @@ def contrast(
     claimed: Claimed = Claimed.above,
     level: float = LEVEL / 2,
 ) -> Finding:
-    """Measure differences by seed.
-
-    Args:
-        claim: name of the hypothesis.
-        what: the contrast in words.
-        metric: what differs.
-        differences: a number a seed, [S]; positive is the claimed direction.
-        margin: within which a difference counts as none.
-        claimed: what the claim is.
-        level: one-sided, left out at each end of the interval.
-    """
-    p, against = p_above(differences), p_below(differences)
-    if claimed is Claimed.no_more:
-        # "No more" is measured against the margin; without a margin nothing can be said.
+    """Measure differences by seed, [S]; the interval leaves out `level` at each end."""
+    if claimed is Claimed.above:
+        p, against = p_above(differences), p_below(differences)
+    elif margin is not None:
+        p, against = p_below(differences, margin), p_above(differences, margin)
+    else:
         p, against = 1.0, 1.0
-        if margin is not None:
-            p, against = p_below(differences, margin), p_above(differences, margin)
     return Finding(
-        claim,
         what,
         metric,
         estimate_mean(differences, level),
@@ -147,14 +133,13 @@ def contrast(
 
 def measure_levels(
     study: Study,
-    claim: str,
     what: str,
     places: Places,
     weights: Mapping[str, float],
     metric: str,
     claimed: Claimed = Claimed.above,
 ) -> list[Finding]:
-    """Measure a weighted sum of arms within each seed; nothing with fewer than two seeds in common."""
+    """Measure a weighted sum of arms within each seed; return nothing for fewer than two common seeds."""
     runs = study.matched(places)
     if min(map(len, runs.values()), default=0) < 2:
         return []
@@ -164,33 +149,27 @@ def measure_levels(
         return np.sum(parts, axis=0)
 
     bound = margin(next(iter(runs.values()))[0].target, metric)
-    if metric in TIMES:
-        shares = [np.mean([has_reached(record) for record in records]) for records in runs.values()]
-        # Times of runs that are cut off at their end are equal without being alike.
-        bound = None if min(shares) < MIN_REACHED else bound
-    found = contrast(claim, f"{what} ({metric})", metric, differences(metric), bound, claimed, study.level)
+    # Times of runs that never reach the threshold are equal without being alike.
+    if metric in TIMES and min(np.mean([*map(has_reached, arm)]) for arm in runs.values()) < MIN_REACHED:
+        bound = None
+    found = contrast(f"{what} ({metric})", metric, differences(metric), bound, claimed, study.level)
     beside = {name: estimate_mean(differences(name), study.level) for name in SENSITIVITY.get(metric, ())}
     return [replace(found, beside=beside)]
 
 
-def measure_spread(
-    study: Study, claim: str, where: str, places: Places, steady: str, other: str
-) -> list[Finding]:
-    """Measure how much less one arm's curves vary over seeds than another's (see `spread_test`)."""
+def measure_spread(study: Study, where: str, places: Places, steady: str, other: str) -> list[Finding]:
+    """Measure how much less one arm's curves vary over seeds than another's."""
     runs = study.matched(places)
     if min(map(len, runs.values())) < 2:
         return []
     one, two = (np.stack([curve(record) for record in runs[name]]) for name in (steady, other))
     estimate, p, against = spread_test(one, two, SEED, study.level)
     what = f"{where}: {steady} varies less than {other} ({SPREAD}; logarithm of the ratio)"
-    return [Finding(claim, what, SPREAD, estimate, p, against, seeds=len(one))]
+    return [Finding(what, SPREAD, estimate, p, against, seeds=len(one))]
 
 
 def gain(study: Study, place: Place, scratch: Place, metric: str = "area") -> Gain | None:
-    """Return how much an arm is above scratch; None without seeds that both have.
-
-    The interval has the study's level; with one seed it is unbounded.
-    """
+    """Return how much an arm is above scratch, at the study's level; None without common seeds."""
     runs = study.matched({"arm": place, "scratch": scratch})
     arm, other = (np.array([measure(run, metric) for run in runs[name]]) for name in ("arm", "scratch"))
     if not len(arm):

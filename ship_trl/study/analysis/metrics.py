@@ -25,13 +25,13 @@ FALLEN_EPISODES = 10
 CURVE_POINTS = 100
 
 
-def first(values: NDArray[Any], share: float) -> NDArray[Any]:
-    """Return a share of some episodes from the first on, at least one."""
+def first(values: NDArray[Any], share: float = EARLY) -> NDArray[Any]:
+    """Return the first share of some episodes, at least one."""
     return values[: count_share(values, share)]
 
 
 def last(values: NDArray[Any], share: float = LAST) -> NDArray[Any]:
-    """Return a share of some episodes up to the last one, at least one."""
+    """Return the last share of some episodes, at least one."""
     return values[-count_share(values, share) :]
 
 
@@ -41,15 +41,13 @@ def count_share(values: NDArray[Any], share: float) -> int:
 
 
 def mean(values: NDArray[Any]) -> float:
-    """Return the mean of some numbers, or the share of what is true."""
+    """Return the mean of numbers, or the share of true values."""
     return float(np.mean(values))
 
 
-def start_scores(record: Record) -> NDArray[np.float64]:
-    """Return the greedy scores before training, one a draw of the layers that are not copied."""
-    draws = record.draws if len(record.draws) else np.array([record.before])
-    scores: NDArray[np.float64] = record.score(draws)
-    return scores
+def start(record: Record) -> float:
+    """Return the mean greedy score before training, over draws of the layers that are not copied."""
+    return mean(record.score(record.draws if len(record.draws) else np.array([record.before])))
 
 
 def moving_scores(record: Record) -> NDArray[np.float64]:
@@ -72,8 +70,8 @@ def has_reached(record: Record, threshold: float = THRESHOLDS[0]) -> bool:
 def time_to_threshold(record: Record, threshold: float = THRESHOLDS[0]) -> float:
     """Return the share of the training episodes until the moving score reaches the threshold; 1 if never."""
     scores, total = moving_scores(record), len(record.training.returns)
-    there = np.flatnonzero(scores >= threshold)
-    return float(total - len(scores) + 1 + there[0]) / total if there.size else 1.0
+    reached = np.flatnonzero(scores >= threshold)
+    return float(total - len(scores) + 1 + reached[0]) / total if reached.size else 1.0
 
 
 def total_time(record: Record) -> float:
@@ -114,29 +112,24 @@ def collision_rise(record: Record) -> float:
     return mean(record.training.collision[after]) - mean(record.training.collision[before])
 
 
-def after_exploration(record: Record) -> slice:
-    """Return the training episodes after exploration, at least the last one."""
-    return slice(around_exploration_end(record)[1].start, None)
-
-
-def misses(record: Record) -> float:
-    """Return the share of the training episodes after exploration that do not end at the goal."""
-    return mean(~record.training.goal[after_exploration(record)])
+def late_misses(record: Record) -> NDArray[np.bool_]:
+    """Return which training episodes after exploration miss the goal; there is at least one episode."""
+    return ~record.training.goal[around_exploration_end(record)[1].start :]
 
 
 def fell(record: Record) -> float:
     """Return 1 if `FALLEN_EPISODES` training episodes in a row miss the goal after exploration, else 0.
 
-    A run that never was at the goal counts too; `has_reached` tells them apart.
+    A run that never reached the goal counts too; `has_reached` tells them apart.
     """
     longest = row = 0
-    for goal in record.training.goal[after_exploration(record)]:
-        row = 0 if goal else row + 1
+    for is_miss in late_misses(record):
+        row = row + 1 if is_miss else 0
         longest = max(longest, row)
     return float(longest >= FALLEN_EPISODES)
 
 
-# Every number of a run, by its name in the report.
+# The metrics by their names in the report.
 METRICS: dict[str, Callable[[Record], float]] = {
     # The mean score of all training episodes: the area under the learning curve.
     "area": lambda run: mean(run.scores),
@@ -144,18 +137,19 @@ METRICS: dict[str, Callable[[Record], float]] = {
     **{f"time to {level}": partial(time_to_threshold, threshold=level) for level in sorted(THRESHOLDS[1:])},
     "total time": total_time,
     "asymptote": lambda run: mean(last(run.scores)),
-    "early area": lambda run: mean(first(run.scores, EARLY)),
-    "start": lambda run: mean(start_scores(run)),
+    "early area": lambda run: mean(first(run.scores)),
+    "start": start,
     "greedy area": lambda run: mean(run.score(run.greedy.returns)),
     "greedy asymptote": lambda run: mean(run.score(last(run.greedy.returns))),
     # Of the best greedy evaluation.
     "best": lambda run: float(np.max(run.score(run.greedy.returns))),
     "fell": fell,
-    "misses": misses,
+    # The share of the training episodes after exploration that do not end at the goal.
+    "misses": lambda run: mean(late_misses(run)),
     # The share of the last tenth of the training episodes that end at the goal.
     "success": lambda run: mean(last(run.training.goal)),
     "collisions": lambda run: mean(run.training.collision),
-    "early collisions": lambda run: mean(first(run.training.collision, EARLY)),
+    "early collisions": lambda run: mean(first(run.training.collision)),
     "dip": dip,
     "collision rise": collision_rise,
     # The least distance (m) to a target ship in the last greedy episode; NaN without ships.

@@ -6,44 +6,33 @@ import numpy as np
 
 from ship_trl.study.analysis.statistics import LEVEL, TOLERANCE, Estimate, Sample
 
-# Permutations of a spread test: all of 12 seeds. The smallest p times a figure's contrasts must allow a
-# decision.
+# All permutations of 12 seeds. The smallest p times the contrasts of a figure must allow a decision.
 MAX_PERMUTATIONS = 2**12
+TINY = float(np.finfo(np.float64).tiny)
 
 
 def spread_test(
-    steady: Sample,
-    other: Sample,
-    seed: int,
-    level: float = LEVEL / 2,
-    permutations: int = MAX_PERMUTATIONS,
+    steady: Sample, other: Sample, seed: int, level: float = LEVEL / 2
 ) -> tuple[Estimate, float, float]:
-    """Test by permutation whether one arm's curves vary less over seeds than another's.
+    """Test by permutation whether the curves of one arm vary less over seeds than another's, [S, T] each.
 
     An arm's spread is the standard deviation over seeds, averaged along the curve. The statistic is the
     logarithm of the ratio of two spreads, divided by its jackknife error, so that it also holds for arms
     whose seeds vary in different ways (Janssen, 1997). Curves are deviations from their arm's mean curve, so
     levels do not count. A permutation exchanges the two arms of some seeds; few seeds have all permutations.
 
-    Args:
-        steady: curves of the arm that should vary less, [S, T].
-        other: curves of the other arm, [S, T].
-        seed: of the random permutations.
-        level: one-sided, left out at each end of the interval.
-        permutations: how many at most.
-
     Returns:
-        The logarithm with the interval of the same permutations, and the one-sided p-values against `steady`
+        The logarithm, with its interval at the one-sided `level`, and the one-sided p-values against `steady`
         varying at least as much, and at most as much.
     """
     one, two = (curves - curves.mean(axis=0) for curves in (steady, other))
     seeds = len(one)
     if seeds < 3 or max(np.abs(one).max(), np.abs(two).max()) < TOLERANCE:
         return Estimate(log_spread_ratio(one, two), -np.inf, np.inf), 1.0, 1.0
-    if 2**seeds <= permutations:
+    if 2**seeds <= MAX_PERMUTATIONS:
         swaps = (np.arange(2**seeds)[:, None] >> np.arange(seeds)) & 1
     else:
-        swaps = np.random.default_rng(seed).integers(0, 2, (permutations, seeds))
+        swaps = np.random.default_rng(seed).integers(0, 2, (MAX_PERMUTATIONS, seeds))
         swaps[0] = 0
     ratios, errors = jackknife(one, two, swaps.astype(np.float64))
     value, error = float(ratios[0]), float(errors[0])  # the first permutation exchanges nothing
@@ -56,18 +45,15 @@ def spread_test(
 
 def log_spread_ratio(one: Sample, two: Sample) -> float:
     """Return the logarithm of the spread of curves `two` over that of `one`."""
-    tiny = np.finfo(np.float64).tiny
-    spreads = [max(float(np.std(curves, axis=0, ddof=1).mean()), tiny) for curves in (one, two)]
+    spreads = [max(float(np.std(curves, axis=0, ddof=1).mean()), TINY) for curves in (one, two)]
     return float(np.log(spreads[1] / spreads[0]))
 
 
 def jackknife(one: Sample, two: Sample, swaps: Sample) -> tuple[Sample, Sample]:
     """Return log ratios of spreads and their jackknife errors, [P] each.
 
-    Args:
-        one: curves of an arm, [S, T], with a mean curve of zero.
-        two: curves of the other arm, alike.
-        swaps: permutations, [P, S]; 1 where the arms of a seed are exchanged.
+    The curves of two arms, [S, T], have mean curves of zero. `swaps`, [P, S], are 1 where a permutation
+    exchanges the arms of a seed.
     """
     seeds = len(one)
 
@@ -76,8 +62,7 @@ def jackknife(one: Sample, two: Sample, swaps: Sample) -> tuple[Sample, Sample]:
             np.sqrt(np.maximum(squares - total**2 / count, 0.0) / (count - 1)).mean(axis=1)
             for total, squares in (first, second)
         ]
-        tiny = np.finfo(np.float64).tiny
-        found: Sample = np.log(np.maximum(spreads[1], tiny) / np.maximum(spreads[0], tiny))
+        found: Sample = np.log(np.maximum(spreads[1], TINY) / np.maximum(spreads[0], TINY))
         return found
 
     change, change_squared = two - one, two**2 - one**2

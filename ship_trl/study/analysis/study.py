@@ -36,8 +36,8 @@ BLOCK, MAX_LOOKS = 5, len(OBRIEN_FLEMING)
 Records = dict[tuple[str, str, str, int], Record]
 Places = Mapping[str, Place]
 
-# The networks on the new case, with the starting epsilon; one without it starts with the low one. Each "case
-# N" was trained on its case alone; the reused network on two cases.
+# The networks on the new case, with the starting epsilon, which is low where none is named. Each "case N" was
+# trained on its case alone, the reused network on two cases.
 SOURCES = tuple(sorted((REUSED_CASE, *OTHER_SOURCES, *FURTHER_SOURCES)))
 REUSED: Places = {
     "reused, low": (LOW, reuse_label(REUSED_CASE), REUSED_ARM),
@@ -55,10 +55,9 @@ FIGURES = {"high": "5", "low": "6", "lowest": "7"}
 
 @dataclass(frozen=True)
 class Study:
-    """The runs of a folder, and those that could not be read, with the reason.
+    """The runs of a folder, and the paths that could not be read, with the reason.
 
-    `level` is one-sided, of intervals and tests. `layers` say how similar layers of networks are, where that
-    was measured.
+    `level` is one-sided, of intervals and tests. `layers` holds similarities of layers, if measured.
     """
 
     records: Records
@@ -69,12 +68,12 @@ class Study:
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """The judged seeds, in order: those of the plan, or all without a plan."""
+        """The judged seeds, in order: those of the plan, or all if there is no plan."""
         return self.plan.seeds or tuple(sorted({key[3] for key in self.records}))
 
     @property
     def looks(self) -> tuple[int, ...]:
-        """The numbers of seeds at which the study is judged: every five, or a fifth of many, and all."""
+        """The numbers of seeds at which the study is judged: every five (more for many seeds), and all."""
         count = len(self.seeds)
         step = max(BLOCK, -(-count // MAX_LOOKS))
         return (*range(step, count, step), count)
@@ -87,7 +86,7 @@ class Study:
         return (first, *(count for count in others if begun.issuperset(self.seeds[:count])))
 
     def first(self, count: int, level: float) -> Study:
-        """Return the study of the first `count` seeds, at a level."""
+        """Return the study of the first `count` seeds, with another level."""
         seeds = set(self.seeds[:count])
         kept = {key: record for key, record in self.records.items() if key[3] in seeds}
         layers = [row for row in self.layers if row.seed in seeds]
@@ -119,47 +118,33 @@ class Study:
 
     def cases(self, pair: str) -> tuple[str | None, str]:
         """Return source and target of a pair; no source if all its runs are from scratch."""
-        runs = [r for (part, name, _, _), r in sorted(self.records.items()) if (part, name) == (PAIRS, pair)]
-        source = next((r.source for r in runs if r.source), None)
-        return source, runs[0].target
+        runs = [run for key, run in sorted(self.records.items()) if key[:2] == (PAIRS, pair)]
+        return next((run.source for run in runs if run.source), None), runs[0].target
 
     def matched(self, places: Places) -> dict[str, list[Record]]:
-        """Return the runs of some arms, by the same names, for the seeds that all of them have."""
+        """Return the runs of some arms, by name, for the seeds that all of them have."""
         runs = {name: self.arm(*place) for name, place in places.items()}
         seeds = sorted(set.intersection(*(set(by_seed) for by_seed in runs.values())) if runs else set())
         return {name: [by_seed[seed] for seed in seeds] for name, by_seed in runs.items()}
 
 
 def read_study(folder: Path) -> Study:
-    """Read a study from its tables, or else from the runs below a folder.
-
-    Raises:
-        ConfigError: tables or a plan that are not whole.
-    """
+    """Read a study from its tables, or else from the runs below a folder."""
     broken: list[tuple[Path, str]] = []
-    found = read_tables(folder).by_run() if has_tables(folder) else read_runs(folder, broken)
+    found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
     records = {(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found}
-    plan = read_manifest(folder)
-    return Study(records, broken, plan, layers=layers_of(folder, records, broken))
+    return Study(records, broken, read_manifest(folder), layers=layers_of(folder, records, broken))
 
 
 def finished_study(folder: Path, seeds: int | None = None) -> Study:
-    """Read a study, or its first `seeds`; runs that cannot be read are named on stderr and left out.
-
-    Raises:
-        ConfigError: there is no finished run, there are fewer seeds, or tables are not whole.
-    """
+    """Read a study with a finished run, or its first `seeds`; name runs that cannot be read on stderr."""
     study = read_study(folder)
     if seeds is not None:
         if not 1 <= seeds <= len(study.seeds):
-            raise ConfigError(
-                f"--seeds: must be from 1 to {len(study.seeds)}, which it was begun with, got {seeds}"
-            )
+            raise ConfigError(f"--seeds: must be from 1 to {len(study.seeds)}, as planned, got {seeds}")
         study = study.first(seeds, study.level)
     if not study.records and study.broken and all(reason.endswith(NO_PART) for _, reason in study.broken):
-        raise ConfigError(
-            f"folder: the runs below {folder} are of no study; python -m ship_trl results tables them"
-        )
+        raise ConfigError(f"folder: {folder} has runs but no study; python -m ship_trl results lists them")
     for path, reason in study.broken:
         print_error(f"{path}: {reason}; left out")
     if not study.records:
@@ -168,7 +153,7 @@ def finished_study(folder: Path, seeds: int | None = None) -> Study:
 
 
 def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) -> list[Layer]:
-    """Return a folder's layer similarities of these runs; adds to `broken` what is left out."""
+    """Return a folder's layer similarities of these runs; add to `broken` what is left out."""
     path = folder / LAYERS
     if not path.exists():
         return []
@@ -179,7 +164,7 @@ def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) ->
         return []
     kept = [row for row in rows if (PAIRS, row.pair, row.arm, row.seed) in records]
     if missing := len(rows) - len(kept):
-        broken.append((path, f"{missing} of {len(rows)} rows are of runs that are not there"))
+        broken.append((path, f"{missing} of {len(rows)} rows are of missing runs"))
     return kept
 
 
@@ -192,8 +177,8 @@ def pairs(study: Study) -> list[str]:
 def places_of(study: Study) -> dict[str, dict[str, Place]]:
     """Return the places of all arms, by pair, or by "source to target" for a control pair.
 
-    The controls of a pair are among its arms. The arms of a control pair have the runs from scratch of its
-    target beside them. The new case has the names of `REUSED`.
+    The arms of a pair include its controls; those of a control pair include scratch on its target. The arms
+    of the new case have the names of `REUSED`.
     """
     found: dict[str, dict[str, Place]] = {}
     for kind in (PAIRS, CONTROLS):

@@ -1,18 +1,20 @@
-"""The paper's claims and conclusions, and our own questions, as contrasts (docs/analysis-plan.md)."""
+"""The paper's claims, its conclusions, and our own questions, as contrasts (docs/analysis-plan.md)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
 
+from ship_trl.study.analysis.study import FIGURES, REUSED
 from ship_trl.study.claims.kinds import (
+    SELF_CASES,
     Hypothesis,
     Test,
     beats,
-    best_source,
     by_path,
-    confounded,
+    compare,
     control,
+    each_beats,
     interaction,
     itself,
     means,
@@ -23,21 +25,28 @@ from ship_trl.study.claims.kinds import (
     steady,
 )
 from ship_trl.study.plan.arms import CONTROL_KINDS, FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS
+from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE
 from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
 
 FIGURE, EXPLORATORY = "conclusions", "exploratory"
 
 
 def claim(name: str, sentence: str, tests: Sequence[Test]) -> Hypothesis:
-    """Make a claim, whose name tells its figure: C1 is a conclusion, E1 explores, H5a is of figure 5."""
+    """Make a claim; its name gives its figure: C1 is a conclusion, E1 explores, H5a is of figure 5."""
     return Hypothesis(name, {"C": FIGURE, "E": EXPLORATORY}.get(name[0], name[1]), sentence, tests)
 
 
-NOT_DIPPING = tuple(arm for arm in TRANSFERS if arm not in ("FE2", "FT1"))
-# Conclusion C4 has these too.
+def transfers_but(*names: str) -> tuple[str, ...]:
+    """Return all arms but scratch and those named."""
+    return tuple(arm for arm in TRANSFERS if arm not in names)
+
+
+NOT_DIPPING = transfers_but("FE2", "FT1")
+NOT_WHOLE = (SCRATCH, *FE, *FT)
+# Contrasts that conclusion C4 has too.
 EXTRACTION_DIPS = [means("high", ("FE1", "FE3"), ("FE2",)), beats("high", SCRATCH, "FE2")]
 FINETUNING_DIPS = [beats("high", SCRATCH, "FT1"), beats("high", "FT2", "FT1")]
-SELF_DIPS = self_dips()
+SELF_DIPS = self_dips("self")
 NO_DIPS = [no_more("low", ("FE1", "FE3"), ("FE2",)), no_more("low", ("FT2",), ("FT1",))]
 HYPOTHESES = [
     claim(
@@ -48,13 +57,13 @@ HYPOTHESES = [
     claim(
         "H5a",
         "Every arm but FE2 and FT1 beats scratch, and is sooner.",
-        [beats("high", arm, SCRATCH, metric) for metric in ("area", "time") for arm in NOT_DIPPING],
+        each_beats("high", NOT_DIPPING, [SCRATCH], "area", "time"),
     ),
     claim("H5b", "Those arms vary less across seeds.", [steady("high", arm, SCRATCH) for arm in NOT_DIPPING]),
     claim("H5c", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
     claim("H5d", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
     claim("H5e", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
-    claim("H5f", "FTW beats all other arms.", [beats("high", "FTW", arm) for arm in (SCRATCH, *FE, *FT)]),
+    claim("H5f", "FTW beats all other arms.", each_beats("high", ["FTW"], NOT_WHOLE, "area")),
     claim(
         "H5g",
         "Feature extraction is above finetuning of as many layers, and sooner.",
@@ -76,22 +85,14 @@ HYPOTHESES = [
     claim(
         "H5i",
         "FE3 is above FE4, to the end, sooner and steadier.",
-        [
-            *(beats("high", "FE3", "FE4", metric) for metric in ("area", "asymptote", "time")),
-            steady("high", "FE3", "FE4"),
-        ],
+        [*each_beats("high", ["FE3"], ["FE4"], "area", "asymptote", "time"), steady("high", "FE3", "FE4")],
     ),
     claim("H5j", "The dips are co-adaptation: a case to itself has them too.", SELF_DIPS),
     claim("H5k", "Finetuning cures the dip of two layers: FT2 above FE2.", [beats("high", "FT2", "FE2")]),
     claim(
         "H6a",
         "All arms but FE4 beat scratch, and are sooner.",
-        [
-            beats("low", arm, SCRATCH, metric)
-            for metric in ("area", "time")
-            for arm in TRANSFERS
-            if arm != "FE4"
-        ],
+        each_beats("low", transfers_but("FE4"), [SCRATCH], "area", "time"),
     ),
     claim("H6b", "There are no dips: neither of FE2 nor of FT1.", NO_DIPS),
     claim(
@@ -100,28 +101,25 @@ HYPOTHESES = [
         [means("low", FT, FE), *(steady("low", t, e) for t, e in zip(FT, FE, strict=True))],
     ),
     claim(
-        "H6d",
-        "FE4 is the worst arm.",
-        [beats("low", arm, "FE4") for arm in (SCRATCH, *TRANSFERS) if arm != "FE4"],
+        "H6d", "FE4 is the worst arm.", each_beats("low", (SCRATCH, *transfers_but("FE4")), ["FE4"], "area")
     ),
     claim(
         "H6e",
         "FTW is best early, from its first greedy evaluation on, and collides less.",
         [
-            *(beats("low", "FTW", arm, "early area") for arm in (SCRATCH, *FE, *FT)),
-            *(beats("low", "FTW", arm, "start") for arm in (SCRATCH, *FE, *FT)),
+            *each_beats("low", ["FTW"], NOT_WHOLE, "early area", "start"),
             means("low", (*FE, *FT), ("FTW",), "early collisions"),
         ],
     ),
     claim(
         "H6f",
         "FT1 reaches the threshold first.",
-        [beats("low", "FT1", arm, "time") for arm in (SCRATCH, *TRANSFERS) if arm != "FT1"],
+        each_beats("low", ["FT1"], (SCRATCH, *transfers_but("FT1")), "time"),
     ),
     claim(
         "H7a",
         "Arms of one and two layers beat scratch.",
-        [beats("lowest", arm, SCRATCH) for arm in ("FE1", "FE2", "FT1", "FT2")],
+        each_beats("lowest", ("FE1", "FE2", "FT1", "FT2"), [SCRATCH], "area"),
     ),
     claim("H7b", "Finetuning ends above extraction.", [means("lowest", FT, FE, "asymptote")]),
     claim(
@@ -133,29 +131,28 @@ HYPOTHESES = [
     claim(
         "H7e",
         "FT1 to FT4 fall when exploration ends, more than FTW does, and collide more.",
-        [beats("lowest", arm, "FTW", metric) for metric in ("dip", "collision rise") for arm in FT],
+        each_beats("lowest", FT, ["FTW"], "dip", "collision rise"),
     ),
     claim(
         "H7f",
         "FTW falls no more than scratch, and ends lower than FT1 to FT4.",
-        [
-            no_more("lowest", ("FTW",), (SCRATCH,), "dip"),
-            means("lowest", FT, ("FTW",), "asymptote"),
-        ],
+        [no_more("lowest", ("FTW",), (SCRATCH,), "dip"), means("lowest", FT, ("FTW",), "asymptote")],
     ),
     claim(
         "H9a",
         "A reused network is sooner than a new one, also where both explore alike.",
-        [confounded("time"), network_effect("time")],
+        # The paper's comparison changes network and epsilon at once.
+        [compare(NEW_CASE, REUSED, ["reused, low"], ["scratch, 1"], "time"), network_effect("time")],
     ),
     claim(
         "H9b",
         "Case 2 is the best source, each case's network trained on it alone.",
-        [best_source(case) for case in (*OTHER_SOURCES, *FURTHER_SOURCES)],
+        [
+            compare(NEW_CASE, REUSED, [f"case {REUSED_CASE}"], [f"case {case}"])
+            for case in (*OTHER_SOURCES, *FURTHER_SOURCES)
+        ],
     ),
 ]
-# By pair: its target, and the label of that case's transfer to itself.
-ITSELF = {"high": ("2", "self"), "low": ("4", "self4"), "lowest": ("6", "self6")}
 CONCLUSIONS = [
     claim(
         "C1",
@@ -176,7 +173,7 @@ CONCLUSIONS = [
     claim(
         "C3",
         "FE3 is sooner than FE4, and ends higher, in all pairs.",
-        [beats(pair, "FE3", "FE4", metric) for pair in ITSELF for metric in ("time", "asymptote")],
+        [beats(pair, "FE3", "FE4", metric) for pair in FIGURES for metric in ("time", "asymptote")],
     ),
     claim(
         "C4",
@@ -187,8 +184,8 @@ CONCLUSIONS = [
         "C5",
         "Finetuning everything is better early than finetuning the conv layers, and ends lower.",
         [
-            *(beats(pair, "FTW", "FT4", "early area") for pair in ITSELF),
-            *(beats(pair, "FT4", "FTW", "asymptote") for pair in ITSELF),
+            *(beats(pair, "FTW", "FT4", "early area") for pair in FIGURES),
+            *(beats(pair, "FT4", "FTW", "asymptote") for pair in FIGURES),
         ],
     ),
 ]
@@ -197,22 +194,18 @@ OURS = [
     claim(
         "E1",
         "Frozen layers that have learned beat random ones, for each number of layers and pair.",
-        [control(pair, arm, RANDOM) for pair in ITSELF for arm in FE],
+        [control(pair, arm, RANDOM) for pair in FIGURES for arm in FE],
     ),
     claim(
         "E2",
         "They beat the same weights permuted within each layer.",
-        [control(pair, arm, PERMUTED) for pair in ITSELF for arm in FE],
+        [control(pair, arm, PERMUTED) for pair in FIGURES for arm in FE],
     ),
-    claim(
-        "E3",
-        "Cases 4 and 6 to themselves dip too.",
-        [*self_dips("4", "low", "self4"), *self_dips("6", "lowest", "self6")],
-    ),
+    claim("E3", "Cases 4 and 6 to themselves dip too.", [*self_dips("self4"), *self_dips("self6")]),
     claim(
         "E4",
         "A case's own network, finetuned as a whole, beats learning it from scratch.",
-        [itself(case, pair, label, "FTW", SCRATCH) for pair, (case, label) in ITSELF.items()],
+        [itself(label, "FTW", SCRATCH) for label in SELF_CASES],
     ),
     claim(
         "E5",
@@ -222,6 +215,6 @@ OURS = [
     claim(
         "E6",
         "FTW misses the goal less often than scratch once exploration is over.",
-        [beats(pair, SCRATCH, "FTW", "misses") for pair in ITSELF],
+        [beats(pair, SCRATCH, "FTW", "misses") for pair in FIGURES],
     ),
 ]

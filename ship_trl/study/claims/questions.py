@@ -11,7 +11,7 @@ from ship_trl.study.analysis.study import Study, pairs, places_of
 from ship_trl.study.claims.kinds import Test, comparative, joined, mean_difference, weighted
 from ship_trl.study.plan.jobs import Place
 
-FORM = "WHERE: ARM above ARM (METRIC), of times ARM sooner than ARM, or WHERE: ARM (METRIC)"
+FORM = "WHERE: ARM above ARM (METRIC); for times WHERE: ARM sooner than ARM (METRIC); or WHERE: ARM (METRIC)"
 EVERY_PAIR, EVERY_ARM, MEAN = "every pair", "every arm", "mean of "
 QUESTION = re.compile(r"([^:]+?) ?: ?(.+?)(?: (above|sooner than) (.+?))?(?: \(([^()]+)\))?")
 # Places by arm, by the name of a pair.
@@ -21,8 +21,8 @@ Known = Mapping[str, Mapping[str, Place]]
 def ask(study: Study, question: str) -> list[Test]:
     """Make the tests of a question: one, or one for each of `every pair` and `every arm`.
 
-    Without a second arm the test is of the first one's level. `ARM of WHERE` is an arm of another pair with
-    the same target; scores of two targets cannot be compared.
+    Without a second arm the test measures the level of the first. `ARM of WHERE` is an arm of another pair
+    with the same target; scores of two targets cannot be compared.
 
     Raises:
         ConfigError: the question has another form, or names something that the study does not have.
@@ -36,11 +36,9 @@ def ask(study: Study, question: str) -> list[Test]:
     if metric not in METRICS:
         raise ConfigError(f"question: no metric {metric!r}; allowed: {', '.join(METRICS)}")
     if word not in (None, comparative(metric)):
-        raise ConfigError(f"question: {metric} is asked for by {comparative(metric)!r}, got {word!r}")
-    if EVERY_ARM in f"{worse}":
-        raise ConfigError(f"question: {EVERY_ARM!r} stands on the right; allowed: on the left")
+        raise ConfigError(f"question: {metric} takes {comparative(metric)!r}, got {word!r}")
     if where not in known and where != EVERY_PAIR:
-        raise ConfigError(f"question: nothing of {where!r}; allowed: {EVERY_PAIR}, {', '.join(known)}")
+        raise ConfigError(f"question: no runs of {where!r}; allowed: {EVERY_PAIR}, {', '.join(known)}")
     asked = [name for name in known if name in pairs(study)] if where == EVERY_PAIR else [where]
     if not asked:
         raise ConfigError(f"question: the study has no pair; allowed: {', '.join(known)}")
@@ -64,19 +62,16 @@ def tests_of(
         if others:
             what += f" {word} {joined([*others])}"
         elif metric in TIMES:
-            # `weighted` changes the sign of times, and a level must keep its own.
+            # `weighted` changes the sign of times, but a level must keep its own.
             weights = {arm: -weight for arm, weight in weights.items()}
         yield weighted(where, what, {**arms, **others}, weights, metric)
 
 
 def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, Place]:
-    """Read the arms of one side: `ARM`, `ARM of WHERE`, or `mean of ARM, ARM`.
-
-    Raises:
-        ConfigError: the study has no such arm there, or the arm has another target.
-    """
-    is_mean = words.startswith(MEAN)
-    names = split_names(words.removeprefix(MEAN), [*known[where]]) if is_mean else [words]
+    """Read the arms of one side: `ARM`, `ARM of WHERE`, or `mean of ARM, ARM`; all have one target."""
+    names = [words]
+    if words.startswith(MEAN):
+        names = split_names(words.removeprefix(MEAN), [*known[where]])
     if not names:
         raise ConfigError(f"question: {MEAN.strip()!r} names no arm; allowed: {MEAN}ARM, ARM")
     found: dict[str, Place] = {}
@@ -86,11 +81,9 @@ def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, P
         if place is None:
             allowed = f"{' | '.join(known[where])}, and ARM of {' | '.join(known)}"
             raise ConfigError(f"question: no arm {name!r} in {where}; allowed: {allowed}; the form is {FORM}")
-        here, there = (target_of(study, one) for one in (next(iter(known[where].values())), place))
-        if here != there:
-            raise ConfigError(
-                f"question: {name!r} has the target {there}, and {where} {here}; allowed: the same"
-            )
+        target, wanted = target_of(study, place), target_of(study, next(iter(known[where].values())))
+        if target != wanted:
+            raise ConfigError(f"question: {name!r} has target {target}; allowed: target {wanted}, as {where}")
         found[name] = place
     return found
 
@@ -98,7 +91,7 @@ def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, P
 def split_names(words: str, names: Sequence[str]) -> list[str]:
     """Split a list at its commas, but not inside names that contain one."""
     longest_first = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
-    # A known name up to the next comma; else any words, which the caller then refuses by name.
+    # A known name up to the next comma, or else any words, which the caller refuses by name.
     return re.findall(rf"(?:^|, *)((?:{longest_first})(?: of [^,]+)?(?=,|$)|[^,]+)", words)
 
 

@@ -18,7 +18,7 @@ from ship_trl.study.claims.hypotheses import CONCLUSIONS, HYPOTHESES, OURS
 from ship_trl.study.claims.kinds import Hypothesis
 
 ALL = [*CONCLUSIONS, *HYPOTHESES]
-# How often the seeds that a claim needs may fail to decide it.
+# The seeds that an open claim is said to need may fail to decide it this often.
 MAX_FAILURE = 0.2
 
 
@@ -27,8 +27,8 @@ class Answer:
     """A claim, measured at the look that decided it, or at the last whole look.
 
     `p` is the adjusted p-value behind the verdict; for an open claim that of support. `seeds` and `level` are
-    those of the look, at which `missing` contrasts lack seeds. `decided` is after how many seeds the verdict
-    fell, 0 for an open claim; `claims` is how many the figure has.
+    those of the look; `missing` contrasts lack seeds there. `decided` is the number of seeds at the verdict,
+    0 for an open claim. `claims` is the number of claims of the figure.
     """
 
     hypothesis: Hypothesis
@@ -50,31 +50,32 @@ class Answer:
         """Return how many seeds of a study with one look would decide an open claim four times in five.
 
         This holds if each contrast is as large as its margin, or zero; differences in between may need any
-        number. The estimates are not used: a claim is open by chance in them. None if the claim is decided,
-        if a contrast has no margin or standard error, or if a thousand seeds are too few.
+        number. The estimates are not used, because they are what left the claim open. Return None if the
+        claim is decided, a contrast has no margin or standard error, or a thousand seeds are too few.
         """
-        if self.decided or len(self.findings) < len(self.hypothesis.tests):
+        if self.decided or not self.findings or len(self.findings) < len(self.hypothesis.tests):
             return None
         # All contrasts together, each from both sides, may fail as often as one.
         power = 1 - MAX_FAILURE / (2 * len(self.findings))
         level = LEVEL / 2 / self.claims
         needed = [seeds_needed(f.margin or 0.0, f.error, f.seeds, level, power) for f in self.findings]
         known = [count for count in needed if count is not None]
-        return max(known) if known and len(known) == len(needed) else None
+        return max(known) if len(known) == len(needed) else None
 
 
 def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]:
     """Judge claims at each whole look; the claims of a figure are judged together.
 
-    An open claim has the numbers of the last whole look; seeds beyond that look are not used. Before the
-    first look it has those of the seeds that there are.
+    An open claim has the numbers of the last whole look, or of all seeds before the first look.
     """
+    figures = dict.fromkeys(h.figure for h in hypotheses)
+    families = [[h for h in hypotheses if h.figure == figure] for figure in figures]
     decided: dict[str, Answer] = {}
     answers: list[Answer] = []
     for number, count in enumerate(study.whole_looks, 1):
         level = look_level(number, len(study.looks))
         seen = study.first(count, level)
-        answers = [found for family in families(hypotheses) for found in judge(seen, family, count, level)]
+        answers = [found for family in families for found in judge(seen, family, count, level)]
         for found in answers:
             if found.decided:
                 decided.setdefault(found.hypothesis.name, found)
@@ -82,30 +83,17 @@ def answer(study: Study, hypotheses: Sequence[Hypothesis] = ALL) -> list[Answer]
 
 
 def explore(study: Study) -> list[Answer]:
-    """Judge each of our own contrasts alone, on the seeds of the last whole look; they decide no claim."""
+    """Judge each of our own claims alone, on the seeds of the last whole look."""
     seen = study.first(study.whole_looks[-1], LEVEL / 2)
     return [judge(seen, [hypothesis], None, LEVEL / 2)[0] for hypothesis in OURS]
-
-
-def families(hypotheses: Sequence[Hypothesis]) -> list[list[Hypothesis]]:
-    """Group claims by figure, in order."""
-    figures = dict.fromkeys(h.figure for h in hypotheses)
-    return [[h for h in hypotheses if h.figure == figure] for figure in figures]
 
 
 def judge(study: Study, family: Sequence[Hypothesis], seeds: int | None, level: float) -> list[Answer]:
     """Judge the claims of a figure together.
 
-    Args:
-        study: the runs.
-        family: the claims.
-        seeds: how many a contrast needs to count; None for any number from five on.
-        level: one-sided.
+    A contrast counts if it has `seeds` seeds, or at least five if that is None. The level is one-sided.
     """
-    measured = [
-        [finding for test in hypothesis.tests for finding in test(study, hypothesis.name)]
-        for hypothesis in family
-    ]
+    measured = [[finding for test in hypothesis.tests for finding in test(study)] for hypothesis in family]
     # Holm's method counts the planned contrasts, also those that lack runs.
     planned = sum(len(hypothesis.tests) for hypothesis in family)
     against = [f.against if counts(f, seeds) else 1.0 for findings in measured for f in findings]
@@ -144,7 +132,7 @@ def counts(finding: Finding, seeds: int | None) -> bool:
 
 
 def decide(support: float, opposite: float, within: float, level: float) -> Verdict:
-    """Return the verdict of three p-values at a level."""
+    """Return the verdict that three p-values give at a level."""
     if support <= level:
         return Verdict.supported
     if opposite <= level:

@@ -18,9 +18,12 @@ from ship_trl.study.plan.jobs import PARTS
 if TYPE_CHECKING:
     import pandas as pd
 
+    # A record with the result and the curve that it is made of.
+    Run = tuple["Record", Result, pd.DataFrame]
+
 # Returns and distances (m) are rounded as tables keep them: runs and their tables then give the same report.
 DECIMALS = {"return": 3, "dcpa": 1}
-# Fields of a result that may change digits, beside the settings.
+# Fields of a result, beside the settings, that may change digits.
 COMPUTED = ("ship_trl", "torch", "device", "precision", "backend", "processor")
 # End of the message for runs outside a study's parts.
 NO_PART = "is no part of a study"
@@ -50,10 +53,9 @@ class Episodes:
 class Record:
     """A finished run.
 
-    `random` is the mean return of random actions, `scratch` the greedy return of random weights, `before` the
-    greedy return before training. `draws` are greedy returns before training over draws of the layers that
-    are not copied, [D]; old runs have none. `computed` holds version, device, precision and the like,
-    `measured` metrics that were computed already.
+    `random` is the mean return of random actions, `before` the greedy return before training. `draws` are
+    greedy returns before training over draws of the layers that are not copied, [D], if there were any.
+    `computed` holds version, device, precision and the like; `measured` caches metrics.
     """
 
     folder: Path
@@ -64,10 +66,8 @@ class Record:
     arm: Arm
     seed: int
     profile: str
-    config_hash: str
     best_known: float
     random: float
-    scratch: float
     before: float
     training: Episodes
     greedy: Episodes
@@ -87,13 +87,7 @@ class Record:
 
 
 def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
-    """Make a record of a result and a curve (`rows` as `read_curve` returns them).
-
-    Raises:
-        BrokenRunError: something is missing, or result and curve do not fit.
-    """
-    if result.random_return is None:
-        raise BrokenRunError(f"{RESULT} has no random_return")
+    """Make a record of a result and its curve, or raise a BrokenRunError if they do not fit."""
     if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
     try:
@@ -111,32 +105,26 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         arm=arm,
         seed=result.seed,
         profile=result.profile,
-        config_hash=result.config_hash,
         best_known=result.best_known_return,
         random=result.random_return,
-        scratch=result.scratch.episode_return,
         before=result.before.episode_return,
         training=to_episodes(training),
         greedy=to_episodes(greedy),
-        computed={key: str(value) for key in COMPUTED if (value := getattr(result, key)) is not None},
+        computed={key: str(getattr(result, key)) for key in COMPUTED},
         draws=np.array(result.draws, np.float64),
     )
 
 
 def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> None:
-    """Check that a curve has training episodes 1 to `count`, and evaluations from 0 to the last.
-
-    Raises:
-        BrokenRunError: it lacks some.
-    """
+    """Check that a curve has finite numbers of episodes 1 to `count`, and evaluations from 0 to `count`."""
     # The length comes first: a damaged result may claim more episodes than fit into memory.
     if len(training) != count or training["episode"].tolist() != list(range(1, count + 1)):
-        raise BrokenRunError(f"{CURVE} has not the {count} episodes of {RESULT}")
+        raise BrokenRunError(f"{CURVE} does not have the {count} episodes of {RESULT}")
     if len(greedy) < 2 or greedy["episode"].iloc[0] != 0 or greedy["episode"].iloc[-1] != count:
         raise BrokenRunError(f"{CURVE} lacks greedy evaluations")
     numbers = training["return"], training["epsilon"], greedy["return"]
     if not all(np.isfinite(column).all() for column in numbers):
-        raise BrokenRunError(f"{CURVE} holds a value that is no finite number")
+        raise BrokenRunError(f"{CURVE} has a number that is not finite")
 
 
 def to_episodes(rows: pd.DataFrame) -> Episodes:
@@ -151,21 +139,8 @@ def to_episodes(rows: pd.DataFrame) -> Episodes:
     )
 
 
-def read_run(folder: Path, part: str = "") -> Record:
-    """Read a run's folder.
-
-    Raises:
-        BrokenRunError: a file is missing, cut short, of another program, or does not fit the other.
-    """
-    return make_record(*read_files(folder), folder, part)
-
-
-def read_files(folder: Path) -> tuple[Result, pd.DataFrame]:
-    """Read result and curve of a run's folder, rounded to `DECIMALS`.
-
-    Raises:
-        BrokenRunError: a file is missing, cut short, or of another program.
-    """
+def read_run(folder: Path, part: str = "") -> Run:
+    """Read a run's folder and round to `DECIMALS`; raise a BrokenRunError if a file is not whole."""
     try:
         result, rows = read_result(folder), read_curve(folder)
     except ResultError as error:
@@ -174,40 +149,30 @@ def read_files(folder: Path) -> tuple[Result, pd.DataFrame]:
         raise BrokenRunError(str(error)) from None
     # Python rounds the written decimal; NumPy does not always.
     columns = {name: rows[name].map(lambda value, n=n: round(value, n)) for name, n in DECIMALS.items()}
-    draws = [round(value, DECIMALS["return"]) for value in result.draws]
-    return replace(result, draws=draws), rows.assign(**columns)
+    result = replace(result, draws=[round(value, DECIMALS["return"]) for value in result.draws])
+    rows = rows.assign(**columns)
+    return make_record(result, rows, folder, part), result, rows
 
 
-def read_placed(folder: Path, part: str = "") -> tuple[Record, Result, pd.DataFrame]:
-    """Read a run's folder and check that its path names this run: a copied folder is no further seed.
-
-    Returns:
-        The record, and the result and curve that it is made of.
-
-    Raises:
-        BrokenRunError: as `read_run`, or the path names another run.
-    """
-    result, rows = read_files(folder)
-    record = make_record(result, rows, folder, part)
+def read_placed(folder: Path, part: str = "") -> Run:
+    """Read a run's folder, whose path must name the run: a copied folder is no further seed."""
+    run = read_run(folder, part)
+    record = run[0]
     if folder.parts[-3:] != (record.pair, record.arm.name, f"seed={record.seed}"):
         raise BrokenRunError(f"{RESULT} is of another run")
-    return record, result, rows
+    return run
 
 
-def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
-    """Yield the whole runs below a study's folder; adds to `broken` the others, with the reason."""
-    for path, part in find_runs(folder):
+def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[Run]:
+    """Yield the whole runs below a study's folder; add the others to `broken`, with the reason."""
+    for path in sorted(folder.glob("**/seed=*")):
+        inside = path.relative_to(folder).parts
+        if not path.is_dir() or inside[0] == "case_base":
+            continue
+        part = "/".join(inside[:-3])
         try:
             if part not in PARTS:
                 raise BrokenRunError(f"{part or folder} {NO_PART}")
             yield read_placed(path, part)
         except BrokenRunError as error:
             broken.append((path, str(error)))
-
-
-def find_runs(folder: Path) -> Iterator[tuple[Path, str]]:
-    """Yield the folders of all runs below a study's folder, each with its part."""
-    for path in sorted(folder.glob("**/seed=*")):
-        inside = path.relative_to(folder).parts
-        if path.is_dir() and inside[0] != "case_base":
-            yield path, "/".join(inside[:-3])

@@ -1,10 +1,10 @@
-"""A study as tables: all that its report needs of every whole run, and no network.
+"""A study as tables: what its report needs of every whole run, without networks.
 
 `study.json` is the plan. `runs.csv` has a row for each run, by seed: its part of the study and its result.
 `curves.csv.xz` has a row for each training episode, greedy evaluation and draw before training, in the order
 of the runs: `run` (row number in `runs.csv`, from 0), `kind` (training, greedy or draw), `episode`,
-`epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). Each seed is compressed alone: a
-further seed adds bytes at the end, which keeps a repository small. `pandas.read_csv` reads both.
+`epsilon`, `return` (3 decimals), `outcome`, `dcpa` (metres, 1 decimal). Each seed is compressed alone, so a
+further seed only adds bytes at the end, which keeps a repository small. `pandas.read_csv` reads both.
 """
 
 from __future__ import annotations
@@ -13,25 +13,30 @@ import hashlib
 import io
 import json
 import lzma
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
-from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES
+from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, write_curve
 from ship_trl.files.disk import read_file, replacing, writing
-from ship_trl.files.result import Result, ResultError, from_json
+from ship_trl.files.result import Result, ResultError, from_json, write_result
 from ship_trl.files.table import rows
-from ship_trl.files.untrusted import Bounded
+from ship_trl.files.untrusted import read_xz
 from ship_trl.study.plan.jobs import PARTS, PlannedJob, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
-from ship_trl.study.records.record import BrokenRunError, Record, make_record, read_runs
+from ship_trl.study.records.record import BrokenRunError, make_record, read_runs
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from ship_trl.study.records.record import Run
 
 RUNS, CURVES, KEPT = "runs.csv", "curves.csv.xz", "kept"
 COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
@@ -42,39 +47,8 @@ PRESET = 6 | lzma.PRESET_EXTREME
 SOURCE_PATH_PARTS = 5
 # Bytes of uncompressed curves: a study of a thousand runs of 5,000 episodes has 0.4 GB.
 MAX_CURVE_BYTES = 4 * 10**9
-
-
-@dataclass(frozen=True)
-class Tables:
-    """A study's tables: its plan, part and result of each run, and all curves.
-
-    `key` is the argument that named the folder, for messages.
-    """
-
-    folder: Path
-    plan: dict[str, Any]
-    runs: list[tuple[str, Result]]
-    curves: pd.DataFrame
-    key: str = "folder"
-
-    def by_run(self) -> Iterator[tuple[Record, Result, pd.DataFrame]]:
-        """Yield the record, result and curve of each run, as they would be read from its folder.
-
-        Raises:
-            ConfigError: curves that are not whole, or that belong to other runs.
-        """
-        groups = dict(iter(self.curves.groupby("run", sort=False)))
-        if list(groups) != list(range(len(self.runs))):
-            raise unreadable(self.key, self.folder / CURVES, "its runs are not those of " + RUNS)
-        for number, (part, bare) in enumerate(self.runs):
-            group = groups[number]
-            is_draw = group["kind"] == DRAW
-            result, curve = replace(bare, draws=group["return"][is_draw].tolist()), group[~is_draw]
-            try:
-                record = make_record(result, curve, self.folder / place_of(part, result), part)
-            except BrokenRunError as error:
-                raise unreadable(self.key, self.folder / CURVES, error) from None
-            yield record, result, curve
+# What reading a damaged table raises.
+DAMAGED = (OSError, ValueError, LookupError, TypeError, OverflowError, EOFError, lzma.LZMAError)
 
 
 def has_tables(folder: Path) -> bool:
@@ -82,67 +56,52 @@ def has_tables(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (RUNS, CURVES))
 
 
-def read_tables(folder: Path, key: str = "folder") -> Tables:
-    """Read a study's tables.
+def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list[Run]]:
+    """Read a study's plan and runs, as they would be read from the runs' folders.
 
-    Args:
-        folder: of the tables.
-        key: the argument that named the folder, for messages.
-
-    Raises:
-        ConfigError: a table is missing, damaged, or holds no run of a study.
+    Messages name `key`, the argument that gave the folder.
     """
     plan = read_plan(folder / PLAN, key)
-    for name in (RUNS, CURVES):
-        try:
-            same = digest(folder / name) == plan[KEPT][name]
-        except (OSError, KeyError, TypeError):
-            same = False
-        if not same:
-            raise ConfigError(f"{key}: {folder / name} is not the file that {PLAN} was kept with")
+    kept = plan.get(KEPT)
+    for path in (folder / RUNS, folder / CURVES):
+        if not isinstance(kept, dict) or not path.is_file() or digest(path) != kept.get(path.name):
+            raise ConfigError(f"{key}: {path} is not the file that {PLAN} was kept with")
+    with refused(key, folder / RUNS):
+        results = [from_cells(cells) for cells in rows(read_file(folder / RUNS), ("part",))]
+        places = [place_of(part, result) for part, result in results]
+    if not results or len(set(places)) < len(results):
+        raise ConfigError(f"{key}: {folder / RUNS} has no run, or a run twice")
+    runs: list[Run] = []
+    with refused(key, folder / CURVES):
+        curves = dict(iter(read_curves(folder / CURVES).groupby("run", sort=False)))
+        if list(curves) != list(range(len(results))):
+            raise ValueError(f"its runs are not those of {RUNS}")
+        for (part, result), place, curve in zip(results, places, curves.values(), strict=True):
+            is_draw = curve["kind"] == DRAW
+            whole, curve = replace(result, draws=curve["return"][is_draw].tolist()), curve[~is_draw]
+            runs.append((make_record(whole, curve, folder / place, part), whole, curve))
+    return plan, runs
+
+
+@contextmanager
+def refused(key: str, path: Path) -> Iterator[None]:
+    """Say in one line why a table cannot be read."""
     try:
-        runs = read_results(folder / RUNS)
-        places = {place_of(part, result) for part, result in runs}
-    except (OSError, ValueError, KeyError, TypeError, ResultError) as error:
-        raise unreadable(key, folder / RUNS, error) from None
-    if not runs or len(places) < len(runs):
-        raise ConfigError(f"{key}: {folder / RUNS} has no run, or one twice")
-    try:
-        curves = read_curves(folder / CURVES)
-    except (lzma.LZMAError, EOFError, OSError, ValueError, OverflowError) as error:
-        raise unreadable(key, folder / CURVES, error) from None
-    return Tables(folder, plan, runs, curves, key)
-
-
-def read_results(path: Path) -> list[tuple[str, Result]]:
-    """Read part and result of each run.
-
-    Raises:
-        OSError, ValueError, KeyError, TypeError, ResultError: the table is damaged.
-    """
-    return [from_cells(cells) for cells in rows(read_file(path), ("part",))]
+        yield
+    except (*DAMAGED, ResultError, BrokenRunError) as error:
+        raise ConfigError(f"{key}: {path} cannot be read: {' '.join(str(error).split())}") from None
 
 
 def read_curves(path: Path) -> pd.DataFrame:
-    """Read the curves of all runs.
-
-    Raises:
-        lzma.LZMAError, EOFError, OSError, ValueError, OverflowError: the table is damaged.
-    """
+    """Read the curves of all runs; `DAMAGED` lists what a damaged table raises."""
     import pandas as pd
 
     types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
-    with lzma.open(path) as file:
-        unpacked = io.BufferedReader(Bounded(file, MAX_CURVE_BYTES))
-        curves = pd.read_csv(unpacked, usecols=list(COLUMNS), dtype=types, index_col=False)
+    text = io.BytesIO(read_xz(path, MAX_CURVE_BYTES))
+    curves = pd.read_csv(text, usecols=list(COLUMNS), dtype=types, index_col=False)
     if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
         raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
     return curves
-
-
-def unreadable(key: str, path: Path, error: object) -> ConfigError:
-    """Return an error that says in one line why a table cannot be read."""
-    return ConfigError(f"{key}: {path} cannot be read: {' '.join(str(error).split())}")
 
 
 def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
@@ -150,9 +109,6 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
 
     Returns:
         The number of runs, and the number of runs left out because they are not whole.
-
-    Raises:
-        ConfigError: the folder holds no study or no whole run, or the tables cannot be written.
     """
     import pandas as pd
 
@@ -160,19 +116,19 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    whole = sorted(
+    runs = sorted(
         read_runs(folder, broken), key=lambda run: (run[0].seed, run[0].part, run[0].pair, run[0].arm.name)
     )
-    if not whole and has_tables(folder):
+    if not runs and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
-    if not whole:
+    if not runs:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     names = [one.name for one in fields(PlannedJob)]
     plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
+    table = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in runs])
     try:
         copy.mkdir(parents=True, exist_ok=True)
-        runs = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in whole])
         # Compression takes a minute. All files are written before one is renamed, and the plan is renamed
         # last: without the digests in it the tables are no copy.
         with (
@@ -180,20 +136,67 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
             replacing(copy / CURVES) as curves_draft,
             replacing(copy / RUNS) as runs_draft,
         ):
-            runs.to_csv(runs_draft, index=False, lineterminator="\n")
-            with writing(copy / CURVES, curves_draft), curves_draft.open("wb") as file:
-                for _, runs_of_seed in groupby(enumerate(whole), lambda run: run[1][0].seed):
-                    curves = pd.concat([with_draws(number, *run[1:]) for number, run in runs_of_seed])
-                    text = curves.to_csv(
-                        None, columns=COLUMNS, index=False, header=not file.tell(), lineterminator="\n"
-                    )
-                    file.write(lzma.compress(text.encode(), preset=PRESET))
+            table.to_csv(runs_draft, index=False, lineterminator="\n")
+            with writing(copy / CURVES, curves_draft):
+                write_curves(curves_draft, runs)
             plan[KEPT] = {RUNS: digest(runs_draft), CURVES: digest(curves_draft)}
             with writing(copy / PLAN, plan_draft):
                 plan_draft.write_text(json.dumps(plan) + "\n")
     except OSError as error:
         raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
-    return len(whole), len(broken)
+    return len(runs), len(broken)
+
+
+def write_curves(path: Path, runs: Sequence[Run]) -> None:
+    """Write draws and curves of runs, which are sorted by seed."""
+    import pandas as pd
+
+    with path.open("wb") as file:
+        for _, runs_of_seed in groupby(enumerate(runs), lambda numbered: numbered[1][0].seed):
+            parts = []
+            for number, (_, result, curve) in runs_of_seed:
+                draws = pd.DataFrame({"kind": DRAW, "episode": 0, "return": result.draws})
+                parts.append((pd.concat([draws, curve]) if result.draws else curve).assign(run=number))
+            form = {"columns": COLUMNS, "index": False, "lineterminator": "\n"}
+            text = pd.concat(parts).to_csv(None, header=not file.tell(), **form)
+            file.write(lzma.compress(text.encode(), preset=PRESET))
+
+
+def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
+    """Write a study's folder with the complete seeds of its tables.
+
+    Other seeds are trained anew as a whole: their missing runs would need networks that no longer exist.
+
+    Returns:
+        The number of restored runs, and the seeds that are not complete.
+    """
+    plan, runs = read_tables(copy, "copy")
+    planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in plan["jobs"]}
+    have = {(record.part, record.pair, record.arm.name, record.seed) for record, _, _ in runs}
+    seeds = {seed for *_, seed in planned}
+    complete = seeds - {seed for *_, seed in planned - have}
+    restored = [run for run in runs if run[0].seed in complete]
+    if not complete:
+        raise ConfigError(f"copy: {copy} has no seed with all its runs; start a new study instead")
+    folder = folder.resolve()
+    draft = folder.with_name(f".{folder.name}.{os.getpid()}")
+    try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
+        draft.mkdir(parents=True)
+        for record, result, rows in restored:
+            place = draft / place_of(record.part, result)
+            place.mkdir(parents=True)
+            write_curve(place, rows)
+            write_result(place, result)
+        del plan[KEPT]
+        (draft / PLAN).write_text(json.dumps(plan, indent=1))
+        draft.rename(folder)
+    except OSError as error:
+        raise ConfigError(f"folder: {error.filename or folder} cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return len(restored), sorted(({seed for *_, seed in have} | seeds) - complete)
 
 
 def digest(path: Path) -> str:
@@ -209,17 +212,15 @@ def to_cells(result: Result) -> dict[str, str]:
         values["source_network"] = "/".join(Path(result.source_network).parts[-SOURCE_PATH_PARTS:])
     row: dict[str, str] = {}
     for key, value in values.items():
-        inner = {f"{key}.{name}": v for name, v in value.items()} if isinstance(value, dict) else {key: value}
-        row |= {name: as_cell(v) for name, v in inner.items()}
+        if isinstance(value, dict):
+            row |= {f"{key}.{name}": as_cell(inner) for name, inner in value.items()}
+        else:
+            row[key] = as_cell(value)
     return row
 
 
 def from_cells(row: dict[str, str]) -> tuple[str, Result]:
-    """Read part and result of a run from its cells.
-
-    Raises:
-        ResultError, ValueError, KeyError, TypeError: the cells are of no run.
-    """
+    """Read part and result of a run from its cells."""
     values: dict[str, Any] = {}
     for key, cell in row.items():
         outer, _, inner = key.partition(".")
@@ -227,7 +228,7 @@ def from_cells(row: dict[str, str]) -> tuple[str, Result]:
             values.setdefault(outer, {})[inner] = from_cell(cell)
         elif cell:
             values[outer] = from_cell(cell)
-    return str(values.pop("part")), from_json(values)
+    return str(values.pop("part")), from_json(values | {"draws": []})
 
 
 def as_cell(value: Any) -> str:
@@ -243,20 +244,8 @@ def from_cell(cell: str) -> Any:
         return cell
 
 
-def with_draws(number: int, result: Result, curve: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of a run: its draws, then its curve."""
-    import pandas as pd
-
-    drawn = pd.DataFrame({"kind": DRAW, "episode": 0, "return": result.draws})
-    return (pd.concat([drawn, curve]) if result.draws else curve).assign(run=number)
-
-
 def place_of(part: str, result: Result) -> Path:
-    """Return a run's folder below its study's folder.
-
-    Raises:
-        ValueError: a name that would lead out of the study, or that no run has.
-    """
+    """Return a run's folder below its study's folder; raise ValueError if its names could lead elsewhere."""
     if part not in PARTS or not (is_name(result.pair) and is_name(result.arm)) or result.seed < 0:
         found = f"{part:.40} {result.pair:.40} {result.arm:.40} {result.seed}"
         raise ValueError(f"no run of a study is named {found}")

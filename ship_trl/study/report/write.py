@@ -47,8 +47,7 @@ def report(folder: Path, output: Path, seeds: int | None = None) -> None:
         write(study, output, earlier, missing_runs(study, seeds))
     except OSError as error:
         raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
-    # Figures hold reference cycles, 8 MB a report, and `holm` resets the counts that would start a
-    # collection.
+    # Figures hold reference cycles, 8 MB a report.
     gc.collect()
     sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
 

@@ -14,7 +14,7 @@ def measured(
     claimed: Claimed = Claimed.above,
 ) -> Finding:
     values = np.random.default_rng(0).normal(mean, sd, 15)
-    return contrast("H", "a above b", "area", values, margin, claimed)
+    return contrast("a above b", "area", values, margin, claimed)
 
 
 def test_p_speaks_for_what_is_claimed_and_against_it() -> None:

@@ -17,7 +17,7 @@ from tests.study.synthetic import make_record, returns_of, write_run
 
 
 def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> Record:
-    return read_run(write_run(tmp_path, np.array(scores), before=before, every=every))
+    return read_run(write_run(tmp_path, np.array(scores), before=before, every=every))[0]
 
 
 def test_areas_and_ends(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_a_run_has_fallen_that_misses_the_goal_ten_times_in_a_row_after_explorat
 
     nine, ten = run([0.9] * 15 + [0.1] * 9 + [0.9] * 16), run([0.9] * 15 + [0.1] * 10 + [0.9] * 15)
     assert (metrics.fell(nine), metrics.fell(ten)) == (0.0, 1.0)
-    assert metrics.misses(ten) == pytest.approx(10 / 40, abs=0.02)
+    assert measure(ten, "misses") == pytest.approx(10 / 40, abs=0.02)
 
 
 @given(st.lists(st.floats(-3, 1), min_size=1, max_size=160))

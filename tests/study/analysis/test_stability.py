@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.results import main
-from ship_trl.study.analysis.stability import HEADINGS, rows
+from ship_trl.study.analysis.stability import HEADINGS, measure_runs, rows
 from tests.a_result import an_evaluation
 from tests.study.synthetic import BEST, write_run
 
@@ -18,13 +18,17 @@ def result(folder: Path, scores: list[float], seed: int) -> Path:
     return write_run(folder, np.array(scores), seed=seed, every=5, best=best, final=best)
 
 
+def table(groups: dict[str, list[Path]]) -> list[list[str]]:
+    return list(rows(list(measure_runs(groups))))
+
+
 def row(found: list[str]) -> dict[str, str]:
     return dict(zip(HEADINGS, found, strict=True))
 
 
 def test_falls_and_last_networks_are_counted(tmp_path: Path) -> None:
     steady, fallen = [0.5] * 9 + [1.0] * 41, [0.5] * 9 + [1.0] * 20 + [0.1] * 15 + [0.9] * 5
-    (found,) = rows({"a": [result(tmp_path, steady, 0), result(tmp_path, fallen, 1)]})
+    (found,) = table({"a": [result(tmp_path, steady, 0), result(tmp_path, fallen, 1)]})
     told = row(found)
     assert (told["runs"], told["fell"], told["last near best"]) == ("2", "1", "1 of 2")
     assert told["best of known"].startswith("1.000 ± 0.000") and told["last of known"] == "0.750 (median)"
@@ -37,7 +41,7 @@ def test_one_run_has_no_spread_and_a_broken_one_is_named(
 ) -> None:
     broken = result(tmp_path, [1.0] * 20, 1)
     (broken / "curve.csv").write_text("episode")
-    found = list(rows({"a": [result(tmp_path, [1.0] * 20, 0), broken], "b": [broken]}))
+    found = table({"a": [result(tmp_path, [1.0] * 20, 0), broken], "b": [broken]})
     assert [line[0] for line in found] == ["a"] and "±" not in "".join(found[0])
     assert capsys.readouterr().err.count("curve.csv") == 2
 

@@ -26,7 +26,7 @@ def test_every_claim_stands_on_these_contrasts() -> None:
     # Read contrasts.txt beside ship_trl/study/claims/hypotheses.py: it says in words what is measured.
     study, lines = every_run(), []
     for hypothesis in (*ALL, *OURS):
-        findings = [finding for test in hypothesis.tests for finding in test(study, hypothesis.name)]
+        findings = [finding for test in hypothesis.tests for finding in test(study)]
         assert len(findings) == len(hypothesis.tests), hypothesis.name
         lines += [hypothesis.name, *(f"  {f.what}: {f.claimed.value}" for f in findings)]
     assert lines == (Path(__file__).parents[1] / "contrasts.txt").read_text().splitlines()
@@ -37,7 +37,7 @@ def pair(name: str, **ends: float) -> dict[tuple[str, str, str], float]:
 
 
 def one(test: Test, study: Study) -> Finding:
-    (found,) = test(study, "")
+    (found,) = test(study)
     return found
 
 
@@ -90,7 +90,7 @@ def test_a_control_that_has_learned_nothing_is_worse(kind: str) -> None:
 def test_what_has_one_seed_or_none_is_not_measured() -> None:
     study = make_study(pair("high", FE1=0.5, FT1=0.5), seeds=1)
     for test in (beats("high", "FE1", "FT1"), steady("high", "FE1", "FT1"), beats("high", "FE1", "FTW")):
-        assert test(study, "") == []
+        assert test(study) == []
 
 
 def test_what_no_study_measures_is_refused() -> None:

@@ -188,9 +188,7 @@ def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:
 
 def simulated(values: np.ndarray, claimed: Claimed = Claimed.above) -> Hypothesis:
     """A claim of one contrast, with these differences by seed and a margin of 0.5."""
-    return Hypothesis(
-        "A", "5", "", [lambda study, claim: [contrast(claim, "", "area", values, 0.5, claimed)]]
-    )
+    return Hypothesis("A", "5", "", [lambda study: [contrast("", "area", values, 0.5, claimed)]])
 
 
 def test_arms_like_scratch_are_seldom_decided_at_any_look() -> None:

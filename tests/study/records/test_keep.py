@@ -67,11 +67,7 @@ def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_pat
     )
     for key, record in before.records.items():
         other = after.records[key]
-        assert (record.config_hash, record.best_known, record.random) == (
-            other.config_hash,
-            other.best_known,
-            other.random,
-        )
+        assert (record.best_known, record.random) == (other.best_known, other.random)
         np.testing.assert_allclose(record.draws, other.draws, atol=5e-4)
         np.testing.assert_array_equal(record.training.epsilon, other.training.epsilon)
         for kind in ("training", "greedy"):
@@ -221,7 +217,7 @@ HOSTILE = {
     "an arm that leads out": (in_runs(",FTW,", ",..,"), "no run of a study is named"),
     "a part that leads out": (in_runs("pairs,high", "../pairs,high"), "no run of a study is named"),
     "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "seed: must be a whole number"),
-    "a run twice": (in_runs(",FTW,1,", ",FTW,0,"), "has no run, or one twice"),
+    "a run twice": (in_runs(",FTW,1,", ",FTW,0,"), "has no run, or a run twice"),
     "not text": (spoil("runs.csv", lambda d: b"\xff\xfe\x00" * 9), "runs.csv cannot be read"),
     "a bomb of brackets": (in_runs(",FTW,", f",{'[' * 100_000},"), "no run of a study is named"),
     "a return that is none": (in_curves(",collision,", ",collision,x"), "curves.csv.xz cannot be read"),

@@ -7,26 +7,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ship_trl.study.records.record import BrokenRunError, find_runs, read_run
+from ship_trl.study.records.record import BrokenRunError, read_run, read_runs
 from tests.study.synthetic import learning, write_run
 
 
 def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
-    record = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
+    record, *_ = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
     assert (record.pair, record.arm.name, record.seed, record.part) == ("high", "FE3", 4, "pairs")
     np.testing.assert_allclose(record.score(record.training.returns), scores, atol=2e-6)
-    assert record.score(record.before) == pytest.approx(0.2) and record.score(record.scratch) == 0.0
+    assert record.score(record.before) == pytest.approx(0.2)
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
     assert (record.training.goal == (record.training.returns > 0)).all()
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
 
 
-def test_draws_before_training_are_read_and_an_older_run_has_none(tmp_path: Path) -> None:
+def test_draws_before_training_are_read(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
-    record = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
+    record, *_ = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
     assert record.draws.tolist() == [-300.0, 80.5]
-    assert read_run(write_run(tmp_path, scores, seed=2)).draws.shape == (0,)
+    assert read_run(write_run(tmp_path, scores, seed=2))[0].draws.shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_draws_before_training_are_read_and_an_older_run_has_none(tmp_path: Path
         ("curve.csv", None, "curve.csv is missing"),
         ("result.json", '{"pair": "hi', "result.json cannot be read"),
         ("result.json", "[1, 2]", "result.json is not a result of this program"),
-        ("result.json", '{"accuracy": 0.9}', "result.json cannot be used: pair: missing"),
+        ("result.json", '{"accuracy": 0.9}', "result.json has schema_version None; only 3"),
         ("result.json", "[" * 100_000, "result.json cannot be read"),
         ("curve.csv", "step,loss\n1,2\n", "curve.csv cannot be read"),
         ("curve.csv", "\x00\xff", "curve.csv cannot be read"),
@@ -64,11 +64,11 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"episodes": 49}, "curve.csv has not the 49 episodes"),
-        ({"episodes": 10**12}, "curve.csv has not the 1000000000000 episodes"),
+        ({"episodes": 49}, "curve.csv does not have the 49 episodes"),
+        ({"episodes": 10**12}, "curve.csv does not have the 1000000000000 episodes"),
         ({"best_known_return": float("nan")}, "best_known_return: must be a finite number, got nan"),
         ({"arm": "FE3-demonstrations"}, "result.json: 'FE3-demonstrations' names no arm"),
-        ({"random_return": None}, "has no random_return"),
+        ({"random_return": None}, "random_return: must be a finite number, got null"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
         ({"scratch": {}}, "scratch.return: missing"),
         ({"draws": [1.0, None]}, r"draws\[1\]: must be a finite number, got null"),
@@ -85,12 +85,13 @@ def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str,
 def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 20)
     write_run(tmp_path / "pairs", scores)
-    write_run(tmp_path / "reuse/epsilon", scores, seed=3)
+    write_run(tmp_path / "reuse/epsilon_low", scores, seed=3)
     write_run(tmp_path / "case_base", scores)
     (tmp_path / "pairs/low/FE1/seed=2").mkdir(parents=True)
-    found = [(str(path.relative_to(tmp_path)), part) for path, part in find_runs(tmp_path)]
+    broken: list[tuple[Path, str]] = []
+    found = [(str(run.folder.relative_to(tmp_path)), run.part) for run, *_ in read_runs(tmp_path, broken)]
     assert found == [
         ("pairs/high/scratch/seed=0", "pairs"),
-        ("pairs/low/FE1/seed=2", "pairs"),
-        ("reuse/epsilon/high/scratch/seed=3", "reuse/epsilon"),
+        ("reuse/epsilon_low/high/scratch/seed=3", "reuse/epsilon_low"),
     ]
+    assert broken == [(tmp_path / "pairs/low/FE1/seed=2", "result.json is missing")]

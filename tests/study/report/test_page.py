@@ -141,9 +141,8 @@ def test_earlier_verdicts_that_cannot_be_read_are_refused(
 
 
 def finding(value: float, reach: float = 0.05, **changes: object) -> Finding:
-    made = Finding(
-        "H1", "a", "area", Estimate(value, value - reach, value + reach), 0.01, 0.99, 15, margin=0.03
-    )
+    estimate = Estimate(value, value - reach, value + reach)
+    made = Finding("a", "area", estimate, 0.01, 0.99, 15, margin=0.03)
     return replace(made, **changes)  # type: ignore[arg-type]
 
 

@@ -49,7 +49,7 @@ def test_the_first_seeds_are_shown_as_if_there_were_no_others(
         with pytest.raises(SystemExit):
             main([str(six), "--seeds", seeds, "--output", str(other)])
         assert capsys.readouterr().err == (
-            f"ship_trl: --seeds: must be from 1 to 6, which it was begun with, got {seeds}\n"
+            f"ship_trl: --seeds: must be from 1 to 6, as planned, got {seeds}\n"
         )
     assert not other.exists()
     main([str(six), "--seeds", "5", "--output", str(few)])
@@ -79,7 +79,7 @@ def test_seeds_of_the_next_look_are_told_and_not_judged(odd: Odd) -> None:
 
 @pytest.mark.parametrize(
     ("folder", "said"),
-    [("none", "no folder "), ("empty", "no finished run below"), ("old/pairs", "are of no study")],
+    [("none", "no folder "), ("empty", "no finished run below"), ("old/pairs", "has runs but no study")],
 )
 def test_nothing_to_report_is_one_line(
     folder: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

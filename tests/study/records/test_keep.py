@@ -204,7 +204,7 @@ HOSTILE = {
         "curves.csv.xz cannot be read",
     ),
     "no curves": (lambda copy: (copy / FILES[0]).unlink(), "curves.csv.xz is not the file"),
-    "no plan": (lambda copy: (copy / FILES[2]).unlink(), "study.json, the plan that a study has"),
+    "no plan": (lambda copy: (copy / FILES[2]).unlink(), "study.json is missing; every study has this plan"),
     "another plan": (
         lambda copy: (copy / FILES[2]).write_text('{"jobs": 3}') and None,
         "is not a study's plan",
@@ -263,7 +263,7 @@ def test_a_bad_copy_is_one_line_and_writes_nothing(
     ("arguments", "said"),
     [
         (["study", "study"], "copy: study holds a study; allowed: another folder"),
-        (["nowhere", "new"], "folder: no nowhere/study.json, the plan that a study has"),
+        (["nowhere", "new"], "folder: nowhere/study.json is missing; every study has this plan"),
         (["copy", "new"], "folder: copy holds a study's tables; allowed: a study's folder of runs"),
         (["study", "taken"], "copy: taken cannot be written: File exists"),
         (["--restore", "copy", "study"], "study is there already; allowed: a new one"),

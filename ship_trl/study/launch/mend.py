@@ -19,21 +19,20 @@ from ship_trl.transfer.casebase import POLICY
 def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
     """Rename the folder of each damaged run and yield a message; nothing is deleted.
 
-    A run without a result was stopped, not damaged: it goes on in its folder. A source without its network
-    counts as damaged if an unfinished run needs it.
+    A run without a result was stopped, not damaged: it resumes. A source without its network counts as
+    damaged if an unfinished run needs it.
 
     Raises:
-        ConfigError: a folder that cannot be renamed.
+        ConfigError: a folder cannot be renamed.
     """
     for job in jobs:
         folder = job.folder(config.folder)
-        if not (folder / RESULT).exists():
-            continue
         try:
-            read_placed(folder)
+            if (folder / RESULT).exists():
+                read_placed(folder)
         except BrokenRunError as error:
             yield rename(folder, str(error))
-    # From the last stage on: a source that is trained again may need its own source.
+    # From the last stage to the first: a source that is trained again may need its own source.
     for job in reversed(jobs):
         source = source_folder(job, config)
         if source is None or finished(job, config) is not None:
@@ -46,10 +45,10 @@ def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
 
 def rename(folder: Path, reason: str) -> str:
     """Rename a damaged folder to `damaged-1-seed=0`, or the next free number, and return a message."""
-    free = (folder.with_name(f"{DAMAGED}{number}-{folder.name}") for number in count(1))
-    new = next(name for name in free if not name.exists())
+    names = (folder.with_name(f"{DAMAGED}{number}-{folder.name}") for number in count(1))
+    new = next(name for name in names if not name.exists())
     try:
         folder.rename(new)
-    except OSError as problem:
-        raise ConfigError(f"output: {folder} cannot be set aside: {problem.strerror}") from None
+    except OSError as error:
+        raise ConfigError(f"output: {folder} cannot be set aside: {error.strerror}") from None
     return f"{folder}: {reason}; kept as {new.name} and trained again"

@@ -160,7 +160,7 @@ def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
     before = files(copy)
     done = study(*SMALL, f"output={copy}", folder=tmp_path, code=1)
     assert done.stderr.count("\n") == 1
-    assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER, as " in done.stderr
+    assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER; " in done.stderr
     assert f"ship_trl keep --restore {copy} FOLDER" in done.stderr
     assert files(copy) == before
 

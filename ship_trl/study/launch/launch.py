@@ -112,17 +112,9 @@ def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]
 
 
 def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> list[Job]:
-    """Run all unfinished jobs, stage by stage, and retry jobs without a result.
+    """Run jobs stage by stage, with retries, and return those without a result; call `watch` every second.
 
     Some launchers stop all runs when one process dies. So only a round that finishes no run is a failure.
-
-    Args:
-        jobs: all jobs of the study.
-        config: of the study.
-        watch: called about once a second.
-
-    Returns:
-        The jobs that have no result in the end.
     """
     for stage in sorted({job.stage for job in jobs}):
         # Without the study's source a run would train its own.

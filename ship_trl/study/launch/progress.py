@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE
@@ -35,24 +35,18 @@ def say(text: str) -> None:
 
 
 class Display:
-    """Shows how much of a study is done; an unfinished run counts by its share of episodes.
-
-    Args:
-        jobs: all jobs of the study.
-        config: of the study.
-        episodes: of one run.
-    """
+    """Shows how much of a study is done; an unfinished run counts by its share of the `episodes` of a run."""
 
     def __init__(self, jobs: list[Job], config: StudyConfig, episodes: int) -> None:
         self._jobs, self._config, self._episodes = jobs, config, episodes
         self._left = unfinished(jobs, config)
         self._bar = Progress(
             BarColumn(bar_width=30),
-            TextColumn("{task.fields[done]} of {task.total} runs"),
+            "{task.fields[done]} of {task.total} runs",
             TimeElapsedColumn(),
-            TextColumn("left"),
+            "left",
             TimeRemainingColumn(),
-            TextColumn("{task.fields[now]}"),
+            "{task.fields[now]}",
             console=console,
             disable=not console.is_terminal,
         )

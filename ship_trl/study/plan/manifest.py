@@ -139,11 +139,7 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
 
 
 def read_plan(path: Path, key: str) -> dict[str, Any]:
-    """Read a study.json and check the parts that every study has.
-
-    Args:
-        path: of the file.
-        key: the argument that named the folder, for messages.
+    """Read a study.json and check the parts that every study has; messages begin with `key`.
 
     Raises:
         ConfigError: the file is missing, or is not a study's plan.

@@ -10,8 +10,7 @@ from ship_trl.cli.help import HELP_FLAGS
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.progress import format_duration
 from ship_trl.run.stop import TerminatedError, unwind_at_sigterm
-from ship_trl.study.launch.launch import LOG, processes, run_jobs, unfinished, write_jobs
-from ship_trl.study.launch.mend import set_aside
+from ship_trl.study.launch.launch import LOG, processes, run_jobs, set_aside, unfinished, write_jobs
 from ship_trl.study.launch.progress import Display, say, seconds_per_run
 from ship_trl.study.margins import margins
 from ship_trl.study.plan.config import StudyConfig, to_study

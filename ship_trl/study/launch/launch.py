@@ -1,4 +1,4 @@
-"""Runs a study's jobs with Hydra's launchers: each job is a file, each stage a multirun."""
+"""Runs a study's jobs with Hydra's launchers, each stage a multirun, and renames damaged runs before."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,12 @@ from ship_trl.files.disk import links, replacing
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
 from ship_trl.run.launchers import die_with_parent
+from ship_trl.run.plan import DAMAGED
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PARTS, Job, source_folder
 from ship_trl.study.plan.manifest import run_config
+from ship_trl.study.records.record import BrokenRunError, read_placed
+from ship_trl.transfer.casebase import POLICY
 
 LOG, JOBS, CASE_BASE = "log.txt", "jobs", "case_base"
 # Keys that all runs of a study share, beside "learn".
@@ -149,3 +153,41 @@ def processes(config: StudyConfig) -> int:
     if config.processes is not None:
         return config.processes
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
+    """Rename the folder of each damaged run and yield a message; nothing is deleted.
+
+    A run without a result was stopped, not damaged: it resumes. A source without its network counts as
+    damaged if an unfinished run needs it.
+
+    Raises:
+        ConfigError: a folder cannot be renamed.
+    """
+    for job in jobs:
+        folder = job.folder(config.folder)
+        try:
+            if (folder / RESULT).exists():
+                read_placed(folder)
+        except BrokenRunError as error:
+            yield rename(folder, str(error))
+    # From the last stage to the first: a source that is trained again may need its own source.
+    for job in reversed(jobs):
+        source = source_folder(job, config)
+        if source is None or finished(job, config) is not None:
+            continue
+        folder = config.folder / source
+        # A restored study has no networks, and arms may have been added since.
+        if (folder / RESULT).exists() and not (folder / POLICY).exists():
+            yield rename(folder, f"{POLICY} is missing, and other runs begin with it")
+
+
+def rename(folder: Path, reason: str) -> str:
+    """Rename a damaged folder to `damaged-1-seed=0`, or the next free number, and return a message."""
+    names = (folder.with_name(f"{DAMAGED}{number}-{folder.name}") for number in count(1))
+    new = next(name for name in names if not name.exists())
+    try:
+        folder.rename(new)
+    except OSError as error:
+        raise ConfigError(f"output: {folder} cannot be set aside: {error.strerror}") from None
+    return f"{folder}: {reason}; kept as {new.name} and trained again"

@@ -58,7 +58,7 @@ class Job:
 
     @property
     def has_trained_source(self) -> bool:
-        """Whether the run starts from a trained network."""
+        """Whether the run starts with layers of a trained network."""
         return Arm.parse(self.arm).has_trained_source
 
     def folder(self, study: Path) -> Path:

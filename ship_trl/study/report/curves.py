@@ -16,7 +16,7 @@ from ship_trl.study.analysis.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.arms import SCRATCH
 from ship_trl.study.plan.jobs import Place
-from ship_trl.study.records.record import Episodes, Record
+from ship_trl.study.records.record import Record
 from ship_trl.study.report.panels import (
     REUSE_TITLE,
     Arm,
@@ -37,7 +37,7 @@ from ship_trl.study.report.style import (
     points,
     set_episodes,
     set_range,
-    smoothed,
+    smooth,
 )
 
 # The share of a panel's height below the training returns, where the exploration rate is drawn.
@@ -92,7 +92,10 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
     run = found[min(1, len(found) - 1)][0][0]
     ranges = []
     for axis, kind in zip(axes, (attrgetter("training"), attrgetter("greedy")), strict=True):
-        values = [draw_curves(axis, *moving_returns([*map(kind, runs)]), look) for runs, look in found]
+        values = []
+        for runs, look in found:
+            shown, returns = smooth([kind(run).returns for run in runs])
+            values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look))
         for level, dashes in ((run.best_known, BEST_DASHES), (run.random, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
@@ -105,14 +108,6 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
     return ranges
 
 
-def moving_returns(episodes: Sequence[Episodes]) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of episodes [T] and moving returns of runs [S, T], up to the shortest run."""
-    length = min(len(run.returns) for run in episodes)
-    shown = points(length)
-    values = smoothed(np.stack([run.returns[:length] for run in episodes]))
-    return episodes[0].episode[shown], values[:, shown]
-
-
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
     """Draw the exploration rate along the bottom of the first axes, and its end in all of them."""
     rate = run.training.epsilon
@@ -120,7 +115,7 @@ def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
     bottom = axes[0].get_xaxis_transform()
     height = STRIP * rate[shown]
     axes[0].fill_between(shown + 1, 0, height, transform=bottom, color=PALE, linewidth=0, zorder=0.5)
-    # The outline shows a low rate, too.
+    # The outline makes a low rate visible.
     axes[0].plot(shown + 1, height, transform=bottom, color=GREY, linewidth=0.6, zorder=0.6, clip_on=False)
     ended = np.flatnonzero(rate <= rate.min())[0]
     if 0 < ended < len(rate) - 1:
@@ -131,14 +126,11 @@ def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
 def differences(study: Study, place: Place, scratch: Place) -> tuple[np.ndarray, np.ndarray]:
     """Return episodes [T] and, by seed, moving training scores minus those of scratch [S, T]."""
     runs = study.matched({"arm": place, "scratch": scratch})
-    length = min((len(run.training.returns) for both in runs.values() for run in both), default=0)
-    if not length:
+    count = len(runs["arm"])
+    if not count:
         return np.empty(0), np.empty((0, 0))
-    arm, base = (
-        smoothed(np.stack([run.scores[:length] for run in runs[name]])) for name in ("arm", "scratch")
-    )
-    shown = points(length)
-    return shown + 1, (arm - base)[:, shown]
+    shown, scores = smooth([run.scores for run in runs["arm"] + runs["scratch"]])
+    return shown + 1, scores[:count] - scores[count:]
 
 
 def draw_differences(study: Study, width: float) -> Figure | None:

@@ -1,4 +1,4 @@
-"""Errors of the command line: one line each, and exit codes."""
+"""Report errors of the command line in one line each, with exit codes."""
 
 from __future__ import annotations
 
@@ -22,11 +22,8 @@ def refusals() -> Iterator[None]:
     """Print a `ConfigError` or an `OSError` of a command as one line, and exit with code 1."""
     try:
         yield
-    except ConfigError as error:
-        print_error(str(error))
-        sys.exit(1)
-    except OSError as error:
-        print_error(explain_file(error))
+    except (ConfigError, OSError) as error:
+        print_error(explain_file(error) if isinstance(error, OSError) else str(error))
         sys.exit(1)
 
 
@@ -65,8 +62,8 @@ def job_errors() -> Iterator[None]:
 def hydra_errors() -> Iterator[None]:
     """Print an error that the user can correct as one line, and exit with code 1.
 
-    Hydra prints its own errors over several lines unless HYDRA_FULL_ERROR is set; then it raises them. A
-    user who set it gets the traceback.
+    Hydra prints its own errors in several lines, but raises them if HYDRA_FULL_ERROR is set. A user who set
+    it gets the traceback.
     """
     if os.environ.get("HYDRA_FULL_ERROR", "") not in ("", "0"):
         yield
@@ -86,10 +83,10 @@ def hydra_errors() -> Iterator[None]:
 
 
 def check_words(words: list[str]) -> None:
-    """Check verb and flags: for a wrong one Hydra would print its usage and exit with code 2.
+    """Check verb and flags; for a wrong one Hydra would print its usage and exit with code 2.
 
     Raises:
-        ConfigError: one is unknown, or a flag lacks its value.
+        ConfigError: a verb or a flag is unknown, or a flag lacks its value.
     """
     from hydra._internal.utils import get_args_parser
 
@@ -104,7 +101,7 @@ def check_words(words: list[str]) -> None:
 
 
 def explain_command(error: Exception) -> str | None:
-    """Explain what ended a command in one line, or return None where it is a fault of the program."""
+    """Explain in one line why a command failed, or return None for a fault of the program."""
     import yaml
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -120,27 +117,24 @@ def explain_command(error: Exception) -> str | None:
             return f"config: not YAML: {' '.join(str(error).split())}"
         case OSError():
             return explain_file(error) if names_file(error) else None
-    # For some overrides Hydra raises other errors than its own, as a TypeError for hydra/job_logging=[[1]] or
-    # ~network.conv.0.
-    if not raising_module(error).startswith(("hydra", "antlr4")):
+    # For some overrides Hydra raises Python's own errors, as a TypeError for hydra/job_logging=[[1]] or
+    # ~network.conv.0. Errors that OmegaConf raises belong to the module that called it.
+    names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
+    module = next((name for name in reversed(names) if not name.startswith("omegaconf")), "")
+    if not module.startswith(("hydra", "antlr4")):
         return None
-    known = isinstance(error, ValueError)
-    return explain_hydra(error) if known else f"overrides: Hydra cannot read them ({error})"
+    if isinstance(error, ValueError):
+        return explain_hydra(error)
+    return f"overrides: Hydra cannot read them ({error})"
 
 
 def names_file(error: OSError) -> bool:
-    """Return whether an error is about a file or the disk; for any other a traceback says more."""
+    """Return whether an error is about a file or the disk; for others a traceback says more."""
     return error.filename is not None or error.errno in DISK
 
 
 def explain_file(error: OSError) -> str:
     """Explain an error of the file system in one line: the file, then the reason."""
-    # Where there are two files, as in renaming, the second one is written.
+    # With two files, as in renaming, the second one is written.
     file = error.filename2 or error.filename or "a file"
     return f"{file}: {error.strerror or error}"
-
-
-def raising_module(error: BaseException) -> str:
-    """Name the module that raised an error, or that called OmegaConf where that raised it."""
-    names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
-    return next((name for name in reversed(names) if not name.startswith("omegaconf")), "")

@@ -1,4 +1,4 @@
-"""The help of the whole command line. Imports nothing but the standard library, so that it is quick."""
+"""The help of the whole command line; it imports no large library, so that it is quick."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ HELP_FLAGS = {"--help", "-h"}
 # Each verb is a module of `ship_trl.cli` with a function `main`.
 VERBS = {
     "watch": "roll out policies in a window",
-    "record": "record the same as GIF, MP4, PNG frames or a chart of paths; no screen needed",
+    "record": "record policies as GIF, MP4, PNG frames or a chart of paths; no screen needed",
     "play": "steer a ship yourself",
     "evaluate": "evaluate policies: networks, random, the planner, your own",
     "cases": "list the cases and their similarity, and recommend a source for a target",
@@ -22,7 +22,6 @@ VERBS = {
     "layers": "measure how alike the layers of a study's networks are",
     "pretrain": "train the bundled networks again",
 }
-
 
 HELP = """\
 ship_trl: transfer reinforcement learning in ship collision avoidance.
@@ -68,8 +67,6 @@ Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
 
 def print_help() -> None:
     """Print the help."""
-    values = {
-        key: group_names(key[:-1]) for key in ("pairs", "cases", "arms", "profiles", "networks", "sweeps")
-    }
+    groups = ("pair", "case", "arm", "profile", "network", "sweep")
     verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
-    print(HELP.format(**values, verbs=verbs), end="")
+    print(HELP.format(**{f"{group}s": group_names(group) for group in groups}, verbs=verbs), end="")

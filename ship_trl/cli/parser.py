@@ -1,11 +1,11 @@
-"""The arguments that verbs share; a wrong one is refused in one line with exit code 1."""
+"""Arguments that verbs share; a wrong argument gives one line and exit code 1."""
 
 from __future__ import annotations
 
 import argparse
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,12 +14,12 @@ from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import Reader
 from ship_trl.config.types import Seed
 
-# Pixels of a window or a film; in a smaller one nothing could be read.
+# Pixels of a window or a video; text in a smaller one could not be read.
 MIN_WIDTH, MIN_HEIGHT, MAX_SIDE = 640, 360, 9999
 
 
 class Parser(argparse.ArgumentParser):
-    """Prints an error as every command does."""
+    """Prints errors in one line."""
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong with the arguments, and exit."""
@@ -57,7 +57,7 @@ def add_seed(parser: Parser, use: str = "of policies that draw") -> None:
 
 
 def add_number(parser: Parser, option: str, hint: Any, default: float | None, use: str) -> None:
-    """Add an option whose value is a number of a type with bounds."""
+    """Add an option whose value is a number within the bounds of its type."""
     read = partial(Reader().read, hint, key=option)
     parser.add_argument(option, type=read, default=default, metavar="N", help=use)
 
@@ -68,27 +68,22 @@ def add_size(parser: Parser, default: str, use: str) -> None:
 
 
 def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> None:
-    """Add the option or argument of a file to write, with one of the suffixes; "" stands for a folder."""
+    """Add the option or argument that names an output file with one of the suffixes; "" means a folder."""
     metavar = "FILE|FOLDER" if "" in suffixes else f"FILE{suffixes[0]}"
-    parser.add_argument(name, type=output_of(name, suffixes), metavar=metavar, help=use)
-
-
-def output_of(option: str, suffixes: Sequence[str]) -> Callable[[str], Path]:
-    """Return the function that reads the path of an output."""
     allowed = f"a name that ends with {' or '.join(filter(None, suffixes))}"
     allowed += ", or a new or empty folder" if "" in suffixes else ""
 
     def read(text: str) -> Path:
         path = Path(text)
         if path.suffix not in suffixes:
-            raise ConfigError(f"{option}: must be {allowed}, got {text}")
+            raise ConfigError(f"{name}: must be {allowed}, got {text}")
         if not path.absolute().parent.is_dir():
-            raise ConfigError(f"{option}: no folder {path.absolute().parent}")
+            raise ConfigError(f"{name}: no folder {path.absolute().parent}")
         if not path.suffix and path.exists() and not (path.is_dir() and not any(path.iterdir())):
-            raise ConfigError(f"{option}: {path} exists; must be {allowed}")
+            raise ConfigError(f"{name}: {path} exists; must be {allowed}")
         return path
 
-    return read
+    parser.add_argument(name, type=read, metavar=metavar, help=use)
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -96,6 +91,6 @@ def read_size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d{3,4})x(\d{3,4})", text, re.ASCII)
     size = (int(found[1]), int(found[2])) if found else (0, 0)
     if size[0] < MIN_WIDTH or size[1] < MIN_HEIGHT:
-        least, most = f"{MIN_WIDTH}x{MIN_HEIGHT}", f"{MAX_SIDE}x{MAX_SIDE}"
-        raise ConfigError(f"--size: must be WIDTHxHEIGHT, at least {least}, at most {most}, got {text}")
+        bounds = f"at least {MIN_WIDTH}x{MIN_HEIGHT}, at most {MAX_SIDE}x{MAX_SIDE}"
+        raise ConfigError(f"--size: must be WIDTHxHEIGHT, {bounds}, got {text}")
     return size

@@ -1,4 +1,4 @@
-"""`python -m ship_trl report FOLDER`: the report of a study, from its runs or their tables. No torch."""
+"""`python -m ship_trl report FOLDER`: write the report of a study, from its runs or their tables."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from ship_trl.config.errors import ConfigError
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read the runs, measure the claims, write tables, figures and page."""
+    """Read the runs, judge the claims, and write tables, figures and page."""
     parser = make_parser("report", __doc__)
-    parser.add_argument("folder", type=Path, help="of a study, as outputs/confirmatory, or of its tables")
-    parser.add_argument("--output", type=Path, help="where the report goes; default: FOLDER/report")
-    parser.add_argument(
-        "--seeds", type=int, metavar="N", help="the first N seeds only, as in the look after them"
-    )
+    parser.add_argument("folder", type=Path, help="folder of a study or its tables, as outputs/confirmatory")
+    parser.add_argument("--output", type=Path, help="folder of the report; default: FOLDER/report")
+    parser.add_argument("--seeds", type=int, metavar="N", help="use the first N seeds, as at an earlier look")
     options = parser.parse_args(arguments)
     with refusals():
         if not options.folder.is_dir():

@@ -1,4 +1,4 @@
-"""A table on the terminal, in a file or as Markdown."""
+"""Print tables to a terminal, to a file or as Markdown."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from rich.console import Console
 from rich.table import Column, Table
 
-# Columns of a table in a file or a pipe, so that no line is broken.
+# Characters in a line of a file or a pipe, so that no row is wrapped.
 FILE_WIDTH = 1_000
 
 
@@ -24,7 +24,7 @@ def show(
         lines = (headings, ["---"] * len(headings), *rows)
         sys.stdout.write("".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
-    # What tells the rows apart is never cut, however narrow the terminal is.
+    # The first column identifies the rows, so it is never cut.
     first = Column(headings[0], no_wrap=True, min_width=max((len(row[0]) for row in rows), default=0))
     table = Table(first, *headings[1:], title=title, title_justify="left")
     for row in rows:

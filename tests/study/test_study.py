@@ -77,7 +77,7 @@ def test_other_settings_are_refused_and_lose_nothing(whole: Path) -> None:
     before = files(whole)
     done = study(*SMALL, "overrides=[learn.lr=0.1]", folder=whole, code=1)
     assert done.stderr.strip() == (
-        "ship_trl: output: outputs/smoke_study holds a study of other settings (learn); "
+        "ship_trl: output: outputs/smoke_study holds a study with other settings (learn); "
         "allowed: another output=FOLDER"
     )
     assert files(whole) == before

@@ -1,4 +1,4 @@
-"""The arms and control pairs of a study, by name. What a name means is read by `Arm` alone."""
+"""The names of a study's arms and control pairs; `Arm` parses the names of arms."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ SCRATCH, WHOLE = arms.SCRATCH.name, Arm(Method.finetune, ALL_LAYERS).name
 FE = tuple(Arm(Method.feature_extraction, n).name for n in range(1, 5))
 FT = tuple(Arm(Method.finetune, n).name for n in range(1, 5))
 TRANSFERS = (*FE, *FT, WHOLE)
-# Kinds of controls: the frozen layers hold random weights, or the source's weights permuted within each
-# layer.
+# Controls whose frozen layers hold random weights, or the source's weights permuted within each layer.
 RANDOM, PERMUTED = SourceWeights.random.value, SourceWeights.permuted.value
 CONTROL_KINDS = (RANDOM, PERMUTED)
 
@@ -20,12 +19,12 @@ def control_arm(arm: str, kind: str) -> str:
     return Arm.parse(arm).with_weights(SourceWeights(kind)).name
 
 
-# Controls that run with every seed: arms on each pair, and pairs with their arms. Pair "self" transfers case
-# 2 to itself; pair "ship" has a source with the target's ship but another path (section 4.1).
+# Controls of every seed: arms that run on each pair, and pairs with their arms. Pair "self" transfers case 2
+# to itself; pair "ship" has a source with the target's ship but another path (section 4.1).
 CONTROL_ARMS = tuple(control_arm("FE3", kind) for kind in CONTROL_KINDS)
 CONTROL_PAIRS = {"self": (*FE, *FT), "ship": ("FE3", WHOLE)}
-# Exploratory controls, which run with the first block of seeds only.
+# Exploratory controls, only of the first block of seeds.
 FIRST_BLOCK_ARMS = tuple(control_arm(f"FE{n}", kind) for kind in CONTROL_KINDS for n in (1, 2, 4))
 FIRST_BLOCK_PAIRS = {"self": (WHOLE,), "self4": TRANSFERS, "self6": TRANSFERS}
-# The pair with the same target, whose runs from scratch a control pair is compared with.
+# A control pair is compared with the runs from scratch of the pair that has the same target.
 SCRATCH_PAIR = {"self": "high", "ship": "high", "self4": "low", "self6": "lowest"}

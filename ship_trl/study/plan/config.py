@@ -32,7 +32,7 @@ LAUNCHERS = {
     "ray_local": "hydra_ray_launcher",
     "ray_cluster": "hydra_ray_launcher",
 }
-# Differences within a seed need two.
+# One seed shows no variation over seeds.
 SeedCount = Annotated[int, limit(2)]
 # Keys that each job sets itself.
 JOB_KEYS = (
@@ -88,7 +88,7 @@ class StudyConfig:
 
     @property
     def run_overrides(self) -> list[str]:
-        """The overrides of the runs; the other ones are for Hydra and its launcher."""
+        """The overrides of the runs, without those of Hydra and its launcher."""
         return [line for line in self.overrides if not line.startswith("hydra.")]
 
 
@@ -96,7 +96,7 @@ def to_study(overrides: list[str]) -> StudyConfig:
     """Compose conf/study.yaml with overrides and check the result.
 
     Raises:
-        ConfigError: an unknown key, a wrong value, an unknown name.
+        ConfigError: a key or a name is unknown, or a value is not allowed.
     """
     try:
         values = OmegaConf.merge(OmegaConf.load(conf_dir() / "study.yaml"), OmegaConf.from_dotlist(overrides))
@@ -116,25 +116,17 @@ def options(group: str) -> list[str]:
 
 
 def check(config: StudyConfig) -> None:
-    """Check names, the launcher, and what several keys say together."""
+    """Check names, the launcher, and keys that depend on one another."""
     check_names("profile", [config.profile], options("profile"))
     check_names("pairs", config.pairs, options("pair"))
     check_names("arms", config.arms, options("arm"))
     check_names("launcher", [config.launcher], list(LAUNCHERS))
     check_logger(config.logger)
-    plugin = LAUNCHERS[config.launcher]
-    if find_spec(f"hydra_plugins.{plugin}") is None:
-        extra = config.launcher.split("_")[0]
-        raise ConfigError(f"launcher: {missing_extra(config.launcher, extra)}")
+    if find_spec(f"hydra_plugins.{LAUNCHERS[config.launcher]}") is None:
+        raise ConfigError(f"launcher: {missing_extra(config.launcher, config.launcher.split('_')[0])}")
     check_slurm(config.launcher, "launcher")
-    check_overrides(config)
     if config.seeds is None and config.profile not in config.profile_seeds:
-        raise ConfigError(f"seeds: must be given, for conf/study.yaml has none for profile {config.profile}")
-    controls = {*CONTROL_PAIRS, *FIRST_BLOCK_PAIRS, *CONTROL_ARMS, *FIRST_BLOCK_ARMS}
-    for key in ("pairs", "arms"):
-        for name in getattr(config, key):
-            if config.controls and name in controls:
-                raise ConfigError(f"{key}: {name} is one of the controls; allowed: controls=false")
+        raise ConfigError(f"seeds: must be given; conf/study.yaml has none for profile {config.profile}")
     if config.processes is not None and config.launcher != "joblib":
         raise ConfigError(f"processes: must be left out with launcher={config.launcher}, which has its own")
     if config.reuse and (REUSED_PAIR not in config.pairs or REUSED_ARM not in config.arms):
@@ -142,27 +134,31 @@ def check(config: StudyConfig) -> None:
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "
             "allowed: reuse=false"
         )
+    controls = {*CONTROL_PAIRS, *FIRST_BLOCK_PAIRS, *CONTROL_ARMS, *FIRST_BLOCK_ARMS}
+    for key, names in (("pairs", config.pairs), ("arms", config.arms)):
+        if config.controls and (found := [name for name in names if name in controls]):
+            raise ConfigError(f"{key}: {found[0]} is one of the controls; allowed: controls=false")
+    check_overrides(config)
 
 
 def check_overrides(config: StudyConfig) -> None:
-    """Refuse keys that tell runs apart: an override would set them alike in all runs."""
-    fixed = {*JOB_KEYS, *(["learn.epsilon_start"] if config.reuse else [])}
-    for line in config.overrides:
-        key = line.split("=")[0].lstrip("+~")
-        if key in fixed:
-            allowed = "what all may share, as learn.lr=1e-3"
-            if key == "learn.epsilon_start":
-                allowed = "reuse=false"
-            raise ConfigError(f"overrides: {key} tells the study's runs apart; allowed: {allowed}")
+    """Refuse keys that differ between runs: an override would give all runs the same value."""
+    for key in (line.split("=")[0].lstrip("+~") for line in config.overrides):
+        if key in JOB_KEYS:
+            raise ConfigError(
+                f"overrides: {key} differs between runs; allowed: what all runs share, as learn.lr=1e-3"
+            )
+        if key == "learn.epsilon_start" and config.reuse:
+            raise ConfigError(f"overrides: {key} differs between runs; allowed: reuse=false")
 
 
 def check_names(key: str, got: list[str], allowed: list[str]) -> None:
-    """Check that there is a name, that all names are allowed, and that none is there twice."""
+    """Check that there are names, that all are allowed, and that no name is repeated."""
     for name in got:
         if name not in allowed:
             raise ConfigError(f"{key}: no {name}; allowed: {', '.join(allowed)}")
     if not got or len(set(got)) < len(got):
-        raise ConfigError(f"{key}: each at most once and at least one, got {', '.join(got) or 'none'}")
+        raise ConfigError(f"{key}: must be at least one name, each once, got {', '.join(got) or 'none'}")
 
 
 @cache

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
@@ -18,15 +18,14 @@ from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, read_as
-from ship_trl.config.types import Config, World, plain
+from ship_trl.config.types import Config, plain
 from ship_trl.files.disk import read_json, replacing
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import PAIRS, Job, PlannedJob
+from ship_trl.study.plan.jobs import PAIRS, Job
 from ship_trl.study.rules import stamp
 
 PLAN = "study.json"
-# The rules that a study was begun with (`rules.stamp`); old studies have none.
 STAMP = {"digest", "commit", "begun"}
 Stamp = Annotated[
     dict[str, Any], Rule("a group of digest, commit, begun", lambda rules: not rules or rules.keys() >= STAMP)
@@ -36,21 +35,21 @@ Seeds = Annotated[list[int], Rule("a list of seeds", bool)]
 
 @dataclass(frozen=True)
 class Plan:
-    """The parts of a study.json that are read again; old ones have neither judged seeds nor rules."""
+    """The checked parts of a study.json; old ones lack `judged` and `rules` (see `rules.stamp`)."""
 
     settings: dict[str, Any]
     cases: dict[str, str]
-    jobs: list[PlannedJob]
+    jobs: list[Job]
     judged: Seeds = field(default_factory=list)
     rules: Stamp = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a report needs of a study.json; empty where a folder has none.
+    """What a report needs from a study.json; empty for a folder without one.
 
-    Only the seeds that the study was begun with are judged. No run learns before `warmup` episodes are over.
-    `folders` are those of the planned runs, with their seeds.
+    Only `seeds` are judged: those that the study was begun with. No run learns in its first `warmup`
+    episodes. `folders` maps the planned runs' folders to their seeds.
     """
 
     seeds: tuple[int, ...] = ()
@@ -61,13 +60,11 @@ class Manifest:
 
 
 def run_config(config: StudyConfig) -> Config:
-    """Compose and check the configuration that all runs share.
+    """Compose and check the configuration that all runs of a study share.
 
     Raises:
-        ConfigError: a wrong override.
+        ConfigError: an override is wrong.
     """
-    from hydra.errors import HydraException
-
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(conf_dir()), version_base="1.3"):
@@ -77,21 +74,17 @@ def run_config(config: StudyConfig) -> Config:
         raise ConfigError(f"overrides: {explain_hydra(error).removeprefix('overrides: ')}") from None
 
 
-def fingerprints(jobs: list[Job], world: World) -> dict[str, str]:
-    """Return the fingerprint of each case of a study, by name: a case file may be edited later."""
-    cases = {str(job.values[key]) for job in jobs for key in ("source", "target") if job.values.get(key)}
-    return {name: load_case(name, world).fingerprint for name in sorted(cases)}
-
-
 def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     """Make the study's folder and write study.json; more seeds or arms may be added later.
 
     Raises:
-        ConfigError: the folder cannot be written, or holds a study of other settings.
+        ConfigError: the folder cannot be written, or holds a study with other settings.
     """
     shared = run_config(config)
-    settings = settings_of(jobs, config, shared)
-    cases = fingerprints(jobs, shared.world)
+    settings = shared_settings(jobs, config, shared)
+    names = {str(job.values[key]) for job in jobs for key in ("source", "target") if job.values.get(key)}
+    # A case file may be edited later.
+    cases = {name: load_case(name, shared.world).fingerprint for name in sorted(names)}
     path = config.folder / PLAN
     begun = read_plan(path, "output") if path.exists() else {}
     before, known = begun.get("settings", settings), begun.get("cases", {})
@@ -99,27 +92,27 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     differ = [key for key in keys if settings.get(key) != before.get(key)]
     differ += [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
     if differ:
-        holds = f"output: {config.folder} holds a study of other settings ({', '.join(differ)})"
-        raise ConfigError(f"{holds}; allowed: another output=FOLDER")
+        raise ConfigError(
+            f"output: {config.folder} holds a study with other settings ({', '.join(differ)}); "
+            "allowed: another output=FOLDER"
+        )
     plan = {
         "settings": settings,
         "cases": known | cases,
-        # The seeds and rules that the study was begun with stay, even if more is added.
+        # Seeds that are added later are not judged, and the rules stay those of the beginning.
         "judged": begun.get("judged", list(config.numbers)),
         "rules": begun.get("rules", stamp()),
         "jobs": [dataclasses.asdict(job) for job in jobs],
     }
     try:
         config.folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(config.folder, os.W_OK | os.X_OK):
-            raise PermissionError(13, "Permission denied")
         with replacing(path) as draft:
             draft.write_text(json.dumps(plan, indent=1))
     except OSError as error:
         raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None
 
 
-def settings_of(jobs: list[Job], config: StudyConfig, shared: Config) -> dict[str, Any]:
+def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dict[str, Any]:
     """Return the settings that all runs of a study must share.
 
     Raises:
@@ -127,37 +120,34 @@ def settings_of(jobs: list[Job], config: StudyConfig, shared: Config) -> dict[st
     """
     most = max((job.values["layers"] for job in jobs if type(job.values.get("layers")) is int), default=0)
     if most > len(shared.network.conv):
-        wanted = f"overrides: network has {len(shared.network.conv)} conv layers, and arms have up to {most}"
-        raise ConfigError(f"{wanted}; allowed: arms=[...] of fewer layers")
+        raise ConfigError(
+            f"overrides: network has {len(shared.network.conv)} conv layers, and arms have up to {most}; "
+            "allowed: arms=[...] with fewer layers"
+        )
     learn = plain(shared.learn)
-    # Like the device, the backend changes no result: a study may go on with another one.
+    # Backends give the same results, so a study may continue with another one.
     del learn["backend"]
-    settings: dict[str, Any] = {
+    settings = {
         "profile": config.profile,
         "first_seed": config.first_seed,
         "learn": learn,
         "world": plain(shared.world),
         "colour": shared.colour,
     }
-    if (network := non_default_network(shared.network)) is not None:
-        settings["network"] = network
-    return settings
+    network = non_default_network(shared.network)
+    return settings if network is None else {**settings, "network": network}
 
 
 def read_plan(path: Path, key: str) -> dict[str, Any]:
-    """Read a study.json and check the parts that every study has.
-
-    Args:
-        path: of the file.
-        key: the argument that named the folder, for messages.
+    """Read a study.json and check the parts that every study has; messages begin with `key`.
 
     Raises:
-        ConfigError: there is no file, or it is not a study's plan.
+        ConfigError: the file is missing, or is not a study's plan.
     """
     try:
         plan: dict[str, Any] = read_json(path)
     except FileNotFoundError:
-        raise ConfigError(f"{key}: no {path}, the plan that a study has") from None
+        raise ConfigError(f"{key}: {path} is missing; every study has this plan") from None
     except (OSError, ValueError):
         raise ConfigError(f"{key}: {path} is not a study's plan") from None
     read_as(Plan, plan, f"{key}: {path} is not a study's plan: ", from_json=True)
@@ -165,10 +155,10 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> Manifest:
-    """Read the study.json of a folder; an empty manifest where there is no file.
+    """Read the study.json of a folder; return an empty manifest if there is no file.
 
     Raises:
-        ConfigError: the file is damaged. Without its seeds nobody knows when claims are judged.
+        ConfigError: the file is damaged. Without its seeds it is unknown when claims are judged.
     """
     path = folder / PLAN
     if not path.exists():
@@ -176,19 +166,10 @@ def read_manifest(folder: Path) -> Manifest:
     plan = read_as(Plan, read_plan(path, "folder"), from_json=True)
     seeds = plan.judged or [job.seed for job in plan.jobs if job.part == PAIRS]
     if not seeds:
-        raise ConfigError(f"folder: {path} is not a study's plan: it has no seed")
-    return Manifest(
-        tuple(sorted(set(seeds))),
-        plan.rules,
-        plan.cases,
-        warmup_episodes(plan.settings),
-        {job.folder(folder): job.seed for job in plan.jobs},
-    )
-
-
-def warmup_episodes(settings: dict[str, Any]) -> int:
-    """Return after how many episodes runs learn at the earliest; 0 where the settings do not say it."""
+        raise ConfigError(f"folder: {path} is not a study's plan: it has no seeds")
     try:
-        return max(0, int(settings["learn"]["warmup_steps"] // settings["world"]["max_steps"]))
+        warmup = max(0, int(plan.settings["learn"]["warmup_steps"] // plan.settings["world"]["max_steps"]))
     except (KeyError, TypeError, ValueError, ArithmeticError):
-        return 0
+        warmup = 0
+    folders = {job.folder(folder): job.seed for job in plan.jobs}
+    return Manifest(tuple(sorted(set(seeds))), plan.rules, plan.cases, warmup, folders)

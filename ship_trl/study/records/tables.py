@@ -29,7 +29,7 @@ from ship_trl.files.disk import read_file, replacing, writing
 from ship_trl.files.result import Result, ResultError, from_json, write_result
 from ship_trl.files.table import rows
 from ship_trl.files.untrusted import read_xz
-from ship_trl.study.plan.jobs import PARTS, PlannedJob, run_folder
+from ship_trl.study.plan.jobs import PARTS, Job, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
 from ship_trl.study.records.record import BrokenRunError, make_record, read_runs
 
@@ -124,7 +124,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if not runs:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
-    names = [one.name for one in fields(PlannedJob)]
+    names = [one.name for one in fields(Job) if one.name != "values"]
     plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
     table = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in runs])
     try:

@@ -16,12 +16,12 @@ from ship_trl.study.analysis.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.arms import SCRATCH
 from ship_trl.study.plan.jobs import Place
-from ship_trl.study.records.record import Episodes, Record
+from ship_trl.study.records.record import Record
 from ship_trl.study.report.panels import (
     REUSE_TITLE,
     Arm,
-    Drawn,
-    Section,
+    Panel,
+    Sections,
     grouped_sections,
     lay_out,
     pair_sections,
@@ -37,68 +37,65 @@ from ship_trl.study.report.style import (
     points,
     set_episodes,
     set_range,
-    smoothed,
+    smooth,
 )
 
 # The share of a panel's height below the training returns, where the exploration rate is drawn.
 STRIP = 0.14
 WARMUP_ALPHA = 0.55
 BEST_DASHES, RANDOM_DASHES = (0, (5, 2)), (0, (1, 2))
-
 # Panels in a row of a wide figure; inches of a panel's height, by the figure's width.
 COLUMNS, HEIGHT, NARROW_HEIGHT = 6, 1.2, 1.0
 
 
 def draw_pair(study: Study, pair: str, width: float) -> Figure | None:
     """Draw figure 5, 6 or 7, or the figure of another pair; None without runs."""
-    return draw(study, pair_sections(study, pair), width, 5)
+    return draw_returns(study, pair_sections(study, pair), width, 5)
 
 
 def draw_reuse(study: Study, width: float) -> Figure | None:
     """Draw figure 9: the networks on the new case; None without runs."""
     panels = reuse_panels(study)
-    return draw(study, [Section(REUSE_TITLE, panels)] if panels else [], width, 4)
+    return draw_returns(study, {REUSE_TITLE: panels} if panels else {}, width, 4)
 
 
-def draw(study: Study, sections: Sequence[Section], width: float, columns: int) -> Figure | None:
+def draw_returns(study: Study, sections: Sections, width: float, columns: int) -> Figure | None:
     """Draw each panel's training returns above its greedy returns; all panels share their ranges."""
     if not sections:
         return None
-    counts = sorted({len(study.arm(*panel.scratch)) for section in sections for panel in section.panels})
-    handles = legend(f"scratch ({' or '.join(map(str, counts))})", has_warmup=study.plan.warmup > 0)
-    training, greedy = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
-    heights = {"training return": training, "greedy return": greedy}
-    figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
-    panels = [one for section in drawn for one in section]
-    ranges = [draw_panel(study, one) for one in panels]
-    for row, below in enumerate((STRIP, 0.0)):
-        set_range([one.axes[row] for one in panels], [each[row] for each in ranges], below)
-    return figure
-
-
-def legend(scratch: str, *, has_warmup: bool) -> list[Artist]:
-    """Return the legend of all panels."""
-    warmup = [Patch(color=PALE, alpha=WARMUP_ALPHA, label="warm-up, no update yet")] if has_warmup else []
-    return [
-        Line2D([], [], color=look_of("scratch").colour, linewidth=1.5, label=scratch),
+    counts = sorted({len(study.arm(*panel.scratch)) for panels in sections.values() for panel in panels})
+    scratch = f"scratch ({' or '.join(map(str, counts))})"
+    handles: list[Artist] = [
+        Line2D([], [], color=look_of(SCRATCH).colour, linewidth=1.5, label=scratch),
         Line2D([], [], color=GREY, linestyle=BEST_DASHES, linewidth=1, label="best known return"),
         Line2D([], [], color=GREY, linestyle=RANDOM_DASHES, linewidth=1.2, label="random actions"),
         Patch(color=PALE, label="exploration rate"),
         Line2D([], [], color=GREY, marker="|", markersize=9, linewidth=0, label="exploration ends"),
-        *warmup,
     ]
+    if study.plan.warmup:
+        handles.append(Patch(color=PALE, alpha=WARMUP_ALPHA, label="warm-up, no update yet"))
+    training, greedy = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
+    heights = {"training return": training, "greedy return": greedy}
+    figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
+    panels = [one for section in drawn for one in section]
+    ranges = [draw_panel(study, panel, axes) for panel, axes in panels]
+    for row, below in enumerate((STRIP, 0.0)):
+        set_range([axes[row] for _, axes in panels], [each[row] for each in ranges], below)
+    return figure
 
 
-def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
-    """Draw a panel's runs; returns the ranges of its training returns and its greedy returns."""
-    panel = drawn.panel
-    lines = [(panel.scratch, look_of("scratch")), *((arm.place, arm.look) for arm in panel.arms)]
+def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[float, float]]:
+    """Draw a panel's runs; return the ranges of its training returns and its greedy returns."""
+    lines = [(panel.scratch, look_of(SCRATCH)), *((arm.place, arm.look) for arm in panel.arms)]
     found = [(runs, look) for place, look in lines if (runs := list(study.arm(*place).values()))]
     # The levels are the same for all arms; the exploration rate is the arm's, or else that of scratch.
     run = found[min(1, len(found) - 1)][0][0]
     ranges = []
-    for axis, kind in zip(drawn.axes, (attrgetter("training"), attrgetter("greedy")), strict=True):
-        values = [draw_curves(axis, *moving_returns([*map(kind, runs)]), look) for runs, look in found]
+    for axis, kind in zip(axes, (attrgetter("training"), attrgetter("greedy")), strict=True):
+        values = []
+        for runs, look in found:
+            shown, returns = smooth([kind(run).returns for run in runs])
+            values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look))
         for level, dashes in ((run.best_known, BEST_DASHES), (run.random, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
@@ -106,18 +103,9 @@ def draw_panel(study: Study, drawn: Drawn) -> list[tuple[float, float]]:
         if study.plan.warmup:
             axis.axvspan(0, study.plan.warmup, color=PALE, alpha=WARMUP_ALPHA, linewidth=0, zorder=0.4)
         ranges.append((min(low for low, _ in values), max(high for _, high in values)))
-    draw_exploration(drawn.axes, run)
-    names = [(f"{arm.name} ({len(study.arm(*arm.place))})", arm.look) for arm in panel.arms]
-    legend_above(drawn.axes[0], names)
+    draw_exploration(axes, run)
+    legend_above(axes[0], [(f"{arm.name} ({len(study.arm(*arm.place))})", arm.look) for arm in panel.arms])
     return ranges
-
-
-def moving_returns(episodes: Sequence[Episodes]) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of episodes [T] and moving returns of runs [S, T], up to the shortest run."""
-    length = min(len(run.returns) for run in episodes)
-    shown = points(length)
-    values = smoothed(np.stack([run.returns[:length] for run in episodes]))
-    return episodes[0].episode[shown], values[:, shown]
 
 
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
@@ -127,7 +115,7 @@ def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
     bottom = axes[0].get_xaxis_transform()
     height = STRIP * rate[shown]
     axes[0].fill_between(shown + 1, 0, height, transform=bottom, color=PALE, linewidth=0, zorder=0.5)
-    # The outline shows a low rate, too.
+    # The outline makes a low rate visible.
     axes[0].plot(shown + 1, height, transform=bottom, color=GREY, linewidth=0.6, zorder=0.6, clip_on=False)
     ended = np.flatnonzero(rate <= rate.min())[0]
     if 0 < ended < len(rate) - 1:
@@ -136,26 +124,21 @@ def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
 
 
 def differences(study: Study, place: Place, scratch: Place) -> tuple[np.ndarray, np.ndarray]:
-    """Return episodes [T] and moving training scores less those of scratch [S, T], by seed."""
+    """Return episodes [T] and, by seed, moving training scores minus those of scratch [S, T]."""
     runs = study.matched({"arm": place, "scratch": scratch})
-    length = min((len(run.training.returns) for both in runs.values() for run in both), default=0)
-    if not length:
+    count = len(runs["arm"])
+    if not count:
         return np.empty(0), np.empty((0, 0))
-    one, two = (
-        smoothed(np.stack([run.scores[:length] for run in runs[name]])) for name in ("arm", "scratch")
-    )
-    shown = points(length)
-    return shown + 1, (one - two)[:, shown]
+    shown, scores = smooth([run.scores for run in runs["arm"] + runs["scratch"]])
+    return shown + 1, scores[:count] - scores[count:]
 
 
 def draw_differences(study: Study, width: float) -> Figure | None:
     """Draw each arm's differences from scratch; None where there is nothing to compare with."""
     sections = grouped_sections(study)
+    panels = [panel for section in sections.values() for panel in section]
     found = {
-        arm.place: differences(study, arm.place, panel.scratch)
-        for section in sections
-        for panel in section.panels
-        for arm in panel.arms
+        arm.place: differences(study, arm.place, panel.scratch) for panel in panels for arm in panel.arms
     }
     if not any(len(curves) for _, curves in found.values()):
         return None
@@ -164,17 +147,16 @@ def draw_differences(study: Study, width: float) -> Figure | None:
     for section in drawn:
         # The range of a section holds zero.
         ranges = [(0.0, 0.0)]
-        for one in section:
-            (axis,) = one.axes
+        for panel, (axis,) in section:
             axis.axhline(0, color=look_of(SCRATCH).colour, linewidth=1.0, zorder=1.5)
-            for arm in one.panel.arms:
+            for arm in panel.arms:
                 x, curves = found[arm.place]
                 if len(curves):
                     ranges.append(draw_curves(axis, x, curves, arm.look))
                     set_episodes(axis, x[-1])
-            names = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in one.panel.arms]
+            names = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in panel.arms]
             legend_above(axis, names)
-        set_range([one.axes[0] for one in section], ranges)
+        set_range([axis for _, (axis,) in section], ranges)
     return figure
 
 
@@ -189,23 +171,20 @@ def steps(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_times(study: Study, width: float) -> Figure | None:
-    """Draw how many runs of each arm have reached the threshold; None without runs."""
+    """Draw how many runs of each arm have reached the threshold over time; None without runs."""
     sections = grouped_sections(study)
     if not sections:
         return None
     label = f"share of the episodes until the moving score is at {THRESHOLDS[0]:g}"
     heights = {"share of the runs": NARROW_HEIGHT if width == NARROW else HEIGHT}
     figure, drawn = lay_out(width, sections, COLUMNS, heights, label, names=1)
-    for one in (panel for section in drawn for panel in section):
-        (axis,) = one.axes
+    for panel, (axis,) in (one for section in drawn for one in section):
         names = []
-        for arm in (Arm(SCRATCH, one.panel.scratch, look_of(SCRATCH)), *one.panel.arms):
-            runs = list(study.arm(*arm.place).values())
-            if not runs:
-                continue
-            style = {"color": arm.look.colour, "linestyle": arm.look.dashes, "linewidth": 1.3}
-            axis.step(*steps(runs), where="post", clip_on=False, **style)
-            names.append((f"{arm.name} {sum(map(has_reached, runs))}/{len(runs)}", arm.look))
+        for arm in (Arm(SCRATCH, panel.scratch, look_of(SCRATCH)), *panel.arms):
+            if runs := list(study.arm(*arm.place).values()):
+                style = {"color": arm.look.colour, "linestyle": arm.look.dashes, "linewidth": 1.3}
+                axis.step(*steps(runs), where="post", clip_on=False, **style)
+                names.append((f"{arm.name} {sum(map(has_reached, runs))}/{len(runs)}", arm.look))
         legend_above(axis, names)
         set_episodes(axis, 1)
         # A step at 1 stays clear of the names above it.

@@ -1,4 +1,4 @@
-"""Maps of what transfer gains over learning from scratch, by arm and source."""
+"""Maps of what transfer gains over learning from scratch, by arm, source and target."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TITLES = {"area": "Gain in training returns", "greedy area": "Gain in greedy ret
 POSSIBLE = "could be\ngained"
 # Inches of a cell's height; columns of a map, and letters in a line, by the width of the figure.
 CELL, COLUMNS, NARROW_COLUMNS, LETTERS_PER_INCH = 0.34, 8, 3, 14
-# Black and white text are read equally well on this luminance.
+# On this luminance black and white text have the same contrast.
 MIDDLE_LUMINANCE = 0.18
 # Gains by row.
 Column = dict[str, Gain]
@@ -34,7 +34,7 @@ Column = dict[str, Gain]
 
 @dataclass(frozen=True)
 class Map:
-    """Gains by column and row, and what could be gained, by column, where that was measured."""
+    """Gains by column and row; by column, what could be gained, where that was measured."""
 
     columns: dict[str, Column]
     possible: dict[str, float]
@@ -66,18 +66,17 @@ def measure_gains(study: Study, metric: str) -> dict[str, Column]:
 
 
 def split_maps(columns: dict[str, Column], metric: str, width: float) -> list[Map]:
-    """Return the maps of a figure: the new case is one of its own, as its rows are sources."""
+    """Split columns into maps; the new case has its own map, because its rows are sources."""
     names = [name for name in columns if name != NEW_CASE]
     step = NARROW_COLUMNS if width == NARROW else COLUMNS
     groups = [names[k : k + step] for k in range(0, len(names), step)]
     groups += [[NEW_CASE]] if NEW_CASE in columns else []
-    return [
-        Map(
-            {name: columns[name] for name in group},
-            {name: found for name in group if (found := possible_gain(name.split(" to ")[-1], metric))},
-        )
-        for group in groups
-    ]
+    maps = []
+    for group in groups:
+        possible = {name: possible_gain(name.split(" to ")[-1], metric) for name in group}
+        known = {name: value for name, value in possible.items() if value}
+        maps.append(Map({name: columns[name] for name in group}, known))
+    return maps
 
 
 def draw_gains(study: Study, metric: str, width: float) -> Figure | None:
@@ -89,14 +88,11 @@ def draw_gains(study: Study, metric: str, width: float) -> Figure | None:
     maps = split_maps(gains[metric], metric, width)
     if not maps:
         return None
-    cells = {
-        name: [one for column in columns.values() for one in column.values()]
-        for name, columns in gains.items()
-    }
+    found = [one for columns in gains.values() for column in columns.values() for one in column.values()]
     # Beyond the largest value, because the ends of the scale are too dark to be told apart.
-    most = max(0.05, 1.3 * max(abs(one.value) for found in cells.values() for one in found))
+    most = max(0.05, 1.3 * max(abs(one.value) for one in found))
     colours = ScalarMappable(Normalize(-most, most), "PuOr")
-    seeds = max(one.seeds for one in cells[metric])
+    seeds = max(one.seeds for column in gains[metric].values() for one in column.values())
     is_narrow = width == NARROW
     rows = [len(one.rows) for one in maps]
     sizes = [len(one.columns) for one in maps]
@@ -105,10 +101,10 @@ def draw_gains(study: Study, metric: str, width: float) -> Figure | None:
     figure = Figure((width, height + 0.75 + 0.13 * note.count("\n")), dpi=DPI[width], layout="constrained")
     figure.suptitle(TITLES[metric], x=0.005, ha="left", fontsize=FONT + 1, weight="bold")
     if is_narrow:
-        axes = figure.subplots(len(maps), 1, squeeze=False, height_ratios=rows)[:, 0]
+        axes = figure.subplots(len(maps), 1, squeeze=False, height_ratios=rows)
     else:
-        axes = figure.subplots(1, len(maps), squeeze=False, width_ratios=sizes)[0]
-    for axis, one in zip(axes, maps, strict=True):
+        axes = figure.subplots(1, len(maps), squeeze=False, width_ratios=sizes)
+    for axis, one in zip(axes.flat, maps, strict=True):
         draw_map(axis, one, colours, seeds)
         # Cells of all maps have the same size.
         right, bottom = (max(sizes), len(one.rows)) if is_narrow else (len(one.columns), max(rows))
@@ -118,13 +114,12 @@ def draw_gains(study: Study, metric: str, width: float) -> Figure | None:
         colours, ax=axes, location="bottom", shrink=shrink, aspect=25, anchor=(0, 1), pad=0.02
     )
     bar.ax.tick_params(labelsize=SMALL, length=2, pad=2)
-    bar.set_label(note, fontsize=SMALL, loc="left", labelpad=3, linespacing=1.25)
-    bar.ax.xaxis.label.set_multialignment("left")
+    bar.set_label(note, fontsize=SMALL, loc="left", labelpad=3, linespacing=1.25, multialignment="left")
     return figure
 
 
 def describe(seeds: int, has_possible: bool) -> str:
-    """Return the words that explain a map's cells."""
+    """Explain the cells of a map."""
     words = (
         "Area under the curve less that of scratch, with its 95 % interval, in scores: 0 is random, 1 "
         "the best known return. Bold: the interval does not hold zero. In brackets: seeds, where fewer than "
@@ -143,7 +138,7 @@ def luminance(colour: Any) -> float:
 
 
 def draw_map(axis: Axes, shown: Map, colours: ScalarMappable, seeds: int) -> None:
-    """Draw cells with their numbers, and their seeds where they are fewer than `seeds`."""
+    """Draw cells with their numbers; cells of fewer than `seeds` seeds say how many they have."""
     rows, columns = shown.rows, list(shown.columns)
     values = np.full((len(rows), len(columns)), np.nan)
     for x, name in enumerate(columns):
@@ -151,15 +146,15 @@ def draw_map(axis: Axes, shown: Map, colours: ScalarMappable, seeds: int) -> Non
             y = rows.index(row)
             values[y, x] = found.value
             is_dark = luminance(colours.to_rgba(np.array(found.value))) < MIDDLE_LUMINANCE
-            colour = "white" if is_dark else "black"
+            style: dict[str, Any] = {"ha": "center", "color": "white" if is_dark else "black"}
             is_bounded = bool(np.isfinite([found.low, found.high]).all())
             weight = "bold" if is_bounded and (found.low > 0 or found.high < 0) else "normal"
             number = f"{found.value:+.2f}" + (f" ({found.seeds})" if found.seeds < seeds else "")
             align = "bottom" if is_bounded else "center"
-            axis.text(x, y, number, ha="center", va=align, fontsize=FONT, weight=weight, color=colour)
+            axis.text(x, y, number, va=align, fontsize=FONT, weight=weight, **style)
             if is_bounded:
-                between = f"{found.low:+.2f} to {found.high:+.2f}"
-                axis.text(x, y + 0.06, between, ha="center", va="top", fontsize=SMALL, color=colour)
+                interval = f"{found.low:+.2f} to {found.high:+.2f}"
+                axis.text(x, y + 0.06, interval, va="top", fontsize=SMALL, **style)
         if name in shown.possible:
             text = f"{shown.possible[name]:+.2f}"
             axis.text(x, rows.index(POSSIBLE), text, ha="center", va="center", fontsize=FONT, style="italic")

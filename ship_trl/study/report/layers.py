@@ -1,4 +1,4 @@
-"""How similar the layers of networks are, by pair: what transfer keeps, beside what two trainings share."""
+"""Similarity of layers by pair: what transfer keeps, compared with what two trainings share."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ship_trl.study.report.style import (
     style_axis,
 )
 
-# Arm and compared network, with words and look: scratch is black, and the dashes say beside what.
+# Words and look of each arm and the network that it is compared with; lines of scratch are black.
 COMPARED = {
     (WHOLE, SOURCE): ("FTW and its source", look_of(WHOLE)),
     (SCRATCH, OTHER_SEED): ("scratch and another seed", look_of(SCRATCH)),
@@ -32,7 +32,7 @@ COMPARED = {
 
 
 def by_seed(rows: list[Layer], layers: list[str]) -> np.ndarray:
-    """Return CKA by seed and layer [S, L], of the seeds that have all layers."""
+    """Return CKA by seed and layer [S, L], for the seeds that have all layers."""
     import pandas as pd
 
     table = pd.DataFrame(rows, columns=Layer._fields).pivot(index="seed", columns="layer", values="cka")
@@ -51,8 +51,8 @@ def draw_layers(study: Study, width: float) -> Figure | None:
     for k, pair in enumerate(known):
         axis = figure.add_subplot(rows, columns, k + 1)
         names, least = [], 0.0
-        for (arm, beside), (words, look) in COMPARED.items():
-            found = [row for row in study.layers if (row.pair, row.arm, row.beside) == (pair, arm, beside)]
+        for compared, (words, look) in COMPARED.items():
+            found = [row for row in study.layers if (row.pair, row.arm, row.beside) == (pair, *compared)]
             curves = by_seed(found, layers)
             if len(curves):
                 low, _ = draw_curves(axis, np.arange(len(layers)), curves, look)

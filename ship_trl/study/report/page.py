@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import jinja2
+import numpy as np
 
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, SPREAD, Finding, Verdict
 from ship_trl.study.analysis.metrics import THRESHOLDS
@@ -18,13 +20,12 @@ from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import EXPLORATORY
 from ship_trl.study.claims.hypotheses import FIGURE as CONCLUSIONS
 from ship_trl.study.claims.verdicts import Answer
-from ship_trl.study.report.figures import Picture
-from ship_trl.study.report.tables import EQUATION, Row
+from ship_trl.study.report.tables import EQUATION
 from ship_trl.study.rules import describe_rules
 
 # Verdict and sentence of each claim in an earlier study.
 Earlier = Mapping[str, tuple[str, str]]
-# Families of claims that are no figure of the paper.
+# Titles of the families of claims that no figure of the paper shows.
 FAMILIES = {CONCLUSIONS: "Conclusions", EXPLORATORY: "What explains them"}
 # The bars of contrasts reach at most this multiple of the largest estimate.
 MAX_REACH = 2.5
@@ -38,23 +39,20 @@ class Scale:
     high: float
 
     def percent(self, value: float) -> float:
-        """Return where a value lies, from 0 to 100."""
-        inside = min(max(value, self.low), self.high)
-        return round(100 * (inside - self.low) / (self.high - self.low), 2)
+        """Return where a value lies, clipped to 0 to 100."""
+        return round(float(np.interp(value, (self.low, self.high), (0, 100))), 2)
 
 
 def unit(finding: Finding) -> str:
-    """Return what a contrast is measured in: only contrasts of one unit share a scale."""
+    """Return the unit of a contrast: only contrasts with the same unit share a scale."""
     return finding.metric if finding.metric in (SPREAD, "start") else "difference"
 
 
 def scale_of(findings: Sequence[Finding]) -> Scale:
     """Return the scale of contrasts: it holds zero, all estimates, and intervals up to `MAX_REACH`."""
-    most = MAX_REACH * max(
-        [abs(f.estimate.value) for f in findings] + [f.margin or 0.0 for f in findings] + [0.01]
-    )
-    ends = [min(max(end, -most), most) for f in findings for end in (f.estimate.low, f.estimate.high)]
-    low, high = min([*ends, 0.0]), max([*ends, 0.0])
+    most = MAX_REACH * max(0.01, *(max(abs(f.estimate.value), f.margin or 0.0) for f in findings))
+    ends = np.clip([(f.estimate.low, f.estimate.high) for f in findings], -most, most)
+    low, high = min(ends.min(), 0.0), max(ends.max(), 0.0)
     room = 0.03 * (high - low) or most
     return Scale(low - room, high + room)
 
@@ -87,7 +85,7 @@ def in_a_sentence(answer: Answer) -> str:
     words += f"; adjusted {answer.p:.3f} for the verdict."
     if answer.decided:
         words += f" Decided after {answer.decided} seeds."
-    # Where each contrast holds alone and the claim is open, all contrasts are short of the adjusted level.
+    # If a claim is open although each contrast holds alone, all contrasts miss the adjusted level.
     unsure = [f for f in findings if f.verdict is Verdict.inconclusive]
     if not answer.decided and all(f.verdict is Verdict.supported for f in findings):
         unsure = findings
@@ -136,42 +134,22 @@ def as_markdown(answers: Sequence[Answer], earlier: Earlier, looks: int) -> str:
     lines = [describe_intervals(answers, looks), ""]
     lines += ["| claim | verdict | the paper | measured |", "| --- | --- | --- | --- |"]
     for answer in answers:
+        name, sentence = answer.hypothesis.name, answer.hypothesis.sentence
+        cells = [name, answer.word, sentence, describe_claim(answer, earlier)]
         # "|" would end the cell, and "<" could begin a tag.
-        sentence, measured = (
-            words.replace("|", "/").replace("<", "&lt;")
-            for words in (answer.hypothesis.sentence, describe_claim(answer, earlier))
-        )
-        lines.append(f"| {answer.hypothesis.name} | {answer.word} | {sentence} | {measured} |")
+        cells = [words.replace("|", "/").replace("<", "&lt;") for words in cells]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
 def render(
-    study: Study,
-    answers: Sequence[Answer],
-    explored: Sequence[Answer],
-    arms: Sequence[Row],
-    similar: Sequence[Row],
-    pictures: Sequence[Picture],
-    missing: int,
-    earlier: Earlier,
+    study: Study, answers: Sequence[Answer], explored: Sequence[Answer], earlier: Earlier, **shown: Any
 ) -> str:
-    """Return the page.
+    """Return the page with the paper's claims and our own contrasts (`explored`).
 
-    Args:
-        study: the runs.
-        answers: the paper's claims.
-        explored: our own contrasts.
-        arms: rows of `tables.arm_rows`.
-        similar: rows of `tables.similarity_rows`.
-        pictures: the figures.
-        missing: the number of planned runs that are not there.
-        earlier: verdicts of an earlier study.
+    `shown` goes to the template as it is: `arms` and `similar` are rows of tables, `pictures` the figures,
+    `missing` the number of planned runs without a result.
     """
-    records = list(study.records.values())
-    computed = {
-        key: f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}"
-        for key, counts in study.computed().items()
-    }
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,
@@ -181,31 +159,34 @@ def render(
     )
     describe = partial(describe_claim, earlier=earlier)
     environment.filters |= {"unit": unit, "isfinite": isfinite, "describe": describe}
-    levels = [(count, look_level(k, len(study.looks))) for k, count in enumerate(study.looks, 1)]
+    records = study.records.values()
+    computed = study.computed()
+    words = {
+        key: f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}"
+        for key, counts in computed.items()
+    }
+    looks = []
+    for number, count in enumerate(study.looks, 1):
+        level = look_level(number, len(study.looks))
+        looks.append((count, level, min_detectable_effect(count, level) if count >= MIN_SEEDS else None))
     return environment.get_template("page.html").render(
+        shown,
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
         seeds=len({key[3] for key in study.records}),
-        missing=missing,
         threshold=THRESHOLDS[0],
         rules=describe_rules(study.plan.rules),
-        mixed=[computed[key] for key, counts in study.computed().items() if len(counts) > 1],
-        computed=list(computed.values()),
-        looks=[
-            (count, level, min_detectable_effect(count, level) if count >= MIN_SEEDS else None)
-            for count, level in levels
-        ],
+        mixed=[words[key] for key, counts in computed.items() if len(counts) > 1],
+        computed=list(words.values()),
+        looks=looks,
         least=MIN_SEEDS,
-        intervals=describe_intervals(answers, len(levels)),
+        intervals=describe_intervals(answers, len(looks)),
         decided=[answer for answer in answers if answer.decided],
         conclusions=[answer for answer in answers if answer.hypothesis.figure == CONCLUSIONS],
         claims=[answer for answer in answers if answer.hypothesis.figure != CONCLUSIONS],
         explored=explored,
         families=list(families([*answers, *explored])),
-        arms=arms,
-        similar=similar,
         equation=EQUATION,
-        pictures=pictures,
         broken=study.broken,
     )

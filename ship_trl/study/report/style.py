@@ -21,11 +21,11 @@ from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
 from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS, WHOLE, control_arm
 from ship_trl.view.palette import CHART_SERIES
 
-# Widths in inches. The page shows a figure at one of them, each at about the size that it is drawn at: the
-# page is 75 rem wide at most, and a screen of 380 pixels leaves 348 to a figure.
+# Widths in inches, close to the size on the page: a page is at most 75 rem wide, and a screen of 380 pixels
+# leaves 348 for a figure.
 WIDE, NARROW = 11.0, 3.6
 DPI = {WIDE: 110, NARROW: 180}
-# In points.
+# Font sizes in points.
 FONT, SMALL = 8.0, 7.5
 # A curve is a moving mean over this share of its values, drawn at this many points.
 SMOOTH, POINTS = 0.05, 150
@@ -40,11 +40,11 @@ class Look:
     dashes: Any = "-"
 
 
-# Colours that people without colour vision tell apart; in print the dashes do it.
+# Colours that colour-blind people can tell apart; in black and white the dashes differ.
 BLUE, VERMILION, GREEN, PINK, ORANGE, SKY = CHART_SERIES
 BROWN = "#7f5539"
 DASHED, DOTTED, DASH_DOTTED = (0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1))
-# The look of every arm. All controls of a kind look alike; networks on the new case go by their source.
+# The look of every arm. All controls of a kind look alike; networks on the new case are named by source.
 LOOKS = {
     SCRATCH: Look("#000000"),
     **{arm: Look(colour) for arm, colour in zip(FE, (BLUE, VERMILION, GREEN, PINK), strict=True)},
@@ -64,31 +64,30 @@ LOOKS = {
 
 
 def look_of(arm: str) -> Look:
-    """Return the look of an arm; an arm of an unknown name is grey."""
+    """Return the look of an arm; unknown arms are grey."""
     return LOOKS.get(arm, Look(GREY, DASHED))
 
 
-def smoothed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the moving mean over `SMOOTH` of the values, [..., N] to [..., N]."""
-    return moving_mean(values, max(1, round(SMOOTH * values.shape[-1])))
-
-
 def points(count: int) -> NDArray[np.int64]:
-    """Return `POINTS` evenly spaced indices, with the first and the last."""
+    """Return up to `POINTS` evenly spaced indices, including the first and the last."""
     return np.unique(np.linspace(0, count - 1, min(count, POINTS)).round().astype(np.int64))
 
 
-def draw_curves(axis: Axes, x: NDArray[Any], curves: NDArray[np.float64], look: Look) -> tuple[float, float]:
-    """Draw seeds [S, T] as interquartile mean and band, or each as a thin line if there are few.
+def smooth(curves: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return `points` [T] up to the end of the shortest of S curves, and the moving means there [S, T]."""
+    length = min(map(len, curves))
+    shown = points(length)
+    means = moving_mean(np.stack([curve[:length] for curve in curves]), max(1, round(SMOOTH * length)))
+    return shown, means[:, shown]
 
-    Returns:
-        The least and the largest value drawn.
-    """
+
+def draw_curves(axis: Axes, x: NDArray[Any], curves: NDArray[np.float64], look: Look) -> tuple[float, float]:
+    """Draw seeds [S, T] as interquartile mean and band, few seeds as thin lines; return their range."""
     if len(curves) < MIN_BAND_SEEDS:
         for row in curves:
             axis.plot(x, row, color=look.colour, linestyle=look.dashes, linewidth=0.6)
         return float(curves.min()), float(curves.max())
-    # A generator for each line: the line does not depend on what else is drawn.
+    # Each line has its own generator, so it does not depend on what else is drawn.
     middle, low, high = band(curves, np.random.default_rng(SEED))
     axis.fill_between(x, low, high, color=look.colour, alpha=0.18, linewidth=0)
     axis.plot(x, middle, color=look.colour, linestyle=look.dashes, linewidth=1.3)
@@ -96,7 +95,7 @@ def draw_curves(axis: Axes, x: NDArray[Any], curves: NDArray[np.float64], look: 
 
 
 def set_range(axes: Sequence[Axes], ranges: Sequence[tuple[float, float]], below: float = 0.0) -> None:
-    """Give axes the same range of values, with a share of free room below them."""
+    """Give axes the same range of values; `below` is the share of free room below them."""
     least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
     room = 0.05 * (most - least) or 0.1
     for axis in axes:
@@ -105,7 +104,7 @@ def set_range(axes: Sequence[Axes], ranges: Sequence[tuple[float, float]], below
 
 
 def set_episodes(axis: Axes, end: float) -> None:
-    """Let an axis go from 0 to an end; its numbers stay clear of the next panel's."""
+    """Set a horizontal axis from 0 to an end; its outer tick labels do not touch those of other panels."""
     axis.set_xlim(0, end)
     axis.set_xticks([0, end / 2, end], [f"{value:g}" for value in (0, end / 2, end)])
     sides: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
@@ -114,7 +113,7 @@ def set_episodes(axis: Axes, end: float) -> None:
 
 
 def style_axis(axis: Axes) -> None:
-    """Give an axis a light grid and small numbers."""
+    """Give an axis a light grid and small tick labels."""
     axis.grid(color="#8888", linewidth=0.4)
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
@@ -122,7 +121,7 @@ def style_axis(axis: Axes) -> None:
 
 
 def legend_above(axis: Axes, looks: Sequence[tuple[str, Look]]) -> None:
-    """Name a panel's lines above it, one a row."""
+    """Draw a panel's legend above it, with one line in each row."""
     handles = [
         axis.plot([], [], color=look.colour, linestyle=look.dashes, linewidth=1.5, label=name)[0]
         for name, look in looks
@@ -142,7 +141,7 @@ def legend_above(axis: Axes, looks: Sequence[tuple[str, Look]]) -> None:
 
 
 def save(figure: Figure, path: Path) -> list[Path]:
-    """Write PNG and PDF of a path without ending; the same figure gives the same bytes."""
+    """Write PNG and PDF to a path without suffix; the same figure gives the same bytes."""
     document = io.BytesIO()
     # Into memory: on a full disk Matplotlib's PDF writer raises a second error that hides the first.
     figure.savefig(document, format="pdf", metadata={"CreationDate": None})
@@ -157,7 +156,7 @@ def as_png(figure: Figure) -> bytes:
     """Return a figure as PNG of 256 colours, a third of the bytes."""
     drawn, data = io.BytesIO(), io.BytesIO()
     figure.savefig(drawn, format="png")
-    # An octree keeps the colours of thin lines; methods that count pixels mix them with their neighbours.
+    # An octree keeps the colours of thin lines; other methods mix them with their neighbours.
     few = Image.open(drawn).convert("RGB").quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     few.save(data, "png")
     return data.getvalue()

@@ -1,10 +1,10 @@
-"""The tables of a report: a row for each run, arm, contrast, transfer and pair; written as CSV."""
+"""The tables of a report, written as CSV: runs, arms, contrasts, transfers, layers and pairs."""
 
 from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,12 +30,25 @@ from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, simil
 Row = dict[str, Any]
 # A table of a hundred contrasts has 50,000 bytes.
 MAX_BYTES = 10_000_000
-# The columns of claims.csv that are of a contrast.
-CONTRAST_COLUMNS = (
-    *("contrast", "metric", "estimate", "estimate low", "estimate high", "claimed"),
-    *("p", "p against", "p against adjusted", "margin", "p beyond margin", "seeds"),
-    *("seen alone", "seen adjusted", "verdict", "beside"),
-)
+# The columns of claims.csv that describe a contrast.
+CONTRAST_CELLS: dict[str, Callable[[Answer, Finding], Any]] = {
+    "contrast": lambda _, found: found.what,
+    "metric": lambda _, found: found.metric,
+    "estimate": lambda _, found: found.estimate.value,
+    "estimate low": lambda _, found: found.estimate.low,
+    "estimate high": lambda _, found: found.estimate.high,
+    "claimed": lambda _, found: found.claimed.value,
+    "p": lambda _, found: found.p,
+    "p against": lambda _, found: found.against,
+    "p against adjusted": lambda _, found: found.adjusted,
+    "margin": lambda _, found: found.margin,
+    "p beyond margin": lambda _, found: found.within,
+    "seeds": lambda _, found: found.seeds,
+    "seen alone": lambda answer, found: found.min_detectable(answer.level),
+    "seen adjusted": lambda answer, found: found.min_detectable(answer.level / answer.claims),
+    "verdict": lambda _, found: found.verdict.value,
+    "beside": lambda _, found: "; ".join(f"{key} {one.value:+.3f}" for key, one in found.beside.items()),
+}
 # The paper's numbers of table 2.
 PAPER_SIMILARITY = {"high": 0.83, "low": 0.45, "lowest": 0.42}
 EQUATION = f"{ALPHA:g} common / ({ALPHA:g} common + {BETA:g} different)"
@@ -62,7 +75,7 @@ def arm_rows(study: Study) -> list[Row]:
         areas = [measure(run, "area") for run in runs]
         row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
         row["reached"] = sum(map(has_reached, runs))
-        # A share of runs has an interval of its own kind.
+        # A share of runs needs another interval.
         fallen = sum(int(measure(run, "fell")) for run in runs)
         row |= estimate_cells("fell", share_interval(fallen, len(runs)))
         row |= estimate_cells("transfer ratio", transfer_ratio(study, (part, pair, arm)))
@@ -71,13 +84,13 @@ def arm_rows(study: Study) -> list[Row]:
 
 
 def estimate_cells(name: str, found: Estimate | None) -> Row:
-    """Return a value and the ends of its interval as cells; empty where there is none."""
+    """Return a value and the ends of its interval as cells; empty cells for None."""
     values = ("", "", "") if found is None else (found.value, found.low, found.high)
     return dict(zip((name, f"{name} low", f"{name} high"), values, strict=True))
 
 
 def estimate(values: Sequence[float]) -> Estimate | None:
-    """Return the interquartile mean, with an interval of enough seeds; None if a number is missing."""
+    """Return the interquartile mean, with an interval for enough seeds; None if a value is missing."""
     if not values or not np.isfinite(values).all():
         return None
     if len(values) < MIN_SEEDS:
@@ -100,10 +113,10 @@ def transfer_ratio(study: Study, place: Place) -> Estimate | None:
 
 
 def transfer_rows(study: Study) -> list[Row]:
-    """Return what each arm gained over scratch, by source and target; `ship_trl.cases` recommends by it.
+    """Return what each arm gained over scratch, by source and target; `ship_trl cases` recommends by it.
 
-    Only judged seeds count, and transfers that have five of them. Left out are controls, the network that was
-    trained on two cases, and cases whose fingerprint the plan does not have.
+    Only judged seeds count, and only transfers with at least five of them. Controls, the network that was
+    trained on two cases, and cases without a fingerprint in the plan are left out.
     """
     judged = study.first(len(study.seeds), study.level)
     cases = study.plan.cases
@@ -120,9 +133,9 @@ def transfer_rows(study: Study) -> list[Row]:
     rows = []
     for target, transfers in targets.items():
         # All intervals of a target together miss as often as one (Bonferroni).
-        seen = replace(judged, level=LEVEL / 2 / len(transfers))
+        adjusted = replace(judged, level=LEVEL / 2 / len(transfers))
         for place, run in transfers:
-            if (found := gain(seen, place, scratch_place(*place[:2]))) is None:
+            if (found := gain(adjusted, place, scratch_place(*place[:2]))) is None:
                 continue
             source, epsilon = str(run.source), LOW_EPSILON if place[0] in (LOW, ALONE) else None
             ends = (round(value, 4) for value in (found.value, found.low, found.high))
@@ -134,16 +147,13 @@ def transfer_rows(study: Study) -> list[Row]:
 def layer_rows(study: Study) -> list[Row]:
     """Return the CKA of each layer of each two networks: interquartile mean over seeds with its interval."""
     found: dict[tuple[str, str, str, str], list[float]] = defaultdict(list)
-    for row in study.layers:
-        found[row.pair, row.arm, row.beside, row.layer].append(row.cka)
-    return [
-        {
-            **dict(zip(("pair", "arm", "beside", "layer"), names, strict=True)),
-            "seeds": len(values),
-            **estimate_cells("cka", estimate(values)),
-        }
-        for names, values in sorted(found.items())
-    ]
+    for one in study.layers:
+        found[one.pair, one.arm, one.beside, one.layer].append(one.cka)
+    rows = []
+    for names, values in sorted(found.items()):
+        row: Row = dict(zip(("pair", "arm", "beside", "layer"), names, strict=True))
+        rows.append(row | {"seeds": len(values)} | estimate_cells("cka", estimate(values)))
+    return rows
 
 
 def similarity_rows() -> list[Row]:
@@ -170,34 +180,11 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "claim's p": answer.p if answer.findings else "",
             "decided after seeds": answer.decided or "",
             "seeds wanted": answer.seeds_wanted() or "",
-            **contrast_cells(answer, finding),
+            **{name: cell(answer, found) if found else "" for name, cell in CONTRAST_CELLS.items()},
         }
         for answer in answers
-        for finding in tuple(answer.findings) or (None,)
+        for found in answer.findings or (None,)
     ]
-
-
-def contrast_cells(answer: Answer, finding: Finding | None) -> Row:
-    """Return a contrast as cells; empty without one."""
-    if finding is None:
-        return dict.fromkeys(CONTRAST_COLUMNS, "")
-    values = (
-        finding.what,
-        finding.metric,
-        *estimate_cells("estimate", finding.estimate).values(),
-        finding.claimed.value,
-        finding.p,
-        finding.against,
-        finding.adjusted,
-        "" if finding.margin is None else finding.margin,
-        finding.within,
-        finding.seeds,
-        finding.min_detectable(answer.level),
-        finding.min_detectable(answer.level / answer.claims),
-        finding.verdict.value,
-        "; ".join(f"{name} {found.value:+.3f}" for name, found in finding.beside.items()),
-    )
-    return dict(zip(CONTRAST_COLUMNS, values, strict=True))
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -215,20 +202,15 @@ def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
     """Read verdict and sentence of each claim from a report's claims.csv.
 
     Raises:
-        ConfigError: it is not such a table.
+        ConfigError: the file is not such a table.
     """
+    allowed = [*(verdict.value for verdict in Verdict), "no runs"]
+
+    def read(row: Cells) -> tuple[str, tuple[str, str]]:
+        verdict = row["claim's verdict"]
+        if verdict not in allowed:
+            raise ValueError(f"it has the verdict {verdict!r:.50}; allowed: {', '.join(allowed)}")
+        return row["claim"], (verdict, one_line(row["sentence"]))
+
     names = "claim", "claim's verdict", "sentence"
-    return dict(read_table(path, names, verdict_of, MAX_BYTES, "folder", "a report's claims.csv"))
-
-
-def verdict_of(row: Cells) -> tuple[str, tuple[str, str]]:
-    """Return a claim's name, verdict and sentence.
-
-    Raises:
-        ValueError: there is no such verdict.
-    """
-    allowed = *(verdict.value for verdict in Verdict), "no runs"
-    verdict = row["claim's verdict"]
-    if verdict not in allowed:
-        raise ValueError(f"it has the verdict {verdict!r:.50}; allowed: {', '.join(allowed)}")
-    return row["claim"], (verdict, one_line(row["sentence"]))
+    return dict(read_table(path, names, read, MAX_BYTES, "folder", "a report's claims.csv"))

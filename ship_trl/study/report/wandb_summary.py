@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from typing import Any, Literal
+from typing import Any
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, WandbMode
@@ -20,13 +20,13 @@ def check_account(config: StudyConfig) -> None:
     Raises:
         ConfigError: wandb is to be online, and has no key.
     """
-    if not config.logger.includes(Logger.wandb) or config.wandb.mode is not WandbMode.online:
+    if not config.logger.includes(Logger.wandb):
         return
     os.environ.setdefault("WANDB_SILENT", "true")
     import wandb
 
-    if not wandb.login(prompt=False, verify=False):
-        raise ConfigError("wandb: nobody is logged in; `wandb login` does it; allowed: wandb.mode=offline")
+    if config.wandb.mode is WandbMode.online and not wandb.login(prompt=False, verify=False):
+        raise ConfigError("wandb: not logged in; run `wandb login`; allowed: wandb.mode=offline")
 
 
 def log_summary(config: StudyConfig) -> None:
@@ -37,35 +37,36 @@ def log_summary(config: StudyConfig) -> None:
     """
     if not config.logger.includes(Logger.wandb):
         return
-    os.environ.setdefault("WANDB_SILENT", "true")
     import pandas as pd
     import wandb
 
     from ship_trl.study.report.tables import read_verdicts
 
     folder = config.folder / REPORT
-    mode: Literal["offline", "online"] = "online" if config.wandb.mode is WandbMode.online else "offline"
-    tables = {path.stem: pd.read_csv(path) for name in TABLES if (path := folder / f"{name}.csv").exists()}
+    logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}
+    logged["page"] = wandb.Html(str(folder / "index.html"), inject=False)
+    for name in TABLES:
+        if (path := folder / f"{name}.csv").exists():
+            logged[name] = wandb.Table(dataframe=pd.read_csv(path))
+    verdicts = read_verdicts(folder / "claims.csv")
+    # A later report of the study replaces this one, because it has the same id.
+    digest = hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]
     try:
         with wandb.init(
             project=config.wandb.project,
             entity=config.wandb.entity,
-            mode=mode,
+            mode="online" if config.wandb.mode is WandbMode.online else "offline",
             dir=str(config.folder),
             group=REPORT,
             job_type=REPORT,
             name=f"report of {config.folder.name}",
-            # The same id each time, so that a later report of the study replaces this one.
-            id=f"{REPORT}-{hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]}",
+            id=f"{REPORT}-{digest}",
             resume="allow",
             tags=[config.profile],
             config={"seeds": list(config.numbers), "pairs": config.pairs, "arms": config.arms},
             reinit="finish_previous",
         ) as run:
-            logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}
-            logged |= {name: wandb.Table(dataframe=table) for name, table in tables.items()}
-            run.log(logged | {"page": wandb.Html(str(folder / "index.html"), inject=False)})
-            verdicts = read_verdicts(folder / "claims.csv")
+            run.log(logged)
             run.summary.update({f"verdict/{name}": verdict for name, (verdict, _) in verdicts.items()})
     except (wandb.Error, OSError) as error:
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""Writes the report of a study's folder: tables, figures and page. No torch."""
+"""Write the report of a study: tables, figures and page. No torch."""
 
 from __future__ import annotations
 
@@ -16,19 +16,14 @@ from ship_trl.study.report import tables
 from ship_trl.study.report.figures import draw_all
 from ship_trl.study.report.page import Earlier, as_markdown, render
 
-# The claims.csv of an earlier study's report, which may lie in a study's folder: its verdicts are named, too.
+# A copy of the claims.csv of an earlier study in a study's folder: its verdicts are named too.
 EARLIER = "earlier.csv"
 
 
 def report(folder: Path, output: Path, seeds: int | None = None) -> None:
-    """Write index.html, verdicts.md, CSV tables, and figures as PNG and PDF.
+    """Write index.html, verdicts.md, CSV tables, and figures of a study or its tables, or of its first seeds.
 
     Runs that cannot be read are left out, and named on stderr and on the page.
-
-    Args:
-        folder: of a study, or of its tables.
-        output: where the report goes.
-        seeds: use only this many of the first seeds.
 
     Raises:
         ConfigError: there is no finished run, there are fewer seeds, the report cannot be written, or
@@ -38,9 +33,7 @@ def report(folder: Path, output: Path, seeds: int | None = None) -> None:
     earlier = tables.read_verdicts(path) if path.exists() else {}
     if linked := links(output, folder):
         # A link in an untrusted study could lead anywhere, and files of an earlier report are removed.
-        raise ConfigError(
-            f"output: {linked[0]} is a link; allowed: --output with the folder that it leads to"
-        )
+        raise ConfigError(f"output: {linked[0]} is a link; allowed: --output with the folder it points to")
     study = finished_study(folder, seeds)
     try:
         output.mkdir(parents=True, exist_ok=True)
@@ -49,48 +42,53 @@ def report(folder: Path, output: Path, seeds: int | None = None) -> None:
         raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures hold reference cycles, 8 MB a report.
     gc.collect()
-    sys.stdout.write(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}\n")
+    say(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}")
+
+
+def say(line: str) -> None:
+    """Print a line."""
+    sys.stdout.write(f"{line}\n")
 
 
 def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
-    """Measure and write everything, and print the verdicts."""
+    """Judge the claims, write all files, and print the verdicts."""
     answers, explored = answer(study), explore(study)
-    arms, similar = tables.arm_rows(study), tables.similarity_rows()
-    for name, rows in (
-        ("runs", tables.run_rows(study)),
-        ("arms", arms),
-        ("claims", tables.claim_rows([*answers, *explored])),
-        ("table_2", similar),
-        ("transfers", tables.transfer_rows(study)),
-        ("cka", tables.layer_rows(study)),
-    ):
-        tables.write_csv(output / f"{name}.csv", rows)
-    pictures = draw_all(study, output)
-    page = render(study, answers, explored, arms, similar, pictures, missing, earlier)
+    rows = {
+        "runs": tables.run_rows(study),
+        "arms": tables.arm_rows(study),
+        "claims": tables.claim_rows([*answers, *explored]),
+        "table_2": tables.similarity_rows(),
+        "transfers": tables.transfer_rows(study),
+        "cka": tables.layer_rows(study),
+    }
+    for name, table in rows.items():
+        tables.write_csv(output / f"{name}.csv", table)
+    shown = {"arms": rows["arms"], "similar": rows["table_2"], "missing": missing}
+    page = render(study, answers, explored, earlier, pictures=draw_all(study, output), **shown)
     verdicts = as_markdown(answers, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):
         with replacing(output / name) as draft:
             draft.write_text(text)
     for found in answers:
         if found.findings:
-            sys.stdout.write(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}\n")
+            say(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}")
     if without := [found.hypothesis.name for found in answers if not found.findings]:
-        sys.stdout.write(f"no runs: {', '.join(without)}\n")
+        say(f"no runs: {', '.join(without)}")
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     judged = set(study.seeds[: study.whole_looks[-1]])
-    if later := sorted(seeds & set(study.seeds) - judged):
-        sys.stdout.write(
+    if later := seeds & set(study.seeds) - judged:
+        say(
             f"Claims are those of the look after {len(judged)} seeds; figures and arms.csv have "
-            f"{len(later)} more, which the next look judges.\n"
+            f"{len(later)} more, which the next look judges."
         )
     if missing:
-        sys.stdout.write(f"{missing} planned runs are missing\n")
+        say(f"{missing} planned runs are missing")
     if len(seeds) < MIN_SEEDS:
-        sys.stdout.write(f"fewer than {MIN_SEEDS} seeds: no verdict is possible but inconclusive\n")
+        say(f"fewer than {MIN_SEEDS} seeds: every verdict is inconclusive")
 
 
 def missing_runs(study: Study, seeds: int | None = None) -> int:
-    """Count the planned runs of the first `seeds` seeds, or of all, that are neither there nor broken."""
+    """Count the planned runs of the first `seeds` seeds, or of all, that are neither read nor broken."""
     shown = set(study.seeds[:seeds]) if seeds is not None else set(study.plan.folders.values())
     planned = {folder for folder, seed in study.plan.folders.items() if seed in shown}
     found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}

@@ -18,8 +18,8 @@ from tests.config.test_config import composed
     [
         ("profile=long", "profile: no long; allowed: paper, quick, smoke"),
         ("pairs=[high,highest]", "pairs: no highest; allowed: high, low"),
-        ("arms=[FE3,FE3]", "arms: each at most once"),
-        ("arms=[]", "arms: each at most once and at least one"),
+        ("arms=[FE3,FE3]", "arms: must be at least one name, each once, got FE3, FE3"),
+        ("arms=[]", "arms: must be at least one name, each once, got none"),
         ("seeds=1", "seeds: must be at least 2, got 1"),
         ("seeds=many", "seeds: must be a whole number, got many"),
         ("first_seed=-1", "first_seed: must be at least 0, got -1"),
@@ -27,13 +27,13 @@ from tests.config.test_config import composed
         ("processes=0", "processes: must be at least 1, got 0"),
         ("retries=-1", "retries: must be at least 0, got -1"),
         ("launcher=condor", "launcher: no condor; allowed: joblib"),
-        ("overrides=[seed=3]", "overrides: seed tells the study's runs apart; allowed: what all may share"),
-        ("overrides=[source_weights=random]", "overrides: source_weights tells the study's runs apart"),
-        ("overrides=[source=pretrained]", "overrides: source tells the study's runs apart"),
-        ("overrides=[demonstrations=demos]", "overrides: demonstrations tells the study's runs apart"),
-        ("overrides=[+sweep=learning_rate]", "overrides: sweep tells the study's runs apart"),
-        ("overrides=[+arm=FE3]", "overrides: arm tells the study's runs apart"),
-        ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start tells"),
+        ("overrides=[seed=3]", "overrides: seed differs between runs; allowed: what all runs share"),
+        ("overrides=[source_weights=random]", "overrides: source_weights differs between runs"),
+        ("overrides=[source=pretrained]", "overrides: source differs between runs"),
+        ("overrides=[demonstrations=demos]", "overrides: demonstrations differs between runs"),
+        ("overrides=[+sweep=learning_rate]", "overrides: sweep differs between runs"),
+        ("overrides=[+arm=FE3]", "overrides: arm differs between runs"),
+        ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start differs"),
         ("arms=scratch,FE3", "arms: must be a list, as [A,B] or [], got scratch,FE3"),
         ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
         ("pairs=[high,self]", "pairs: self is one of the controls; allowed: controls=false"),
@@ -54,9 +54,7 @@ def test_what_is_wrong_is_said(override: str, said: str) -> None:
 
 def test_a_profile_of_ones_own_needs_its_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ship_trl.study.plan.config.options", lambda group: ["mine", *options(group)])
-    with pytest.raises(
-        ConfigError, match=r"seeds: must be given, for conf/study.yaml has none for profile mine"
-    ):
+    with pytest.raises(ConfigError, match=r"seeds: must be given; conf/study.yaml has none for profile mine"):
         to_study(["profile=mine"])
     assert to_study(["profile=mine", "seeds=4"]).count == 4
 

@@ -29,10 +29,10 @@ def test_pairs_and_seeds_may_be_added(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
-        (["overrides=[learn.lr=0.1]"], "study of other settings \\(learn\\)"),
-        (["overrides=[network=five]"], "study of other settings \\(network\\)"),
-        (["overrides=[colour=true]"], "study of other settings \\(colour\\)"),
-        (["first_seed=5"], "study of other settings \\(first_seed\\)"),
+        (["overrides=[learn.lr=0.1]"], "study with other settings \\(learn\\)"),
+        (["overrides=[network=five]"], "study with other settings \\(network\\)"),
+        (["overrides=[colour=true]"], "study with other settings \\(colour\\)"),
+        (["first_seed=5"], "study with other settings \\(first_seed\\)"),
     ],
 )
 def test_other_settings_are_refused(overrides: list[str], said: str, tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_a_case_that_was_edited_is_refused(tmp_path: Path) -> None:
     plan = json.loads((tmp_path / PLAN).read_text())
     plan["cases"]["4"] = "another"
     (tmp_path / PLAN).write_text(json.dumps(plan))
-    with pytest.raises(ConfigError, match=r"study of other settings \(case 4\); allowed: another output="):
+    with pytest.raises(ConfigError, match=r"study with other settings \(case 4\); allowed: another output="):
         begin(tmp_path)
     begin(tmp_path, "pairs=[high]")  # it does not sail there
 

@@ -156,7 +156,7 @@ def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
     before = files(copy)
     done = study(*SMALL, f"output={copy}", folder=tmp_path, code=1)
     assert done.stderr.count("\n") == 1
-    assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER, as " in done.stderr
+    assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER; " in done.stderr
     assert f"ship_trl keep --restore {copy} FOLDER" in done.stderr
     assert files(copy) == before
 
@@ -200,7 +200,7 @@ HOSTILE = {
         "curves.csv.xz cannot be read",
     ),
     "no curves": (lambda copy: (copy / FILES[0]).unlink(), "curves.csv.xz is not the file"),
-    "no plan": (lambda copy: (copy / FILES[2]).unlink(), "study.json, the plan that a study has"),
+    "no plan": (lambda copy: (copy / FILES[2]).unlink(), "study.json is missing; every study has this plan"),
     "another plan": (
         lambda copy: (copy / FILES[2]).write_text('{"jobs": 3}') and None,
         "is not a study's plan",
@@ -259,7 +259,7 @@ def test_a_bad_copy_is_one_line_and_writes_nothing(
     ("arguments", "said"),
     [
         (["study", "study"], "copy: study holds a study; allowed: another folder"),
-        (["nowhere", "new"], "folder: no nowhere/study.json, the plan that a study has"),
+        (["nowhere", "new"], "folder: nowhere/study.json is missing; every study has this plan"),
         (["copy", "new"], "folder: copy holds a study's tables; allowed: a study's folder of runs"),
         (["study", "taken"], "copy: taken cannot be written: File exists"),
         (["--restore", "copy", "study"], "study is there already; allowed: a new one"),

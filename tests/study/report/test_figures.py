@@ -53,13 +53,13 @@ def figures(study: Study) -> list[Shown]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", note)
-        for drawing in drawings(study):
+        for name, (_, draw_figure) in drawings(study).items():
             for width in (WIDE, NARROW):
-                figure = drawing.draw(width)
+                figure = draw_figure(width)
                 if figure is not None:
                     words.clear()
                     FigureCanvasAgg(figure).draw()
-                    found.append(Shown(drawing.name, width, figure, words[:]))
+                    found.append(Shown(name, width, figure, words[:]))
     return found
 
 
@@ -94,13 +94,12 @@ def test_no_word_leaves_the_figure_or_lies_upon_another(figures: list[Shown]) ->
 
 def test_nothing_is_drawn_of_no_runs() -> None:
     study = make_study({("controls", "self", "FE1"): 0.5}, seeds=2)
-    assert [drawing.name for drawing in drawings(study) if drawing.draw(WIDE) is not None] == []
+    assert [name for name, (_, draw) in drawings(study).items() if draw(WIDE) is not None] == []
 
 
 def test_from_scratch_alone_there_are_its_curves() -> None:
     study = make_study({("pairs", "high", "scratch"): 0.5}, seeds=2)
-    drawn = [drawing.name for drawing in drawings(study) if drawing.draw(NARROW) is not None]
-    assert drawn == ["pair_high"]
+    assert [name for name, (_, draw) in drawings(study).items() if draw(NARROW) is not None] == ["pair_high"]
 
 
 def test_a_disk_that_has_no_room_for_the_pdf_is_said_and_the_last_one_kept(tmp_path: Path) -> None:

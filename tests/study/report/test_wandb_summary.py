@@ -65,6 +65,6 @@ def test_online_without_an_account_is_said_at_once(tmp_path: Path, monkeypatch: 
     monkeypatch.delenv("WANDB_API_KEY", raising=False)
     done = study("profile=smoke", "logger=wandb", "wandb.mode=online", folder=tmp_path, code=1)
     assert done.stderr.strip() == (
-        "ship_trl: wandb: nobody is logged in; `wandb login` does it; allowed: wandb.mode=offline"
+        "ship_trl: wandb: not logged in; run `wandb login`; allowed: wandb.mode=offline"
     )
     assert list(tmp_path.iterdir()) == []

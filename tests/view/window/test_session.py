@@ -11,8 +11,7 @@ from PIL import Image
 from ship_trl.config.errors import ConfigError
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
-from ship_trl.view.window.playlist import Playlist
-from ship_trl.view.window.session import Session
+from ship_trl.view.window.session import Playlist, Session
 from tests.view.episodes import entry, post, press
 
 SIZE = (1120, 630)
@@ -23,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("window")
 def session(tmp_path: Path) -> Session:
     policies = [entry("keep_course"), entry("random")]
     made = Session(Playlist(policies), tmp_path / "saved")
-    made.player.pause()
+    made.pause()
     return made
 
 
@@ -37,14 +36,14 @@ def test_pause_keeps_the_picture_and_steps_go_there_and_back(session: Session) -
     session.tick(5.0)
     assert (press(session) == first).all()
     second = press(session, "right")
-    assert (second != first).any() and session.player.position == 1
+    assert (second != first).any() and session.position == 1
     assert (press(session, "right", "left") == second).all()
     assert (press(session, "left") == first).all()
     press(session, "up", "up", "down", "space")
     session.tick(0.31)
-    assert session.player.position == pytest.approx(3.1)
+    assert session.position == pytest.approx(3.1)
     running = press(session)
-    assert (running != first).any() and session.player.running
+    assert (running != first).any() and session.is_running
     # On, then to the end and back to the start by other ways: the same pixels.
     assert (press(session, "end") != running).any()
     assert (press(session, "r", "space", "down") == first).all()
@@ -127,7 +126,7 @@ def test_a_click_in_a_graph_goes_there(session: Session) -> None:
     at = {"pos": (SIZE[0] // 4, SIZE[1] - 50), "button": 1}
     pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, at))
     press(session)
-    assert 3 < session.player.position < session.player.steps - 3
+    assert 3 < session.position < session.steps - 3
 
 
 def test_the_window_may_change_its_size(session: Session) -> None:
@@ -139,7 +138,7 @@ def test_two_policies_go_in_step(tmp_path: Path) -> None:
     pair = Session(Playlist([entry("keep_course"), entry("random")], compare=True), tmp_path)
     assert [view.title for view in pair.views] == ["keep_course", "random"]
     steps = [view.telemetry.steps for view in pair.views]
-    assert pair.player.steps == max(steps)
+    assert pair.steps == max(steps)
     with pytest.raises(ConfigError, match="--compare: needs two policies, got keep_course alone"):
         Playlist([entry("keep_course")], compare=True)
 

@@ -25,8 +25,7 @@ from ship_trl.view.palette import (
     Colour,
     blend,
 )
-from ship_trl.view.telemetry import split_q
-from ship_trl.view.words import action_text, number, turn_side
+from ship_trl.view.words import action_text, number
 
 
 class Panel:
@@ -96,7 +95,8 @@ class Panel:
             self.head("action")
             speed, turn = self.world.actions[chosen]
             beside = pen.write(self.surface, f"a{chosen + 1}", at, CHOSEN, self.size(28), True) + 14 * unit
-            pen.write(self.surface, turn_side(turn), (beside, at[1] - 7 * unit), TEXT, self.size(15), True)
+            side = "keep course" if turn == 0 else "to port" if turn > 0 else "to starboard"
+            pen.write(self.surface, side, (beside, at[1] - 7 * unit), TEXT, self.size(15), True)
             words = f"{speed:g} m/s, {number(turn, 'g')} rad/s"
             pen.write(self.surface, words, (beside, at[1] + 11 * unit), FAINT, self.size(13))
         self.down += 46 * unit
@@ -112,7 +112,7 @@ class Panel:
         entries = (
             ("step", f"{step} of {self.world.max_steps}"),
             ("time", f"{step * self.world.dt:g} s"),
-            ("value V", "\N{EN DASH}" if q is None else number(float(split_q(q)[0]), ".3f")),
+            ("value V", "\N{EN DASH}" if q is None else number(float(q.mean()), ".3f")),
             ("return" if is_row else "return so far", number(float(numbers.total[step]), ".1f")),
             ("to the goal", f"{numbers.goal_distance[step]:.0f} m"),
             (
@@ -152,7 +152,7 @@ class Panel:
             if self.is_wide:
                 word = "advantage" if pen.width_of("advantage", size) < 70 * unit else "adv."
                 pen.write(surface, word, (room.right, head), FAINT, size, across=1)
-        ahead = np.zeros(count) if q is None else split_q(q)[1]
+        ahead = np.zeros(count) if q is None else q - q.mean()
         scale = (right - left) / 2 / max(1e-6, float(np.abs(ahead).max()))
         for k in range(count):
             middle, is_chosen = self.down + (k + 0.5) * pitch, k == chosen

@@ -80,11 +80,7 @@ def check_mp4(size: tuple[int, int]) -> None:
 
 
 def record_film(entries: list[Entry], options: Namespace) -> None:
-    """Write the film of one entry after the other, or of the first two side by side.
-
-    Raises:
-        ConfigError: a policy cannot be loaded, or there are not two to compare.
-    """
+    """Write the film of one entry after the other, or of the first two side by side."""
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode_view import view_entry
     from ship_trl.view.film import draw_film, write_film
@@ -100,11 +96,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
 
 
 def record_chart(entries: list[Entry], options: Namespace) -> None:
-    """Draw the paths of all entries on their one case; the seeds of an arm are one group.
-
-    Raises:
-        ConfigError: a policy cannot be loaded.
-    """
+    """Draw the paths of all entries on their one case; the seeds of an arm are one group."""
     from ship_trl.policies.entry import rollout_entry
     from ship_trl.view.trajectories import draw_trajectories
 

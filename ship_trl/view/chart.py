@@ -20,11 +20,7 @@ def tidy(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG beside its place and rename it.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write a PNG beside its place and rename it."""
     with replacing(path) as draft:
         # Without the version of Matplotlib the same figure gives the same bytes.
         figure.savefig(draft, format="png", metadata={"Software": None})

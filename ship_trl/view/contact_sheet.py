@@ -33,9 +33,6 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
 
     A row has the case's name and ideal path, a picture of the start, and one after keeping course for
     `STEPS` steps. The network's view of this moment follows, in grey and in colour.
-
-    Raises:
-        OSError: the file cannot be written.
     """
     bottom = HEAD + len(cases) * (PICTURE + GAP)
     sheet = pen.new_surface(WIDTH, bottom + LEGEND)
@@ -49,7 +46,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     for row, case in enumerate(cases):
         top = HEAD + row * (PICTURE + GAP)
         width = LABEL - GAP
-        pen.line(sheet, RULE, (MARGIN, top), (MARGIN + width - GAP, top))
+        pygame.draw.aaline(sheet, RULE, (MARGIN, top), (MARGIN + width - GAP, top))
         name, ships = f"case {case.name}", counted(len(case.target_ships), "target ship")
         lines = ((55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT))
         pen.write(sheet, pen.cut(name, width, 20, True), (MARGIN, top + 25), TEXT, 20, True)

@@ -60,9 +60,6 @@ def write_gif(
     """Write an episode as a looping GIF with one frame for each step.
 
     The rasteriser draws what the network saw; `title` stands beside the name of the case.
-
-    Raises:
-        OSError: the file cannot be written.
     """
     view = EpisodeView(title, measure_episode(case, world, episode), rasteriser)
     frames = draw_film([[view]], Look(), SMALL_SIZE, STEPS_PER_SECOND, STEPS_PER_SECOND * world.dt)
@@ -70,11 +67,7 @@ def write_gif(
 
 
 def write_film(path: Path, frames: Iterator[pygame.Surface], frames_per_second: float) -> None:
-    """Write a .gif or .mp4 file; for any other name write PNG frames into a new or empty folder.
-
-    Raises:
-        OSError: it cannot be written.
-    """
+    """Write a .gif or .mp4 file; for any other name write PNG frames into a new or empty folder."""
     if path.suffix == ".gif":
         _write_gif(path, frames, frames_per_second)
     elif path.suffix == ".mp4":

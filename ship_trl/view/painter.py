@@ -24,13 +24,13 @@ from ship_trl.view import pen
 from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers, Telemetry, measure
-from ship_trl.view.words import circle_names, number
+from ship_trl.view.words import circle_names
 
 # Metres.
 RINGS = (200.0, 400.0, 600.0)
 # The paper gives no length: a coaster, whose bow stays inside the safe distance.
 TRUE_LENGTH = 25.0
-FAINT_TEXT, GRID = blend(scene.OUTSIDE, scene.DISC, 0.8), blend(scene.OUTSIDE, scene.DISC, 0.22)
+GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
 # Metres around everything in the absolute frame, and the step to which its width is rounded up.
 MARGIN, WIDTH_STEP = 90.0, 100.0
@@ -142,12 +142,10 @@ def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -
     """Draw what never moves in the relative frame; unless it is `plain`, add rings of distance."""
     picture = pen.new_surface(side, side)
     picture.fill(scene.OUTSIDE)
-    middle, scale, size = (side / 2, side / 2), side / (2 * scene.WINDOW), text_size(side, 15)
+    middle, scale = (side / 2, side / 2), side / (2 * scene.WINDOW)
     pen.circle(picture, scene.DISC, middle, scene.WINDOW * scale)
     for radius in () if plain else RINGS:
         pen.circle(picture, GRID, middle, radius * scale, 1)
-        at = (side / 2 + 0.6 * radius * scale, side / 2 + 0.8 * radius * scale)
-        pen.write(picture, f"{radius:.0f} m", at, FAINT_TEXT, size, across=1.1)
     for radius, colour in distances:
         pen.circle(picture, colour, middle, radius * scale)
     return picture
@@ -155,24 +153,18 @@ def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -
 
 @lru_cache(4)
 def _grid(frame: Projection) -> pygame.Surface:
-    """Draw what never moves in the absolute frame: water, and a grid with the metres of its lines."""
+    """Draw what never moves in the absolute frame: water with a grid."""
     side = frame.side
     picture = pen.new_surface(side, side)
     picture.fill(scene.DISC)
     half = side / frame.scale / 2
     step = next((step for step in LENGTHS if half / step < 6), 10**9)
-    size = text_size(side, 15)
-    for value in range(math.ceil((frame.x - half) / step) * step, math.ceil(frame.x + half), step):
-        right = frame.point(value, 0)[0]
-        pen.line(picture, GRID, (right, 0), (right, side))
-        # The scale bar takes the room of a number.
-        if right > 0.16 * side:
-            pen.write(picture, number(value, "g"), (right + 4, side - size), FAINT_TEXT, size)
-    for value in range(math.ceil((frame.y - half) / step) * step, math.ceil(frame.y + half), step):
-        down = frame.point(0, value)[1]
-        pen.line(picture, GRID, (0, down), (side, down))
-        if down < side - 2.5 * size:
-            pen.write(picture, number(value, "g"), (side - 6, down - size / 1.5), FAINT_TEXT, size, across=1)
+    for x in range(math.ceil((frame.x - half) / step) * step, math.ceil(frame.x + half), step):
+        right = frame.point(x, 0)[0]
+        pygame.draw.aaline(picture, GRID, (right, 0), (right, side))
+    for y in range(math.ceil((frame.y - half) / step) * step, math.ceil(frame.y + half), step):
+        down = frame.point(0, y)[1]
+        pygame.draw.aaline(picture, GRID, (0, down), (side, down))
     return picture
 
 
@@ -304,7 +296,8 @@ def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: Point,
         pen.circle(surface, RULE, at, 0.55 * size + 1)
         pen.circle(surface, colour, at, 0.55 * size)
     elif shape == "line":
-        pen.line(surface, colour, (x - 0.6 * size, y + 0.4 * size), (x + 0.6 * size, y - 0.4 * size), 2)
+        across, up = 0.6 * size, 0.4 * size
+        pygame.draw.aaline(surface, colour, (x - across, y + up), (x + across, y - up), 2)
     else:
         for k in (-1, 0, 1):
             pen.circle(surface, colour, (x + 0.5 * k * size, y), 0.13 * size)

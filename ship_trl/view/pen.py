@@ -86,11 +86,6 @@ def write(
     return left + rendered.get_width()
 
 
-def line(surface: pygame.Surface, colour: Colour, start: Point, end: Point, width: int = 1) -> None:
-    """Draw a smooth line."""
-    pygame.draw.aaline(surface, colour, start, end, width)
-
-
 def strip(surface: pygame.Surface, colour: Colour, start: Point, end: Point, width: float) -> None:
     """Draw a smooth line with square ends, of any width."""
     length = math.dist(start, end) or 1.0
@@ -102,22 +97,15 @@ def strip(surface: pygame.Surface, colour: Colour, start: Point, end: Point, wid
 def polyline(
     surface: pygame.Surface, colour: Colour, points: Sequence[Point], width: int = 1, dash: float = 0.0
 ) -> None:
-    """Draw a line through points, in dashes of `dash` pixels unless it is 0."""
-    walked = 0.0
-    for start, end in pairwise(points):
-        length = math.dist(start, end)
-        cuts = [0.0, length]
-        if dash:
-            # Where dashes and gaps begin and end on this segment.
-            left = dash - walked % dash
-            cuts[1:1] = [left + k * dash for k in range(math.ceil((length - left) / dash))]
-        for begin, stop in pairwise(cuts):
-            is_gap = dash and (walked + (begin + stop) / 2) // dash % 2 == 1
-            if not is_gap and stop > begin:
-                first = pygame.Vector2(start).lerp(end, begin / length)
-                last = pygame.Vector2(start).lerp(end, stop / length)
-                pygame.draw.aaline(surface, colour, first, last, width)
-        walked += length
+    """Draw a smooth line through points, in dashes of `dash` pixels unless it is 0."""
+    x, y = np.transpose(points)
+    along = np.concatenate(([0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()))
+    cuts = np.union1d(along, np.arange(0.0, along[-1], dash)) if dash else along
+    places = np.stack((np.interp(cuts, along, x), np.interp(cuts, along, y)), 1).tolist()
+    for k, (start, end) in enumerate(pairwise(places)):
+        is_gap = dash and (cuts[k] + cuts[k + 1]) / 2 // dash % 2 == 1
+        if not is_gap:
+            pygame.draw.aaline(surface, colour, start, end, width)
 
 
 def polygon(surface: pygame.Surface, colour: Colour, corners: Sequence[Point], width: float = 0.0) -> None:

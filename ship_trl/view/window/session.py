@@ -23,7 +23,6 @@ from ship_trl.view.window.window import Window
 
 FOLDER = Path("outputs/watch")
 SPEED = 5.0
-MESSAGE_SECONDS = 4.0
 FILM_FRAMES_PER_SECOND = 10
 
 
@@ -87,17 +86,12 @@ def distinct(cases: Sequence[Case]) -> list[Case]:
 
 
 class Session(Window):
-    """Plays a playlist, and saves pictures and films in a folder.
-
-    Raises:
-        ConfigError: the first policy cannot be loaded.
-    """
+    """Plays a playlist, and saves pictures and films in a folder. A message stays until the next key."""
 
     def __init__(self, playlist: Playlist, folder: Path = FOLDER) -> None:
         super().__init__(SPEED)
         self.playlist, self.folder = playlist, folder
-        self.views = playlist.views()
-        self._message, self._message_left = "", 0.0
+        self.views, self._message = playlist.views(), ""
         back, forward = partial(self.step, -1), partial(self.step, 1)
         faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
         restart, to_end = self.restart, (lambda: self.seek(self.steps))
@@ -126,13 +120,15 @@ class Session(Window):
         return self._message or f"{sign}  {self.speed:g}\N{MULTIPLICATION SIGN}    H: keys"
 
     def tick(self, seconds: float) -> bool:
-        """Play on, and remove the message after a while; return whether the picture has changed."""
-        had_message, was_running = bool(self._message), self.is_running
-        self._message_left -= seconds
-        if self._message_left <= 0:
-            self._message = ""
+        """Play on; return whether the picture has changed."""
+        was_running = self.is_running
         self.advance(seconds)
-        return was_running or had_message != bool(self._message)
+        return was_running
+
+    def press(self, key: str) -> None:
+        """Remove the message, and do what a key stands for."""
+        self._message = ""
+        super().press(key)
 
     def save_picture(self) -> None:
         """Save the current picture as a PNG, without the help."""
@@ -143,7 +139,7 @@ class Session(Window):
 
     def save_film(self) -> None:
         """Save the whole episode as a GIF with the current look; that takes a while."""
-        self._show_message("making the film ...")
+        self._message = "making the film ..."
         self.show()
         size = pygame.display.get_window_size()
         frames = draw_film([self.views], self.look, size, FILM_FRAMES_PER_SECOND, self.speed)
@@ -159,12 +155,9 @@ class Session(Window):
             path.parent.mkdir(parents=True, exist_ok=True)
             with replacing(path) as draft:
                 write(draft)
-            self._show_message(f"saved {path}")
+            self._message = f"saved {path}"
         except (OSError, pygame.error) as error:
-            self._show_message(f"not saved: {error}")
-
-    def _show_message(self, message: str) -> None:
-        self._message, self._message_left = message, MESSAGE_SECONDS
+            self._message = f"not saved: {error}"
 
     def _show_next(self, move: Callable[[], None]) -> None:
         """Show the next policy, case or episode; if it cannot be loaded, stay and show why."""
@@ -175,6 +168,6 @@ class Session(Window):
             self.views = playlist.views()
         except ConfigError as error:
             playlist.policy, playlist.case, playlist.episode = before
-            self._show_message(str(error))
+            self._message = str(error)
         else:
             self.restart()

@@ -150,7 +150,7 @@ class Window(ABC):
             if event.type == pygame.QUIT:
                 self._close()
             elif event.type == pygame.KEYDOWN:
-                self._press(pygame.key.name(event.key))
+                self.press(pygame.key.name(event.key))
             elif (event.type == pygame.MOUSEBUTTONDOWN and event.button == 1) or (
                 event.type == pygame.MOUSEMOTION and event.buttons[0]
             ):
@@ -168,7 +168,8 @@ class Window(ABC):
             has_changed = self.tick(clock.tick(FRAMES_PER_SECOND) / 1000)
             has_changed = self.handle_events() or has_changed
 
-    def _press(self, key: str) -> None:
+    def press(self, key: str) -> None:
+        """Do what a key stands for, by pygame's name for it ("space", "left", "a")."""
         for _, _, actions in self.bindings:
             if key in actions:
                 actions[key]()

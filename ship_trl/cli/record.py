@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from ship_trl.cli.errors import refusals
@@ -84,14 +85,15 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode_view import view_entry
     from ship_trl.view.film import draw_film, write_film
-    from ship_trl.view.window.session import Playlist
+    from ship_trl.view.window.session import distinct_policies
 
+    acts = [[entry] for entry in entries]
     if options.compare:
-        acts = [Playlist(entries, True, options.seed).views()]
-    else:
-        acts = [[view_entry(entry, options.seed)] for entry in entries]
+        first, second = distinct_policies(entries, True)[:2]
+        acts = [[first, replace(second, case=first.case)]]
+    views = [[view_entry(entry, options.seed) for entry in act] for act in acts]
     look = Look(options.absolute, options.to_scale, options.saliency)
-    write_film(options.output, draw_film(acts, look, options.size, options.fps, options.speed), options.fps)
+    write_film(options.output, draw_film(views, look, options.size, options.fps, options.speed), options.fps)
     sys.stdout.write(f"{options.output}\n")
 
 

@@ -28,12 +28,12 @@ def main(arguments: list[str] | None = None) -> None:
         entries = find_entries(options.words, options.colour)
 
         from ship_trl.run.process import configure_process
-        from ship_trl.view.window.session import Playlist, Session
+        from ship_trl.view.window.session import Session
         from ship_trl.view.window.window import open_window
 
         configure_process()
         # Load the policies first: their errors are shown without a screen, too.
-        session = Session(Playlist(entries, options.compare, options.seed))
+        session = Session(entries, options.compare, options.seed)
         flags = [*["--compare"] * options.compare, *["--colour"] * options.colour]
         words = shlex.join([*options.words, *flags])
         with open_window(options.size, f"python -m ship_trl record {words} --output film.gif makes a film"):

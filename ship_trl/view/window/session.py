@@ -26,91 +26,50 @@ SPEED = 5.0
 FILM_FRAMES_PER_SECOND = 10
 
 
-class Playlist:
-    """The policies and cases of a command line: one policy at a time, or two side by side.
+class Session(Window):
+    """Plays the policies of a command line, one at a time or two side by side; saves pictures and films.
 
-    `seed` is for the first episode of stochastic policies; each further episode has the next seed.
+    `seed` is for the first episode of stochastic policies; each further episode has the next seed. A message
+    stays until the next key.
 
     Raises:
-        ConfigError: there is only one policy to compare.
+        ConfigError: the first policy cannot be loaded, or there is only one to compare.
     """
 
-    def __init__(self, entries: Sequence[Entry], compare: bool = False, seed: int = 0) -> None:
-        self.policies = list({entry.policy: entry for entry in reversed(entries)}.values())[::-1]
-        self.cases = distinct([entry.case for entry in entries])
-        # With `target=1,4` every policy runs every case; result folders bring their own cases.
-        self._has_own_cases = len(entries) != len(self.policies) * len(self.cases)
-        if len(self.cases) == 1 or self._has_own_cases:
-            self.cases = distinct([*self.cases, *(load_case(n, entries[0].world) for n in case_names())])
-        if compare and len(self.policies) < 2:
-            raise ConfigError(f"--compare: needs two policies, got {self.policies[0].label} alone")
-        self.compare, self.seed = compare, seed
-        self.policy, self.case, self.episode = int(compare), self.policies[0].case, 0
-        self._views: dict[tuple[str, str, int], EpisodeView] = {}
-
-    def views(self) -> list[EpisodeView]:
-        """Return the current episode, or two of the same case to compare.
-
-        Raises:
-            ConfigError: a policy cannot be loaded, or cannot run this case.
-        """
-        views = []
-        for place in [0, self.policy] if self.compare else [self.policy]:
-            entry = replace(self.policies[place], case=self.case)
-            key = (entry.policy, entry.case.fingerprint, self.episode)
-            if key not in self._views:
-                self._views[key] = view_entry(entry, self.seed + self.episode, self.episode + 1)
-            views.append(self._views[key])
-        return views
-
-    def next_policy(self) -> None:
-        """Go to the next policy, on its own case if it has one; in a comparison keep the first policy."""
-        first = int(self.compare)
-        self.policy = first + (self.policy - first + 1) % (len(self.policies) - first)
-        if self._has_own_cases and not self.compare:
-            self.case = self.policies[self.policy].case
-
-    def next_case(self) -> None:
-        """Go to the next of the given cases; if only one is given, of all cases."""
-        fingerprints = [case.fingerprint for case in self.cases]
-        self.case = self.cases[(fingerprints.index(self.case.fingerprint) + 1) % len(self.cases)]
-
-    def next_episode(self) -> None:
-        """Roll out again; only stochastic policies differ then."""
-        self.episode += 1
-
-
-def distinct(cases: Sequence[Case]) -> list[Case]:
-    """Drop repeated cases, even if their names differ."""
-    return list({case.fingerprint: case for case in reversed(cases)}.values())[::-1]
-
-
-class Session(Window):
-    """Plays a playlist, and saves pictures and films in a folder. A message stays until the next key."""
-
-    def __init__(self, playlist: Playlist, folder: Path = FOLDER) -> None:
+    def __init__(
+        self, entries: Sequence[Entry], compare: bool = False, seed: int = 0, folder: Path = FOLDER
+    ) -> None:
         super().__init__(SPEED)
-        self.playlist, self.folder = playlist, folder
-        self.views, self._message = playlist.views(), ""
+        self.seed, self.folder, self._message = seed, folder, ""
+        self.policies = distinct_policies(entries, compare)
+        self.cases = distinct_cases([entry.case for entry in entries])
+        # With `target=1,4` every policy runs every case; result folders bring their own cases.
+        has_own_cases = len(entries) != len(self.policies) * len(self.cases)
+        if len(self.cases) == 1 or has_own_cases:
+            shipped = (load_case(name, entries[0].world) for name in case_names())
+            self.cases = distinct_cases([*self.cases, *shipped])
+        self._first, self._changes_case = int(compare), has_own_cases and not compare
+        self._loaded: dict[tuple[str, str, int], EpisodeView] = {}
+        self.policy, self.case, self.episode = self._first, self.policies[0].case, 0
+        self.views = self._load(self.policy, self.case, self.episode)
         back, forward = partial(self.step, -1), partial(self.step, 1)
         faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
         restart, to_end = self.restart, (lambda: self.seek(self.steps))
-        policy, case, episode = (
-            partial(self._show_next, move)
-            for move in (playlist.next_policy, playlist.next_case, playlist.next_episode)
-        )
         saliency = partial(self.toggle_look, "saliency")
-        saving = {"i": self.save_picture, "m": self.save_film}
         self.bindings[:0] = [
             ("Space", "pause, continue; at the end, replay", {"space": self.pause}),
             ("← →", "a step back, a step forward", {"left": back, "right": forward}),
             ("↑ ↓", "faster, slower", {"up": faster, "down": slower}),
             ("R, End", "to the start, to the end", {"r": restart, "home": restart, "end": to_end}),
             ("Click", "in a graph: to that step", {}),
-            ("P, C", "next policy, next case", {"p": policy, "c": case}),
-            ("E", "next episode: a stochastic policy draws again", {"e": episode}),
+            ("P, C", "next policy, next case", {"p": self.next_policy, "c": self.next_case}),
+            ("E", "next episode: a stochastic policy draws again", {"e": self.next_episode}),
             ("S", "saliency: the pixels on which the highest Q depends", {"s": saliency}),
-            ("I, M", f"save the picture, the film (to {FOLDER})", saving),
+            (
+                "I, M",
+                f"save the picture, the film (to {FOLDER})",
+                {"i": self.save_picture, "m": self.save_film},
+            ),
         ]
 
     @property
@@ -130,6 +89,22 @@ class Session(Window):
         self._message = ""
         super().press(key)
 
+    def next_policy(self) -> None:
+        """Show the next policy, on its own case if it has one; in a comparison keep the first policy."""
+        first = self._first
+        policy = first + (self.policy - first + 1) % (len(self.policies) - first)
+        self._show(policy, self.policies[policy].case if self._changes_case else self.case, self.episode)
+
+    def next_case(self) -> None:
+        """Show the next of the given cases; if only one is given, of all cases."""
+        fingerprints = [case.fingerprint for case in self.cases]
+        following = fingerprints.index(self.case.fingerprint) + 1
+        self._show(self.policy, self.cases[following % len(self.cases)], self.episode)
+
+    def next_episode(self) -> None:
+        """Roll out again; only stochastic policies differ then."""
+        self._show(self.policy, self.case, self.episode + 1)
+
     def save_picture(self) -> None:
         """Save the current picture as a PNG, without the help."""
         picture = pen.new_surface(*pygame.display.get_window_size())
@@ -148,7 +123,7 @@ class Session(Window):
     def _save(self, what: str, suffix: str, write: Callable[[Path], None]) -> None:
         """Write a file under a new name; show where it is, or why it could not be written."""
         titles = "-".join(view.title for view in self.views)
-        name = re.sub(r"[^\w]+", "-", f"case{self.playlist.case.name}-{titles}").strip("-")[-80:]
+        name = re.sub(r"[^\w]+", "-", f"case{self.case.name}-{titles}").strip("-")[-80:]
         names = (f"{name}-{what}{'' if k == 1 else f'-{k}'}{suffix}" for k in count(1))
         path = next(self.folder / name for name in names if not (self.folder / name).exists())
         try:
@@ -159,15 +134,40 @@ class Session(Window):
         except (OSError, pygame.error) as error:
             self._message = f"not saved: {error}"
 
-    def _show_next(self, move: Callable[[], None]) -> None:
-        """Show the next policy, case or episode; if it cannot be loaded, stay and show why."""
-        playlist = self.playlist
-        before = playlist.policy, playlist.case, playlist.episode
-        move()
+    def _show(self, policy: int, case: Case, episode: int) -> None:
+        """Show a policy on a case; if it cannot be loaded, show only why."""
         try:
-            self.views = playlist.views()
+            self.views = self._load(policy, case, episode)
         except ConfigError as error:
-            playlist.policy, playlist.case, playlist.episode = before
             self._message = str(error)
-        else:
-            self.restart()
+            return
+        self.policy, self.case, self.episode = policy, case, episode
+        self.restart()
+
+    def _load(self, policy: int, case: Case, episode: int) -> list[EpisodeView]:
+        """Return the episode of a policy; in a comparison, that of the first policy before it."""
+        views = []
+        for place in sorted({0, policy} if self._first else {policy}):
+            key = (self.policies[place].policy, case.fingerprint, episode)
+            if key not in self._loaded:
+                entry = replace(self.policies[place], case=case)
+                self._loaded[key] = view_entry(entry, self.seed + episode, episode + 1)
+            views.append(self._loaded[key])
+        return views
+
+
+def distinct_policies(entries: Sequence[Entry], compare: bool) -> list[Entry]:
+    """Return one entry for each policy, in order.
+
+    Raises:
+        ConfigError: there is only one policy to compare.
+    """
+    policies = list({entry.policy: entry for entry in reversed(entries)}.values())[::-1]
+    if compare and len(policies) < 2:
+        raise ConfigError(f"--compare: needs two policies, got {policies[0].label} alone")
+    return policies
+
+
+def distinct_cases(cases: Sequence[Case]) -> list[Case]:
+    """Drop repeated cases, even if their names differ."""
+    return list({case.fingerprint: case for case in reversed(cases)}.values())[::-1]

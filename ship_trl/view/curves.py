@@ -67,10 +67,27 @@ def draw_curve(
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     # Names of files in the title may contain a dollar sign.
     figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
-    _draw_returns(upper, finished, evaluated)
+    for outcome, (colour, marker) in CHART_OUTCOMES.items():
+        style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
+        trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
+        # The legend also lists an outcome that never happened.
+        label = f"training: {outcome} ({len(trained)})"
+        upper.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
+        greedy = [row[:2] for row in evaluated if row[2] == outcome]
+        if greedy:
+            # A cross consists only of its edge.
+            edge = colour if marker == "x" else SCRATCH
+            label = f"greedy: {outcome} ({len(greedy)})"
+            upper.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
+    episodes = [row.episode for row in finished]
+    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
+    label = f"training: mean of {MEAN_OVER}"
+    upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
+    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
+    upper.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
+    upper.set_ylabel("return of an episode (undiscounted raw reward)")
     best = f"best known: {best_return:.1f}"
     upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
-    episodes = [row.episode for row in finished]
     for outcome, line in (("goal", "-"), ("collision", "-.")):
         share = moving_mean([row.outcome == outcome for row in finished], MEAN_OVER)
         style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
@@ -83,30 +100,6 @@ def draw_curve(
         axes.margins(x=0.01)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=10.5)
     save(figure, path)
-
-
-def _draw_returns(
-    axes: Axes, finished: Sequence[Finished], evaluated: Sequence[tuple[int, float, str]]
-) -> None:
-    """Draw the training returns and their moving mean, and the greedy returns."""
-    for outcome, (colour, marker) in CHART_OUTCOMES.items():
-        style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
-        trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
-        # The legend also lists an outcome that never happened.
-        label = f"training: {outcome} ({len(trained)})"
-        axes.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
-        greedy = [row[:2] for row in evaluated if row[2] == outcome]
-        if greedy:
-            # A cross consists only of its edge.
-            edge = colour if marker == "x" else SCRATCH
-            label = f"greedy: {outcome} ({len(greedy)})"
-            axes.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
-    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
-    label = f"training: mean of {MEAN_OVER}"
-    axes.plot([row.episode for row in finished], mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
-    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
-    axes.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
-    axes.set_ylabel("return of an episode (undiscounted raw reward)")
 
 
 def draw_transfer(

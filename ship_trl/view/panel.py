@@ -91,17 +91,13 @@ class Panel:
         self.down += side + 14 * self.unit
 
     def action(self) -> None:
-        """Write the action of this step, or how the episode ended."""
-        unit, chosen, outcome = self.unit, self.numbers.action(self.step), self.numbers.outcome
-        left, middle = self.room.left, self.down + 35 * unit
-        if chosen is None:
-            self.head("outcome" if outcome else "action")
-            colour = OUTCOMES.get(outcome or "", TEXT)
-            self.write((outcome or "your turn").upper(), left, middle, colour, 28, True)
-        else:
-            self.head("action")
+        """Write the action of this step."""
+        unit, chosen = self.unit, self.numbers.action(self.step)
+        self.head("action")
+        if chosen is not None:
             speed, turn = self.world.actions[chosen]
-            right = self.write(f"a{chosen + 1}", left, middle, CHOSEN, 28, True) + 14 * unit
+            middle = self.down + 14 * unit
+            right = self.write(f"a{chosen + 1}", self.room.left, middle, CHOSEN, 28, True) + 14 * unit
             side = "keep course" if turn == 0 else "to port" if turn > 0 else "to starboard"
             self.write(side, right, middle - 7 * unit, TEXT, 15, True)
             self.write(f"{speed:g} m/s, {number(turn, 'g')} rad/s", right, middle + 11 * unit, FAINT)
@@ -148,16 +144,14 @@ class Panel:
         advantage = np.zeros(count) if q is None else q - q.mean()
         pitch = (26 if self.is_wide else 22) * unit
         left = room.left + (190 if self.is_wide else 46) * unit
-        right = room.right - (150 if self.is_wide else 64) * unit
-        zero, q_right = (left + right) / 2, room.right - (84 * unit if self.is_wide else 0)
+        right = room.right - 64 * unit
+        zero = (left + right) / 2
         scale = (right - left) / 2 / max(1e-6, float(np.abs(advantage).max()))
         self.head("actions (no Q-values)" if self.numbers.q_values is None else "actions")
         if q is not None:
             above = self.down - 13 * unit
             self.write("value V", zero, above, SKY, across=0.5)
-            self.write("Q", q_right, above, FAINT, across=1)
-            if self.is_wide:
-                self.write("advantage", room.right, above, FAINT, across=1)
+            self.write("Q", room.right, above, FAINT, across=1)
         for k in range(count):
             middle, is_chosen = self.down + (k + 0.5) * pitch, k == chosen
             colour = CHOSEN if is_chosen else TEXT
@@ -172,12 +166,9 @@ class Panel:
                 self.write(action_text(self.world, k), room.left + 48 * unit, middle, shade)
             if q is None:
                 continue
-            ahead = float(advantage[k])
-            self._bar(zero, zero + ahead * scale, middle, 0.6 * pitch, CHOSEN if is_chosen else BAR)
-            self.write(number(float(q[k]), ".3f"), q_right, middle, colour, bold=is_chosen, across=1)
-            if self.is_wide:
-                text = ("+" if ahead > 0 else "") + number(ahead, ".3f")
-                self.write(text, room.right, middle, colour, bold=is_chosen, across=1)
+            end = zero + float(advantage[k]) * scale
+            self._bar(zero, end, middle, 0.6 * pitch, CHOSEN if is_chosen else BAR)
+            self.write(number(float(q[k]), ".3f"), room.right, middle, colour, bold=is_chosen, across=1)
         if q is not None:
             pygame.draw.aaline(self.surface, SKY, (zero, self.down), (zero, self.down + count * pitch), 2)
         self.down += count * pitch + 18 * unit

@@ -100,15 +100,11 @@ def paint_scene(
     to_scale: bool = False,
     plain: bool = False,
 ) -> None:
-    """Fill a square surface with the scene at a step or between two.
+    """Fill a square surface with the scene at a position in steps.
 
-    Args:
-        picture: the surface.
-        telemetry: the episode.
-        position: in steps.
-        absolute: a projection in which all ships move; by default own ship stays in the middle.
-        to_scale: draw true hulls inside the outlines that the network sees.
-        plain: draw only what the network sees, without tracks, numbers, scale and north arrow.
+    By default own ship stays in the middle; in the projection `absolute` all ships move. With `to_scale` true
+    hulls are drawn inside the outlines that the network sees. A `plain` picture has only what the network
+    sees: no tracks, numbers, scale and north arrow.
     """
     world, side = telemetry.world, picture.get_width()
     own, ships = telemetry.at(position)
@@ -232,9 +228,9 @@ def _draw_scale(picture: pygame.Surface, frame: Projection) -> None:
     size, left = text_size(frame.side, 16), frame.side * 0.022
     down, length = frame.side * 0.978, metres * frame.scale
     width = max(length, pen.width_of(f"{metres} m", size))
-    ground = pygame.Rect(0, 0, width + 2 * left, frame.side - down + 8 + 1.7 * size)
-    ground.bottomleft = (0, frame.side)
-    pygame.draw.rect(picture, BACKGROUND, ground, border_top_right_radius=6)
+    box = pygame.Rect(0, 0, width + 2 * left, frame.side - down + 8 + 1.7 * size)
+    box.bottomleft = (0, frame.side)
+    pygame.draw.rect(picture, BACKGROUND, box, border_top_right_radius=6)
     pygame.draw.rect(picture, TEXT, (left, down - 3, length, 3))
     for end in (left, left + length - 2):
         pygame.draw.rect(picture, TEXT, (end, down - 8, 2, 8))
@@ -244,11 +240,11 @@ def _draw_scale(picture: pygame.Surface, frame: Projection) -> None:
 def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
     """Write at the top how the episode ended."""
     size = text_size(picture.get_width(), 30)
-    ground = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
-    ground.midtop = (picture.get_width() // 2, round(size * 0.5))
-    pygame.draw.rect(picture, BACKGROUND, ground, border_radius=round(size / 2))
-    pygame.draw.rect(picture, OUTCOMES[outcome], ground, 2, border_radius=round(size / 2))
-    pen.write(picture, outcome.upper(), ground.center, OUTCOMES[outcome], size, True, across=0.5)
+    box = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
+    box.midtop = (picture.get_width() // 2, round(size * 0.5))
+    pygame.draw.rect(picture, BACKGROUND, box, border_radius=round(size / 2))
+    pygame.draw.rect(picture, OUTCOMES[outcome], box, 2, border_radius=round(size / 2))
+    pen.write(picture, outcome.upper(), box.center, OUTCOMES[outcome], size, True, across=0.5)
 
 
 def draw_legend(

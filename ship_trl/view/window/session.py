@@ -49,7 +49,6 @@ class Session(Window):
             shipped = (load_case(name, entries[0].world) for name in case_names())
             self.cases = distinct_cases([*self.cases, *shipped])
         self._first, self._changes_case = int(compare), has_own_cases and not compare
-        self._loaded: dict[tuple[str, str, int], EpisodeView] = {}
         self.policy, self.case, self.episode = self._first, self.policies[0].case, 0
         self.views = self._load(self.policy, self.case, self.episode)
         back, forward = partial(self.step, -1), partial(self.step, 1)
@@ -145,15 +144,10 @@ class Session(Window):
         self.restart()
 
     def _load(self, policy: int, case: Case, episode: int) -> list[EpisodeView]:
-        """Return the episode of a policy; in a comparison, that of the first policy before it."""
-        views = []
-        for place in sorted({0, policy} if self._first else {policy}):
-            key = (self.policies[place].policy, case.fingerprint, episode)
-            if key not in self._loaded:
-                entry = replace(self.policies[place], case=case)
-                self._loaded[key] = view_entry(entry, self.seed + episode, episode + 1)
-            views.append(self._loaded[key])
-        return views
+        """Roll out a policy; in a comparison, also the first policy."""
+        places = [0, policy] if self._first else [policy]
+        entries = [replace(self.policies[place], case=case) for place in places]
+        return [view_entry(entry, self.seed + episode, episode + 1) for entry in entries]
 
 
 def distinct_policies(entries: Sequence[Entry], compare: bool) -> list[Entry]:

@@ -168,9 +168,6 @@ def _draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: 
     width = left + max(pen.width_of(what, size) for _, what in lines) + 80 * unit
     box = pygame.Rect(0, 0, width, (len(lines) + 1) * pitch + 24 * unit)
     box.center = surface.get_rect().center
-    shade = pygame.Surface(surface.get_size(), pygame.SRCALPHA)
-    shade.fill((0, 0, 0, 150))
-    surface.blit(shade, (0, 0))
     pygame.draw.rect(surface, BACKGROUND, box, border_radius=round(10 * unit))
     pygame.draw.rect(surface, CHOSEN, box, 2, border_radius=round(10 * unit))
     y = box.top + 12 * unit + pitch / 2

@@ -88,9 +88,9 @@ def _draw_path(axes: Axes, one: Telemetry, is_thin: bool) -> None:
         x, y = closest[0].tolist()
         radius = one.world.safe_distance
         axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=COLOUR, zorder=3, alpha=alpha))
-        label = f"closest approach; circle: {circle_names(one.world)[1]}"
-        axes.plot(*np.stack(closest).T, "-", color=COLOUR, linewidth=1, zorder=3, alpha=alpha)
-        axes.plot(*closest[1], ".", color=COLOUR, markersize=7, zorder=5, alpha=alpha, label=label)
+        label = f"closest approach, circle {radius:g} m"
+        style: dict[str, Any] = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
+        axes.plot(*np.stack(closest).T, color=COLOUR, alpha=alpha, zorder=5, label=label, **style)
     if one.outcome in ENDS:
         marker, label = ENDS[one.outcome]
         axes.plot(*own[-1], marker, color=COLOUR, markersize=13, mew=3, zorder=6, label=label)

@@ -1,8 +1,8 @@
 """`python -m ship_trl play target=CASE`: steer a ship yourself, with the keyboard.
 
-The score stands beside that of the best known plan. Every finished episode is kept as a demonstration, with
-which a training can begin (demonstrations=FOLDER). Without a case, it is case 4; with several behind commas,
-C goes to the next. H in the window lists the keys.
+The window shows your return beside the best known one. A finished episode is kept as a demonstration, with
+which a training can begin (demonstrations=FOLDER). The default is case 4; with several cases, separated by
+commas, C goes to the next. Press H in the window for the keys.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from pathlib import Path
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_size, make_parser
 from ship_trl.config.errors import ConfigError
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import load_case, load_world
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read the words, open the window, play."""
+    """Read the arguments, open the window, play."""
     parser = make_parser("play", __doc__)
     parser.add_argument("target", nargs="?", default="target=4", metavar="target=CASE")
     folder = Path("outputs/demonstrations")
@@ -33,23 +33,15 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE")
         world = load_world()
         cases = [load_case(name, world, "target") for name in names.split(",")]
-        play(cases, None if options.keep_nothing else options.demonstrations, options.size)
 
+        from ship_trl.run.process import configure_process
+        from ship_trl.view.window.game import Game
+        from ship_trl.view.window.window import open_window
 
-def play(cases: list[Case], folder: Path | None, size: tuple[int, int]) -> None:
-    """Open a window, and steer in it until it is closed.
-
-    Raises:
-        ConfigError: there is no screen.
-    """
-    from ship_trl.run.process import configure_process
-    from ship_trl.view.window.display import open_window
-    from ship_trl.view.window.game import Game
-
-    configure_process()
-    game = Game(cases, load_world(), folder)
-    command = "python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER"
-    with open_window(size, f"{command} keeps a policy's episodes"):
-        game.run()
-    for path in game.kept:
-        sys.stdout.write(f"{path}\n")
+        configure_process()
+        game = Game(cases, world, None if options.keep_nothing else options.demonstrations)
+        command = "python -m ship_trl evaluate POLICY target=CASE --demonstrations FOLDER"
+        with open_window(options.size, f"{command} keeps a policy's episodes"):
+            game.run()
+        for path in game.kept:
+            sys.stdout.write(f"{path}\n")

@@ -1,20 +1,20 @@
-"""`python -m ship_trl record POLICY... target=CASE --output FILE`: what `watch` shows, without a screen.
+"""`python -m ship_trl record POLICY... target=CASE --output FILE`: `watch` without a screen.
 
-POLICY is the same as for `watch`; of a result folder the best network is taken. FILE ends with .gif
-or .mp4; any other name is a folder for PNG frames. Several policies are shown one after the other, or two
-beside each other with --compare. --trajectories draws all of them into one chart.
+POLICY is the same as for `watch`; of a result folder, the best network is taken. FILE ends with .gif or
+.mp4; any other name is a folder for PNG frames. Several policies are shown one after the other, or two side
+by side with --compare. --trajectories draws all of them in one chart.
 """
 
 from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
-from ship_trl.cli.watch import FIRST
+from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
@@ -28,19 +28,19 @@ Speed = Annotated[float, limit(0.1, 100)]
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Read the words, roll out the policies, draw."""
+    """Read the arguments, roll out the policies, draw."""
     parser = make_parser("record", __doc__)
-    add_policies(parser)
+    add_policies(parser, DEFAULT_WORDS)
     add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
     add_output(parser, "--trajectories", (".png",), "chart of all paths")
-    parser.add_argument("--compare", action="store_true", help="two policies beside each other")
+    parser.add_argument("--compare", action="store_true", help="two policies side by side")
     parser.add_argument("--absolute", action="store_true", help="north up, all ships move (figure 2a)")
-    parser.add_argument("--to-scale", action="store_true", help="hulls as long as ships are")
-    parser.add_argument("--saliency", action="store_true", help="on which pixels the highest Q depends")
+    parser.add_argument("--to-scale", action="store_true", help="hulls in their true size")
+    parser.add_argument("--saliency", action="store_true", help="the pixels on which the highest Q depends")
     add_seed(parser)
     add_size(parser, "1280x720", "of the film")
-    add_number(parser, "--fps", FrameRate, None, "frames a second: 10, of an MP4 30")
-    add_number(parser, "--speed", Speed, 5.0, "times as fast as real time")
+    add_number(parser, "--fps", FrameRate, None, "frames a second; default: 10, of an MP4 30")
+    add_number(parser, "--speed", Speed, 5.0, "times as fast as real time; default: 5")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         is_mp4 = options.output is not None and options.output.suffix == ".mp4"
@@ -48,21 +48,26 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
         if is_mp4:
             check_mp4(options.size)
-        entries = drop_last_networks(find_entries(options.words or FIRST, options.colour))
-        if options.trajectories is not None:
-            check_one_case(entries)
+        entries = drop_last_networks(find_entries(options.words, options.colour))
+        cases = {entry.case.fingerprint: entry.case.name for entry in entries}
+        if options.trajectories is not None and len(cases) > 1:
+            raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
+
+        from ship_trl.run.process import configure_process
+
+        configure_process()
         if options.output is not None:
             options.fps = options.fps or (30.0 if is_mp4 else 10.0)
-            film(entries, options)
+            record_film(entries, options)
         if options.trajectories is not None:
-            chart(options.trajectories, entries, options.seed)
+            record_chart(entries, options)
 
 
 def check_mp4(size: tuple[int, int]) -> None:
-    """Refuse an MP4 that cannot be encoded; neither torch nor pygame is imported for it.
+    """Check that an MP4 can be encoded, without importing torch or pygame.
 
     Raises:
-        ConfigError: imageio-ffmpeg is not installed, or finds no ffmpeg, or a side is odd.
+        ConfigError: imageio-ffmpeg is not installed or finds no ffmpeg, or a side is odd.
     """
     try:
         import imageio_ffmpeg
@@ -75,48 +80,31 @@ def check_mp4(size: tuple[int, int]) -> None:
         raise ConfigError(f"--size: an MP4 needs even numbers, got {size[0]}x{size[1]}")
 
 
-def check_one_case(entries: list[Entry]) -> None:
-    """Refuse a chart of several cases."""
-    cases = {entry.case.fingerprint: entry.case.name for entry in entries}
-    if len(cases) > 1:
-        raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
-
-
-def film(entries: list[Entry], options: Namespace) -> None:
-    """Write the film of one entry after the other, or of the first two.
-
-    Raises:
-        ConfigError: a policy is not right, or there are not two to compare.
-    """
-    from ship_trl.run.process import configure_process
+def record_film(entries: list[Entry], options: Namespace) -> None:
+    """Write the film of one entry after the other, or of the first two side by side."""
     from ship_trl.view.dashboard import Look
+    from ship_trl.view.episode_view import view_entry
     from ship_trl.view.film import draw_film, write_film
-    from ship_trl.view.window.playlist import Playlist, view_episode
+    from ship_trl.view.window.session import distinct_policies
 
-    configure_process()
-    acts = [[view_episode(entry, options.seed)] for entry in entries]
+    acts = [[entry] for entry in entries]
     if options.compare:
-        acts = [Playlist(entries, True, options.seed).views()]
+        first, second = distinct_policies(entries, True)[:2]
+        acts = [[first, replace(second, case=first.case)]]
+    views = [[view_entry(entry, options.seed) for entry in act] for act in acts]
     look = Look(options.absolute, options.to_scale, options.saliency)
-    write_film(options.output, draw_film(acts, look, options.size, options.fps, options.speed), options.fps)
+    write_film(options.output, draw_film(views, look, options.size, options.fps, options.speed), options.fps)
     sys.stdout.write(f"{options.output}\n")
 
 
-def chart(path: Path, entries: list[Entry], seed: int) -> None:
-    """Draw the paths of all entries in one case; the seeds of an arm are one group.
-
-    Raises:
-        ConfigError: a policy is not right.
-    """
+def record_chart(entries: list[Entry], options: Namespace) -> None:
+    """Draw the paths of all entries on their one case; the seeds of an arm are one group."""
     from ship_trl.policies.entry import rollout_entry
-    from ship_trl.run.process import configure_process
     from ship_trl.view.trajectories import draw_trajectories
 
-    configure_process()
-    case, world = entries[0].case, entries[0].world
     groups: dict[str, list[Episode]] = {}
     for entry in entries:
-        _, _, episodes = rollout_entry(entry, seed=seed)
+        _, _, episodes = rollout_entry(entry, seed=options.seed)
         groups.setdefault(entry.label.split(" seed ")[0], []).append(episodes[0])
-    draw_trajectories(path, case, world, groups)
-    sys.stdout.write(f"{path}\n")
+    draw_trajectories(options.trajectories, entries[0].case, entries[0].world, groups)
+    sys.stdout.write(f"{options.trajectories}\n")

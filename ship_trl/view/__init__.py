@@ -1,6 +1,6 @@
-"""One painter of scenes, for pictures, films and the window; charts of paths and of learning."""
+"""Pictures, films and the window from one painter of scenes; charts of paths and of learning curves."""
 
 import os
 
-# pygame greets on standard output when it is imported; a library must not.
+# Otherwise pygame prints a greeting when it is imported.
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

@@ -1,4 +1,4 @@
-"""What all matplotlib charts share: their axes, and how they are saved."""
+"""Style the axes of matplotlib charts, and save figures."""
 
 from __future__ import annotations
 
@@ -13,18 +13,14 @@ from ship_trl.view.palette import GRID
 
 
 def tidy(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
-    """Draw a grid behind the lines, and no frame above and right of them."""
+    """Draw a grid behind the lines, and remove the frame above and right of them."""
     axes.grid(axis=grid, color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG beside its place and rename it.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write a PNG atomically."""
     with replacing(path) as draft:
-        # Without the version of Matplotlib the same figure gives the same bytes.
+        # Leave out the version of Matplotlib, so that the same figure gives the same bytes.
         figure.savefig(draft, format="png", metadata={"Software": None})

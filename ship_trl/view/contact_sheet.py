@@ -1,4 +1,4 @@
-"""All cases in one picture: as people see them, and beside that what the network sees."""
+"""Draw all cases in one picture: as people see them, and as the network sees them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from ship_trl.view.painter import draw_legend, draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
 from ship_trl.view.words import counted
 
-# Steps of keeping course until the later moment: by then the ships of the paper's cases are near.
-LATER = 12
+# Steps between the two moments shown: at the second one the ships of the paper's cases are near.
+STEPS = 12
 PICTURE = 3 * scene.SIZE
 GAP, MARGIN, LABEL, HEAD, LEGEND = 12, 20, 176, 50, 36
 WIDTH = 2 * MARGIN + LABEL + 4 * PICTURE + 3 * GAP
@@ -31,28 +31,31 @@ WIDTH = 2 * MARGIN + LABEL + 4 * PICTURE + 3 * GAP
 def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None:
     """Write a PNG with a row for each case.
 
-    Left to right: name and ideal path; the start and `LATER` steps of keeping course further, as
-    people see them; that later moment as the network sees it, in grey and in colour.
-
-    Raises:
-        OSError: the file cannot be written.
+    A row has the case's name and ideal path, a picture of the start, and one after keeping course for
+    `STEPS` steps. The network's view of this moment follows, in grey and in colour.
     """
     bottom = HEAD + len(cases) * (PICTURE + GAP)
     sheet = pen.new_surface(WIDTH, bottom + LEGEND)
     sheet.fill(BACKGROUND)
-    time = f"after {LATER * world.dt:g} s on this course"
+    time = f"after {STEPS * world.dt:g} s on this course"
     pixels = f"{scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}"
-    heads = ("at the start", time, f"the same, network's view, {pixels}", "the same in colour")
+    heads = ("at the start", time, f"as the network sees it, {pixels}", "the same in colour")
     lefts = [MARGIN + LABEL + column * (PICTURE + GAP) for column in range(len(heads))]
     for left, head in zip(lefts, heads, strict=True):
         pen.write(sheet, head, (left, HEAD - 17), FAINT, 13)
     for row, case in enumerate(cases):
         top = HEAD + row * (PICTURE + GAP)
-        _write_label(sheet, case, top)
+        width = LABEL - GAP
+        pygame.draw.aaline(sheet, RULE, (MARGIN, top), (MARGIN + width - GAP, top))
+        name, ships = f"case {case.name}", counted(len(case.target_ships), "target ship")
+        lines = ((55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT))
+        pen.write(sheet, pen.cut(name, width, 20, True), (MARGIN, top + 25), TEXT, 20, True)
+        for down, text, shade in lines:
+            pen.write(sheet, pen.cut(text, width, 13), (MARGIN, top + down), shade, 13)
         motion = Transition(case, world, torch.device("cpu"))
         straight = torch.tensor([straight_action(world)])
         later = motion.start[None]
-        for _ in range(LATER):
+        for _ in range(STEPS):
             later = motion(later, straight).state
         pictures = [draw_scene(case, world, state, PICTURE) for state in (motion.start, later[0])]
         for colour in (False, True):
@@ -61,15 +64,6 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         for left, picture in zip(lefts, pictures, strict=True):
             sheet.blit(picture, (left, top))
     room = pygame.Rect(MARGIN, bottom, WIDTH - 2 * MARGIN, LEGEND)
-    draw_legend(sheet, room, world, 13, scale=PICTURE / (2 * scene.WINDOW))
+    draw_legend(sheet, room, world, 13, plain=True)
     with replacing(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)
-
-
-def _write_label(sheet: pygame.Surface, case: Case, top: int) -> None:
-    width = LABEL - GAP
-    pen.line(sheet, RULE, (MARGIN, top), (MARGIN + width - GAP, top))
-    pen.write(sheet, pen.cut(f"case {case.name}", width, 20, True), (MARGIN, top + 25), TEXT, 20, True)
-    ships = counted(len(case.target_ships), "target ship")
-    for down, text, colour in ((55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT)):
-        pen.write(sheet, pen.cut(text, width, 13), (MARGIN, top + down), colour, 13)

@@ -1,4 +1,4 @@
-"""Learning curves: of one run, of a transfer beside runs from scratch, of many arms beside each other."""
+"""Draw learning curves: of one run, of a transfer beside runs from scratch, of many arms."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from ship_trl.view.words import counted, number
 
 # Episodes in the moving mean of training returns.
 MEAN_OVER = 25
-# Collisions cost 300 and more; the greedy returns above this tell policies that reach the goal apart.
+# Collisions cost 300 and more; only returns above this differ between policies that reach the goal.
 LOWEST_GREEDY = -100.0
-# Of a comparison: inches of a panel with its legend, and panels in a row.
+# Inches of a panel of a comparison, and panels in a row.
 PANEL_SIZE, COLUMNS = (5.2, 6.4), 3
-# Letters in a row of its legend, and those that an entry's line takes.
+# Letters in a row of a panel's legend, and those that the line of an entry takes.
 LEGEND_LETTERS, SAMPLE_LETTERS = 84, 9
 
 Returns = NDArray[np.float64]
@@ -41,7 +41,7 @@ Returns = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Curve:
-    """One run: returns of its training episodes [E], greedy returns [G] after `episodes` [G]."""
+    """The curve of a run: returns of training episodes [E], and greedy returns [G] after `episodes` [G]."""
 
     returns: Returns
     episodes: NDArray[np.int64]
@@ -58,26 +58,36 @@ def draw_curve(
     best_return: float,
     title: str,
 ) -> None:
-    """Write the learning curve of one run as a PNG of 1200 x 800; returns are raw.
+    """Write the learning curve of one run as a PNG of 1200 x 800.
 
-    Args:
-        path: where it goes; written beside and renamed.
-        finished: training episodes in order.
-        evaluated: greedy evaluations in order: after how many episodes, return, outcome.
-        best_return: the best return known for the case.
-        title: one line above.
-
-    Raises:
-        OSError: the file cannot be written.
+    `evaluated` has for each greedy evaluation the number of training episodes before it, its raw return and
+    its outcome.
     """
     figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    # The title holds names of files; a dollar sign in one is no formula.
+    # Names of files in the title may contain a dollar sign.
     figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
-    _draw_returns(upper, finished, evaluated)
+    for outcome, (colour, marker) in CHART_OUTCOMES.items():
+        style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
+        trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
+        # The legend also lists an outcome that never happened.
+        label = f"training: {outcome} ({len(trained)})"
+        upper.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
+        greedy = [row[:2] for row in evaluated if row[2] == outcome]
+        if greedy:
+            # A cross consists only of its edge.
+            edge = colour if marker == "x" else SCRATCH
+            label = f"greedy: {outcome} ({len(greedy)})"
+            upper.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
+    episodes = [row.episode for row in finished]
+    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
+    label = f"training: mean of {MEAN_OVER}"
+    upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
+    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
+    upper.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
+    upper.set_ylabel("return of an episode (undiscounted raw reward)")
     best = f"best known: {best_return:.1f}"
     upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
-    episodes = [row.episode for row in finished]
     for outcome, line in (("goal", "-"), ("collision", "-.")):
         share = moving_mean([row.outcome == outcome for row in finished], MEAN_OVER)
         style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
@@ -92,45 +102,17 @@ def draw_curve(
     save(figure, path)
 
 
-def _draw_returns(
-    axes: Axes, finished: Sequence[Finished], evaluated: Sequence[tuple[int, float, str]]
-) -> None:
-    """Draw every training return and their mean, and every greedy return."""
-    for outcome, (colour, marker) in CHART_OUTCOMES.items():
-        style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
-        trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
-        # The legend lists an outcome that never happened, too.
-        label = f"training: {outcome} ({len(trained)})"
-        axes.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
-        greedy = [row[:2] for row in evaluated if row[2] == outcome]
-        if greedy:
-            # A cross has no face: its edge would be all of it.
-            edge = colour if marker == "x" else SCRATCH
-            label = f"greedy: {outcome} ({len(greedy)})"
-            axes.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
-    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
-    label = f"training: mean of {MEAN_OVER}"
-    axes.plot([row.episode for row in finished], mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
-    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
-    axes.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
-    axes.set_ylabel("return of an episode (undiscounted raw reward)")
-
-
 def draw_transfer(
     path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float, title: str
 ) -> None:
-    """Write raw training returns of a transfer [E] and of runs from scratch [S, E] as a PNG of 1200 x 750.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write the training returns of a transfer [E] and of runs from scratch [S, E] as a PNG of 1200 x 750."""
     figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
     axes = figure.subplots()
     axes.set_title(f"{title}, beside learning from scratch", fontsize=15, loc="left", parse_math=False)
     smooth = moving_mean(scratch, MEAN_OVER)
     seeds = counted(len(scratch), "seed")
     if len(scratch) > 1:
-        seeds += ", the middle one; band: from the worst to the best"
+        seeds += ", median; band: from the worst to the best"
     label = f"from scratch: {seeds}; mean of all episodes {number(scratch.mean(), '.0f')}"
     episodes = np.arange(1, smooth.shape[1] + 1)
     _draw_band(axes, episodes, smooth, label, {"color": SCRATCH, "linestyle": "--"}, 2.2)
@@ -148,12 +130,9 @@ def draw_transfer(
 
 
 def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float]) -> None:
-    """Write a PNG with a panel for each pair, `COLUMNS` in a row: training return above, greedy return below.
+    """Write a PNG with a panel for each pair: training returns above, greedy returns below.
 
-    A panel has a title, and groups of runs by name, one run a seed; `best` is its best known return.
-
-    Raises:
-        OSError: the file cannot be written.
+    `panels` holds curves by title and arm, one for each seed; `best` holds best known returns by title.
     """
     columns = min(COLUMNS, len(panels))
     rows = math.ceil(len(panels) / columns)
@@ -182,8 +161,8 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float) -> No
         tidy(axes)
     lower.set_ylim(LOWEST_GREEDY, best + 15)
     lower.set_xlabel("training episodes")
-    upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(middle seed; band: all)")
-    lower.set_ylabel("greedy return\n(middle seed; band: all)")
+    upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")
+    lower.set_ylabel("greedy return\n(median of seeds; band: all)")
     lines, names = upper.get_legend_handles_labels()
     in_a_row = max(1, LEGEND_LETTERS // (max(map(len, names)) + SAMPLE_LETTERS))
     place.legend(lines, names, loc="outside lower center", ncols=in_a_row, fontsize=8, frameon=False)
@@ -192,6 +171,6 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float) -> No
 def _draw_band(
     axes: Axes, x: NDArray[np.int64], values: Returns, label: str, style: Mapping[str, Any], width: float
 ) -> None:
-    """Draw the median over seeds as a line and all of them as a band: values [S, N]."""
+    """Draw the median of `values` [S, N] over seeds as a line, and their range as a band."""
     axes.plot(x, np.median(values, axis=0), label=label, linewidth=width, **style)
     axes.fill_between(x, values.min(axis=0), values.max(axis=0), color=style["color"], alpha=0.15, lw=0)

@@ -1,7 +1,6 @@
-"""A whole picture of one episode or two: header, scenes with their legends, panels, graphs, help.
+"""Draw the whole picture of one episode or two: header, scenes with their legends, panels, graphs, help.
 
-What changes only from step to step is drawn once a step and kept; at each frame only the ships and the
-marks in the graphs are drawn.
+Parts that change only with the step are cached; each frame draws only the scenes and the marks in the graphs.
 """
 
 from __future__ import annotations
@@ -22,23 +21,23 @@ from ship_trl.view.panel import Panel
 Columns = tuple[tuple[Callable[[Panel], None], ...], ...]
 Views = tuple[EpisodeView, ...]
 Size = tuple[int, int]
-# What stands beside the scene, column by column: of one episode, of one in a narrow window or of each of
-# two, and of one in a picture too small for graphs.
+# The columns beside a scene: of one episode; in a narrow window, or of each of two episodes; and in a window
+# too small for graphs.
 WIDE: Columns = (
     (Panel.network_view, Panel.q_values),
     (Panel.action, Panel.values, Panel.terms, Panel.ships),
 )
 NARROW: Columns = ((Panel.network_view, Panel.q_values, Panel.ships),)
 SMALL: Columns = ((Panel.network_view, Panel.values), (Panel.action, Panel.q_values, Panel.ships))
-# The sizes for which they are laid out; other windows have the same, larger or smaller.
+# The sizes in which `unit` is 1; other windows scale the same layout.
 WIDE_SIZE, NARROW_SIZE, SMALL_SIZE = (1600, 900), (800, 900), (920, 520)
-# A window narrower than this many times its height is narrow; one below this share of the wide size is small.
+# A window is narrow below this ratio of width to height, and small below this share of the wide size.
 NARROW_SHAPE, SMALL_SHARE = 1.3, 0.6
 
 
 @dataclass(frozen=True)
 class Look:
-    """How it is shown: the frame, hulls to scale, where the network looks."""
+    """What to show: the absolute frame, hulls to scale, saliency."""
 
     absolute: bool = False
     to_scale: bool = False
@@ -46,9 +45,9 @@ class Look:
 
 
 class Layout:
-    """Divides a window between `count` episodes: a lane for each, and a strip of graphs where there is room.
+    """Divides a window into a lane for each of `count` episodes, and a strip of graphs if there is room.
 
-    `unit` is the scale of everything: 1 in a window of the size for which its columns are laid out.
+    `unit` scales all lengths.
     """
 
     def __init__(self, size: Size, count: int) -> None:
@@ -61,7 +60,7 @@ class Layout:
         self.pad, head, graphs = round(14 * unit), round(46 * unit), 0 if is_small else round(166 * unit)
         self.title = round(30 * unit) if count > 1 else 0
         self.legend = round((66 if is_narrow or unit < 0.75 else 44) * unit)
-        # In a narrow layout values stand in a row below the legend.
+        # A narrow layout has a row of values below the legend.
         self.values = round(58 * unit) if is_narrow else 0
         least = round((284 if is_narrow else 446 if is_small else 840) * unit)
         self.width = (size[0] - self.pad * (count + 1)) // count
@@ -72,11 +71,11 @@ class Layout:
         self.side = min(room, self.width - least - self.pad)
 
     def scene(self, lane: int) -> pygame.Rect:
-        """Find the place of a scene; its legend is below."""
+        """Return the place of a scene; its legend is below."""
         return pygame.Rect(self.pad + lane * (self.width + self.pad), self.top, self.side, self.side)
 
     def panel(self, lane: int) -> pygame.Rect:
-        """Find the place of what stands beside a scene."""
+        """Return the place beside a scene."""
         left, width = self.scene(lane).right + self.pad, self.width - self.side - self.pad
         return pygame.Rect(left, self.top, width, self.strip.top - self.pad - self.top)
 
@@ -89,10 +88,9 @@ def draw_dashboard(
     status: str = "",
     help_lines: Sequence[tuple[str, str]] = (),
 ) -> None:
-    """Draw one episode, or two of the same case, over all of a surface.
+    """Draw one episode, or two of the same case, over a whole surface.
 
-    `position` is in steps from the start, whole or between two; `status` is a line at the top right, and
-    `help_lines` are keys and what they do, drawn over everything.
+    `position` is in steps; `status` is written at the top right; `help_lines` are keys and what they do.
     """
     size, some = surface.get_size(), tuple(views)
     layout = Layout(size, len(some))
@@ -103,28 +101,25 @@ def draw_dashboard(
     for k, telemetry in enumerate(telemetries):
         frame = absolute_frame(telemetries, layout.side) if look.absolute else None
         paint_scene(surface.subsurface(layout.scene(k)), telemetry, position, frame, look.to_scale)
-    for graph, corner in _make_graphs(size, some):
-        graph.draw(surface, corner, position)
+    for graph in _make_graphs(size, some):
+        graph.draw(surface, position)
     if help_lines:
-        draw_help(surface, help_lines, layout.unit)
+        _draw_help(surface, help_lines, layout.unit)
 
 
 def step_at(size: Size, views: Sequence[EpisodeView], place: tuple[int, int]) -> int | None:
-    """Find the step that a place in a graph stands for; None outside the graphs."""
-    for graph, corner in _make_graphs(size, tuple(views)):
-        across, down = place[0] - corner[0], place[1] - corner[1]
-        if 0 <= across < graph.size[0] and graph.room.top <= down < graph.size[1]:
-            return graph.step_at(across)
-    return None
+    """Return the step at a place in a graph, or None outside the graphs."""
+    steps = (graph.step_at(place) for graph in _make_graphs(size, tuple(views)))
+    return next((step for step in steps if step is not None), None)
 
 
 @lru_cache(1)
 def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, status: str) -> pygame.Surface:
-    """Draw all but the scenes and the graphs."""
+    """Draw everything but the scenes and the graphs."""
     surface, layout = pen.new_surface(*size), Layout(size, len(views))
     unit = layout.unit
     surface.fill(BACKGROUND)
-    draw_header(surface, views, status, unit)
+    _draw_header(surface, views, status, unit)
     for k, (view, step) in enumerate(zip(views, steps, strict=True)):
         scene, beside, letters = layout.scene(k), layout.panel(k), round(19 * unit)
         if len(views) > 1:
@@ -146,19 +141,14 @@ def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, st
 
 
 @lru_cache(1)
-def _make_graphs(size: Size, views: Views) -> list[tuple[Graph, tuple[int, int]]]:
-    """Make the graphs and find their places; none in a small picture."""
+def _make_graphs(size: Size, views: Views) -> list[Graph]:
+    """Make the graphs; a small picture has none."""
     layout = Layout(size, len(views))
-    strip, unit = layout.strip, layout.unit
-    if not strip.height:
-        return []
-    width = (strip.width - round(24 * unit)) // 2
-    graphs = make_graphs(views, (width, strip.height), max(9, round(12 * unit)))
-    return list(zip(graphs, (strip.topleft, (strip.right - width, strip.top)), strict=True))
+    return make_graphs(views, layout.strip, layout.unit) if layout.strip.height else []
 
 
-def draw_header(surface: pygame.Surface, views: Views, status: str, unit: float) -> None:
-    """Write case, title and ideal path at the top left, and the status at the top right."""
+def _draw_header(surface: pygame.Surface, views: Views, status: str, unit: float) -> None:
+    """Write case, title and ideal path at the left, and the status at the right."""
     case, middle, size, small = views[0].telemetry.case, 24 * unit, round(19 * unit), round(15 * unit)
     right = surface.get_width() - 14 * unit
     pen.write(surface, status, (right, middle), CHOSEN, small, True, across=1)
@@ -171,16 +161,13 @@ def draw_header(surface: pygame.Surface, views: Views, status: str, unit: float)
     pen.write(surface, path, (x, middle), FAINT, round(14 * unit))
 
 
-def draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: float) -> None:
-    """List the keys in a box over everything."""
+def _draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: float) -> None:
+    """Draw a box with the keys over everything."""
     size, pitch = max(10, round(17 * unit)), 28 * unit
     left = max(pen.width_of(key, size, True) for key, _ in lines)
     width = left + max(pen.width_of(what, size) for _, what in lines) + 80 * unit
     box = pygame.Rect(0, 0, width, (len(lines) + 1) * pitch + 24 * unit)
     box.center = surface.get_rect().center
-    shade = pygame.Surface(surface.get_size(), pygame.SRCALPHA)
-    shade.fill((0, 0, 0, 150))
-    surface.blit(shade, (0, 0))
     pygame.draw.rect(surface, BACKGROUND, box, border_radius=round(10 * unit))
     pygame.draw.rect(surface, CHOSEN, box, 2, border_radius=round(10 * unit))
     y = box.top + 12 * unit + pitch / 2

@@ -1,8 +1,8 @@
-"""An episode as it is shown: its numbers, what the network sees in it, and where the network looks."""
+"""An episode to show: its numbers, what the network sees in it, and on which pixels its Q-values depend."""
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -11,47 +11,66 @@ from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.policies.entry import Entry, rollout_entry
+from ship_trl.policies.named import network_of
 from ship_trl.sim.render import Rasteriser
-from ship_trl.view.telemetry import Telemetry
+from ship_trl.view.telemetry import Telemetry, measure_episode
 
 # Pixels by which the gradient is blurred: single pixels show the stride of the first layer.
 BLUR = 1.5
+# Letters of a title.
+MAX_TITLE = 44
 
 
+@dataclass(frozen=True, eq=False)
 class EpisodeView:
-    """An episode, whole or so far, under a title; pictures are computed when they are asked for.
+    """An episode, finished or not, and its title."""
 
-    `see(step)` is what the network sees, uint8 [C, 84, 84]; `salience(step)` is where it looks, float
-    [84, 84], None without a network.
+    title: str
+    telemetry: Telemetry
+    rasteriser: Rasteriser
+    network: DuelingNetwork | None = None
+
+    def _pixels(self, step: int) -> Tensor:
+        state = torch.from_numpy(self.telemetry.states[step]).float()
+        return self.rasteriser(state.to(self.rasteriser.device))
+
+    def see(self, step: int) -> NDArray[np.uint8]:
+        """Draw what the network sees at a step: uint8 [C, 84, 84]."""
+        return self._pixels(step).cpu().numpy()
+
+    def salience(self, step: int) -> NDArray[np.float32] | None:
+        """Return the `saliency` at a step, or None without a network."""
+        return None if self.network is None else saliency(self.network, self._pixels(step))
+
+
+def view_entry(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
+    """Roll out an entry; from 2 on, the title states the number of the episode.
+
+    Raises:
+        ConfigError: the policy cannot be loaded.
     """
-
-    def __init__(
-        self, title: str, telemetry: Telemetry, rasteriser: Rasteriser, network: DuelingNetwork | None = None
-    ) -> None:
-        self.title, self.telemetry, self.rasteriser = title, telemetry, rasteriser
-        states = torch.from_numpy(telemetry.states).float().to(rasteriser.device)
-
-        @cache
-        def see(step: int) -> NDArray[np.uint8]:
-            return rasteriser(states[step]).cpu().numpy()
-
-        @cache
-        def salience(step: int) -> NDArray[np.float32] | None:
-            return None if network is None else saliency(network, rasteriser(states[step]))
-
-        self.see, self.salience = see, salience
+    env, policy, episodes = rollout_entry(entry, seed=seed)
+    title = entry.label
+    while len(title) > MAX_TITLE and "/" in title:
+        # The end of a path says more than its first folders.
+        title = title.split("/", 1)[1]
+    if episode > 1:
+        title += f", episode {episode}"
+    telemetry = measure_episode(entry.case, entry.world, episodes[0])
+    return EpisodeView(title, telemetry, env.rasteriser, network_of(policy))
 
 
 def saliency(network: DuelingNetwork, pixels: Tensor) -> NDArray[np.float32]:
     """Compute how strongly the highest Q-value depends on each pixel: uint8 [C, 84, 84] to float32 [84, 84].
 
-    It is the size of the gradient, summed over channels, blurred, and scaled to a maximum of 1.
+    This is the absolute gradient, summed over channels, blurred, and scaled to a maximum of 1.
     """
     with torch.enable_grad():
-        # Whole pictures: the incremental conv layers have no gradient by pixels.
+        # Convolve whole pictures: the incremental conv layers have no gradient for pixels.
         picture = pixels[None].float().requires_grad_()
         q = network.dueling(network.convolve(picture))
-        (slope,) = torch.autograd.grad(q.max(), picture)
-    size: NDArray[np.float32] = gaussian_filter(slope.abs().sum((0, 1)).cpu().numpy(), BLUR)
-    most = float(size.max())
-    return size / most if most > 0 else size
+        (gradient,) = torch.autograd.grad(q.max(), picture)
+    blurred: NDArray[np.float32] = gaussian_filter(gradient.abs().sum((0, 1)).cpu().numpy(), BLUR)
+    highest = float(blurred.max())
+    return blurred / highest if highest > 0 else blurred

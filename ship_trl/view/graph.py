@@ -1,4 +1,4 @@
-"""Graphs over the steps of an episode: the past bright, what is to come faint, a mark at the present step."""
+"""Graphs over the steps of an episode: the past bright, the future faint, a mark at the current step."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers
 from ship_trl.view.words import number
 
-# Share of the background over what is to come.
+# Share of the background over the future.
 DIMMED = 0.6
-# Lengths of dashes, which tell lines apart without colour.
+# Lengths of dashes: without colours, lines differ by them.
 DASHES = (9.0, 4.0, 14.0, 2.0, 6.0, 20.0)
 PAIR_DASHES = (0.0, 9.0)
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a graph: a value for each step from 0 on."""
+    """A line of a graph, with a value for each step."""
 
     name: str
     values: Numbers
@@ -36,89 +36,88 @@ class Line:
 
 
 class Graph:
-    """A graph drawn in advance; `draw` dims what is to come at any step.
+    """A graph in `box`, drawn once; `draw` dims the future. `steps` is the end of its axis."""
 
-    `steps` is the end of its axis, `letters` their size in pixels.
-    """
-
-    def __init__(
-        self, title: str, lines: Sequence[Line], steps: int, size: tuple[int, int], letters: int
-    ) -> None:
-        self.size, self.steps, self.letters = size, max(1, steps), letters
+    def __init__(self, title: str, lines: Sequence[Line], steps: int, box: pygame.Rect, size: int) -> None:
+        self.box, self.steps = box, max(1, steps)
         values = [float(value) for line in lines for value in line.values if math.isfinite(value)]
         low, high = min([0.0, *values]), max([1.0, *values])
-        left, top = round(4.2 * letters), round(1.9 * letters)
-        self.room = pygame.Rect(left, top, size[0] - round(4.9 * letters), size[1] - round(3.9 * letters))
-        count = max(2, self.room.height // round(2.2 * letters))
-        self.ticks = [float(tick) for tick in MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)]
-        self.low, self.high = min(low, self.ticks[0]), max(high, self.ticks[-1])
-        self.drawn = self._draw(title, lines)
+        left, top = round(4.2 * size), round(1.9 * size)
+        self.room = pygame.Rect(left, top, box.width - round(4.9 * size), box.height - round(3.9 * size))
+        count = max(2, self.room.height // round(2.2 * size))
+        ticks = [float(tick) for tick in MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)]
+        self.low, self.high = min(low, ticks[0]), max(high, ticks[-1])
+        self.drawn = pen.new_surface(*box.size)
+        self.drawn.fill(BACKGROUND)
+        self._draw_axes(ticks, size)
+        x = pen.write(self.drawn, title, (0, 0.7 * size), TEXT, size, True) + size
+        self._draw_lines(lines, x, size)
 
     def place(self, step: float, value: float) -> Point:
-        """Find the pixels of a value at a step."""
+        """Return the pixel of a value at a step, from the corner of the box."""
         room = self.room
         share = (value - self.low) / (self.high - self.low)
         return room.left + room.width * step / self.steps, room.bottom - room.height * share
 
-    def step_at(self, across: float) -> int:
-        """Find the step that is `across` pixels from the left."""
-        share = (across - self.room.left) / self.room.width
+    def step_at(self, at: tuple[int, int]) -> int | None:
+        """Return the step at a place of the window, or None outside the graph."""
+        if not self.box.collidepoint(at) or at[1] < self.box.top + self.room.top:
+            return None
+        share = (at[0] - self.box.left - self.room.left) / self.room.width
         return round(min(max(share, 0.0), 1.0) * self.steps)
 
-    def draw(self, surface: pygame.Surface, at: tuple[int, int], step: float) -> None:
-        """Draw it on a surface, with its mark at a step."""
-        surface.blit(self.drawn, at)
-        room = self.room.move(at)
-        x = at[0] + self.place(min(step, self.steps), 0.0)[0]
+    def draw(self, surface: pygame.Surface, step: float) -> None:
+        """Draw it with its mark at a step."""
+        surface.blit(self.drawn, self.box)
+        room = self.room.move(self.box.topleft)
+        x = self.box.left + self.place(min(step, self.steps), 0.0)[0]
         veil = pen.new_surface(room.right + 2 - round(x), room.height)
         veil.fill(BACKGROUND)
         veil.set_alpha(round(255 * DIMMED))
         surface.blit(veil, (round(x), room.top))
-        pen.line(surface, TEXT, (x, room.top), (x, room.bottom))
+        pygame.draw.aaline(surface, TEXT, (x, room.top), (x, room.bottom))
 
-    def _draw(self, title: str, lines: Sequence[Line]) -> pygame.Surface:
-        """Draw axes, lines and legend."""
-        drawn, room, size = pen.new_surface(*self.size), self.room, self.letters
-        drawn.fill(BACKGROUND)
-        for value in self.ticks:
+    def _draw_axes(self, ticks: Sequence[float], size: int) -> None:
+        drawn, room = self.drawn, self.room
+        for value in ticks:
             left, down = self.place(0, value)
-            pen.line(drawn, RULE, (left, down), (room.right, down))
+            pygame.draw.aaline(drawn, RULE, (left, down), (room.right, down))
             pen.write(drawn, number(value, "g"), (left - 6, down), FAINT, size, across=1)
         below = room.bottom + 0.5 * size + 5
         for step in range(0, self.steps + 1, 10 if self.steps <= 100 else 100):
             right, down = self.place(step, self.low)
-            pen.line(drawn, RULE, (right, down), (right, down + 4))
-            # The axis ends with a word.
+            pygame.draw.aaline(drawn, RULE, (right, down), (right, down + 4))
+            # Leave room for the word at the end.
             if right < room.right - 3.5 * size:
                 pen.write(drawn, f"{step}", (right, below), FAINT, size, across=0.5)
         pen.write(drawn, "step", (room.right, below), FAINT, size, across=1)
-        x = pen.write(drawn, title, (0, 0.7 * size), TEXT, size, True) + size
-        # In a narrow graph the legend has smaller letters.
-        names = [pen.cut(line.name, 0.4 * self.size[0], size) for line in lines]
+
+    def _draw_lines(self, lines: Sequence[Line], x: float, size: int) -> None:
+        """Draw the lines, and their legend from `x` on; in a narrow graph its letters are smaller."""
+        names = [pen.cut(line.name, 0.4 * self.box.width, size) for line in lines]
         needed = sum(pen.width_of(name, size) + 4 * size for name in names)
-        small = max(8, min(size, int(size * (self.size[0] - x) / needed)))
+        small = max(8, min(size, int(size * (self.box.width - x) / needed)))
         for line, name in zip(lines, names, strict=True):
             places = [self.place(step, float(value)) for step, value in enumerate(line.values)]
-            pen.polyline(drawn, line.colour, places, line.width, line.dash)
             sample = [(x, 0.7 * size), (x + 2.6 * small, 0.7 * size)]
-            pen.polyline(drawn, line.colour, sample, line.width, line.dash)
-            x = pen.write(drawn, name, (x + 3 * small, 0.7 * size), line.colour, small) + small
-        return drawn
+            for points in (places, sample):
+                pen.polyline(self.drawn, line.colour, points, line.width, line.dash)
+            x = pen.write(self.drawn, name, (x + 3 * small, 0.7 * size), line.colour, small) + small
 
 
-def make_graphs(views: Sequence[EpisodeView], size: tuple[int, int], letters: int) -> list[Graph]:
-    """Make the graphs of return and distances, for one episode or two."""
+def make_graphs(views: Sequence[EpisodeView], strip: pygame.Rect, unit: float) -> list[Graph]:
+    """Make the graphs of return and distances side by side in a strip, for one episode or two."""
     first = views[0].telemetry
-    is_whole = all(view.telemetry.outcome for view in views)
-    steps = max(view.telemetry.steps for view in views) if is_whole else first.world.max_steps
+    is_finished = all(view.telemetry.outcome for view in views)
+    steps = max(view.telemetry.steps for view in views) if is_finished else first.world.max_steps
     returns, distances = [], []
     if len(views) == 1:
         returns.append(Line("total", first.total, TEXT, width=3))
-        paid = [(name, values) for name, values in first.terms.items() if values.any()]
+        terms = [(name, values) for name, values in first.terms.items() if values.any()]
         distances.append(Line("goal", first.goal_distance, TEXT, width=3))
-        few = first.apart.shape[1] < 5
-        ships = [(f"ship {k}" if few else f"{k}", values) for k, values in enumerate(first.apart.T, 1)]
-        for lines, named in ((returns, paid), (distances, ships)):
+        prefix = "ship " if first.apart.shape[1] < 5 else ""
+        ships = [(f"{prefix}{k}", values) for k, values in enumerate(first.apart.T, 1)]
+        for lines, named in ((returns, terms), (distances, ships)):
             for k, (name, values) in enumerate(named):
                 lines.append(Line(name, values, SERIES[k % len(SERIES)], DASHES[k % len(DASHES)]))
     else:
@@ -131,7 +130,10 @@ def make_graphs(views: Sequence[EpisodeView], size: tuple[int, int], letters: in
     if first.apart.shape[1]:
         level = np.full(steps + 1, first.world.safe_distance)
         distances.append(Line("safe distance", level, VERMILION, 3.0, 1))
+    size = max(9, round(12 * unit))
+    left = pygame.Rect(strip.topleft, ((strip.width - round(24 * unit)) // 2, strip.height))
+    right = left.move(strip.width - left.width, 0)
     return [
-        Graph("return so far", returns, steps, size, letters),
-        Graph("distance, m", distances, steps, size, letters),
+        Graph("return so far", returns, steps, left, size),
+        Graph("distance, m", distances, steps, right, size),
     ]

@@ -1,7 +1,7 @@
-"""The painter of scenes: own ship in the middle and heading up (figure 2b), or north up (figure 2a).
+"""Paint scenes: own ship in the middle and heading up (figure 2b), or north up (figure 2a).
 
-Sizes, colours and the order of drawing are those of `sim/scene.py` and the network's rasteriser. The drawing
-itself shares no code with the rasteriser: a test compares the two pictures, so each checks the other.
+Sizes, colours and the order of drawing are those of the network's rasteriser, but no code is shared: a test
+compares the two pictures, so each checks the other.
 """
 
 from __future__ import annotations
@@ -24,21 +24,23 @@ from ship_trl.view import pen
 from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers, Telemetry, measure
-from ship_trl.view.words import TRUE_LENGTH, circle_names, hull_lengths, number
+from ship_trl.view.words import circle_names
 
+# Metres.
 RINGS = (200.0, 400.0, 600.0)
-FAINT_TEXT, GRID = blend(scene.OUTSIDE, scene.DISC, 0.8), blend(scene.OUTSIDE, scene.DISC, 0.22)
+# The paper gives no length: a coaster, whose bow stays inside the safe distance.
+TRUE_LENGTH = 25.0
+GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
-# In the absolute frame: metres around everything, and what the width is rounded up to.
+# Metres around everything in the absolute frame, and the step to which its width is rounded up.
 MARGIN, WIDTH_STEP = 90.0, 100.0
-# Metres of the legend's scale bar; between the lines of a grid, or of the scene's scale bar.
-SCALE_BAR = 200.0
+# Metres between the lines of a grid, or of a scale bar.
 LENGTHS = (50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5)
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Metres to pixels: (x, y) is in the middle, and the direction `up` (rad) points up."""
+    """Converts metres to pixels: (x, y) is in the middle, and the direction `up` (rad) points up."""
 
     x: float
     y: float
@@ -47,43 +49,43 @@ class Projection:
     scale: float
 
     def points(self, places: Numbers) -> Numbers:
-        """Project places [..., 2] in metres to pixels [..., 2]."""
+        """Convert places [..., 2] in metres to pixels [..., 2]."""
         east, north = places[..., 0] - self.x, places[..., 1] - self.y
         cos, sin = math.cos(math.pi / 2 - self.up), math.sin(math.pi / 2 - self.up)
         right, ahead = east * cos - north * sin, east * sin + north * cos
         return np.stack((self.side / 2 + right * self.scale, self.side / 2 - ahead * self.scale), -1)
 
     def point(self, x: float, y: float) -> Point:
-        """Project one place."""
+        """Convert one place."""
         right, down = self.points(np.array([x, y])).tolist()
         return right, down
 
     def hull(self, pose: Numbers, length: float) -> list[Point]:
-        """Project the corners of a ship at x, y (m), heading (rad)."""
+        """Return the corners of a ship in pixels; `pose` is x, y (m) and heading (rad)."""
         cos, sin = math.cos(pose[HEADING]), math.sin(pose[HEADING])
         corners = np.array(scene.ship_outline(length)) @ np.array([[cos, sin], [-sin, cos]]) + pose[[X, Y]]
         return [(right, down) for right, down in self.points(corners).tolist()]
 
 
 def relative_frame(own: Numbers, side: int) -> Projection:
-    """Project as the network sees it, own ship (x, y, heading) in the middle and its bow up."""
+    """Return the network's projection: own ship (x, y, heading) in the middle, its bow up."""
     return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.WINDOW))
 
 
 def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
-    """Project north up, with start, goal, the target ships' starts and all own tracks in the picture."""
+    """Return a north-up projection that shows start, goal, the target ships' starts and all own tracks."""
     case = telemetries[0].case
     places = [np.array([case.start, case.goal]), telemetries[0].ships[0]]
     places += [telemetry.states[:, [X, Y]] for telemetry in telemetries]
     low, high = np.concatenate(places).min(0), np.concatenate(places).max(0)
-    # In whole hundreds of metres, so that a growing episode seldom changes the scale.
+    # Rounded, so that a growing episode seldom changes the scale.
     width = WIDTH_STEP * math.ceil((float((high - low).max()) + 2 * MARGIN) / WIDTH_STEP)
     x, y = ((low + high) / 2).tolist()
     return Projection(x, y, math.pi / 2, side, side / width)
 
 
 def draw_scene(case: Case, world: World, state: Tensor, size: int = 600) -> pygame.Surface:
-    """Draw one state (x, y, heading, step) as the network sees it, `size` pixels on a side."""
+    """Draw one state (x, y, heading, step) as the network sees it, as a square of `size` pixels."""
     picture = pen.new_surface(size, size)
     telemetry = measure(case, world, state[None], torch.zeros(0, dtype=torch.int64))
     paint_scene(picture, telemetry, 0.0, plain=True)
@@ -98,11 +100,11 @@ def paint_scene(
     to_scale: bool = False,
     plain: bool = False,
 ) -> None:
-    """Fill a square surface with the scene at a step or between two.
+    """Fill a square surface with the scene at a position in steps.
 
-    In the frame `absolute` all ships move (figure 2a); without it own ship stays in the middle (2b). With
-    `to_scale` hulls are as long as ships are, inside the outline that the network sees. A `plain` picture has
-    only what the network sees; otherwise people also get tracks, numbers, scale and north arrow.
+    By default own ship stays in the middle; in the projection `absolute` all ships move. With `to_scale` true
+    hulls are drawn inside the outlines that the network sees. A `plain` picture has only what the network
+    sees: no tracks, numbers, scale and north arrow.
     """
     world, side = telemetry.world, picture.get_width()
     own, ships = telemetry.at(position)
@@ -133,15 +135,13 @@ def paint_scene(
 
 @lru_cache(4)
 def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -> pygame.Surface:
-    """Draw what stays where it is in the relative frame; for people with rings of distance."""
+    """Draw what never moves in the relative frame; unless it is `plain`, add rings of distance."""
     picture = pen.new_surface(side, side)
     picture.fill(scene.OUTSIDE)
-    middle, scale, size = (side / 2, side / 2), side / (2 * scene.WINDOW), text_size(side, 15)
+    middle, scale = (side / 2, side / 2), side / (2 * scene.WINDOW)
     pen.circle(picture, scene.DISC, middle, scene.WINDOW * scale)
     for radius in () if plain else RINGS:
         pen.circle(picture, GRID, middle, radius * scale, 1)
-        at = (side / 2 + 0.6 * radius * scale, side / 2 + 0.8 * radius * scale)
-        pen.write(picture, f"{radius:.0f} m", at, FAINT_TEXT, size, across=1.1)
     for radius, colour in distances:
         pen.circle(picture, colour, middle, radius * scale)
     return picture
@@ -149,29 +149,23 @@ def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -
 
 @lru_cache(4)
 def _grid(frame: Projection) -> pygame.Surface:
-    """Draw what stays where it is in the absolute frame: water with a grid, and what its lines are."""
+    """Draw what never moves in the absolute frame: water with a grid."""
     side = frame.side
     picture = pen.new_surface(side, side)
     picture.fill(scene.DISC)
     half = side / frame.scale / 2
     step = next((step for step in LENGTHS if half / step < 6), 10**9)
-    size = text_size(side, 15)
-    for value in range(math.ceil((frame.x - half) / step) * step, math.ceil(frame.x + half), step):
-        right = frame.point(value, 0)[0]
-        pen.line(picture, GRID, (right, 0), (right, side))
-        # The scale bar leaves no room for a number.
-        if right > 0.16 * side:
-            pen.write(picture, number(value, "g"), (right + 4, side - size), FAINT_TEXT, size)
-    for value in range(math.ceil((frame.y - half) / step) * step, math.ceil(frame.y + half), step):
-        down = frame.point(0, value)[1]
-        pen.line(picture, GRID, (0, down), (side, down))
-        if down < side - 2.5 * size:
-            pen.write(picture, number(value, "g"), (side - 6, down - size / 1.5), FAINT_TEXT, size, across=1)
+    for x in range(math.ceil((frame.x - half) / step) * step, math.ceil(frame.x + half), step):
+        right = frame.point(x, 0)[0]
+        pygame.draw.aaline(picture, GRID, (right, 0), (right, side))
+    for y in range(math.ceil((frame.y - half) / step) * step, math.ceil(frame.y + half), step):
+        down = frame.point(0, y)[1]
+        pygame.draw.aaline(picture, GRID, (0, down), (side, down))
     return picture
 
 
 def text_size(side: int, at_900: int) -> int:
-    """Scale the size of letters to a picture of `side` pixels."""
+    """Scale a size of letters to a picture of `side` pixels."""
     return max(12, round(at_900 * side / 900))
 
 
@@ -187,7 +181,7 @@ def _draw_places(picture: pygame.Surface, telemetry: Telemetry, frame: Projectio
 
 
 def _draw_tracks(picture: pygame.Surface, telemetry: Telemetry, count: int, frame: Projection) -> None:
-    """Draw a dot for each step past, a larger one every ten."""
+    """Draw a dot for each past step, and a larger one every ten."""
     radius = max(1.5, frame.side / 400)
     own, ships = telemetry.states[:, None, [X, Y]], telemetry.ships
     for places, colour in ((ships, SHIP_TRACK), (own, OWN_TRACK)):
@@ -207,7 +201,7 @@ def _draw_hull(
 
 
 def _draw_number(picture: pygame.Surface, frame: Projection, pose: Numbers, number: int) -> None:
-    """Write a ship's number abeam of it, on a ground of its own so that no line crosses it."""
+    """Write a ship's number abeam of it, on a badge so that no line crosses it."""
     right, down = frame.point(*pose[:2])
     ahead, size = pose[HEADING] - frame.up + math.pi / 2, text_size(frame.side, 20)
     reach = scene.TARGET_LENGTH * frame.scale * 0.28 + size * 0.75
@@ -217,7 +211,7 @@ def _draw_number(picture: pygame.Surface, frame: Projection, pose: Numbers, numb
 
 
 def _draw_north(picture: pygame.Surface, frame: Projection) -> None:
-    """Draw an arrow to the north, top left."""
+    """Draw an arrow to the north at the top left."""
     reach = max(16.0, frame.side / 28)
     compass = Projection(0.0, 0.0, frame.up, round(3.5 * reach), reach)
     middle = compass.point(0, 0)
@@ -229,26 +223,28 @@ def _draw_north(picture: pygame.Surface, frame: Projection) -> None:
 
 
 def _draw_scale(picture: pygame.Surface, frame: Projection) -> None:
-    """Draw a bar of known length, bottom left."""
+    """Draw a bar of known length at the bottom left."""
     metres = next(metres for metres in LENGTHS if metres * frame.scale > 45)
     size, left = text_size(frame.side, 16), frame.side * 0.022
     down, length = frame.side * 0.978, metres * frame.scale
     width = max(length, pen.width_of(f"{metres} m", size))
-    ground = pygame.Rect(0, 0, width + 2 * left, frame.side - down + 8 + 1.7 * size)
-    ground.bottomleft = (0, frame.side)
-    pygame.draw.rect(picture, BACKGROUND, ground, border_top_right_radius=6)
-    pen.scale_bar(picture, TEXT, (left, down), length)
+    box = pygame.Rect(0, 0, width + 2 * left, frame.side - down + 8 + 1.7 * size)
+    box.bottomleft = (0, frame.side)
+    pygame.draw.rect(picture, BACKGROUND, box, border_top_right_radius=6)
+    pygame.draw.rect(picture, TEXT, (left, down - 3, length, 3))
+    for end in (left, left + length - 2):
+        pygame.draw.rect(picture, TEXT, (end, down - 8, 2, 8))
     pen.write(picture, f"{metres} m", (left, down - 6 - size * 0.75), TEXT, size)
 
 
 def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
-    """Say how the episode ended, at the top."""
+    """Write at the top how the episode ended."""
     size = text_size(picture.get_width(), 30)
-    ground = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
-    ground.midtop = (picture.get_width() // 2, round(size * 0.5))
-    pygame.draw.rect(picture, BACKGROUND, ground, border_radius=round(size / 2))
-    pygame.draw.rect(picture, OUTCOMES[outcome], ground, 2, border_radius=round(size / 2))
-    pen.write(picture, outcome.upper(), ground.center, OUTCOMES[outcome], size, True, across=0.5)
+    box = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
+    box.midtop = (picture.get_width() // 2, round(size * 0.5))
+    pygame.draw.rect(picture, BACKGROUND, box, border_radius=round(size / 2))
+    pygame.draw.rect(picture, OUTCOMES[outcome], box, 2, border_radius=round(size / 2))
+    pen.write(picture, outcome.upper(), box.center, OUTCOMES[outcome], size, True, across=0.5)
 
 
 def draw_legend(
@@ -257,36 +253,38 @@ def draw_legend(
     world: World,
     size: int,
     to_scale: bool = False,
-    scale: float = 0.0,
+    plain: bool = False,
 ) -> None:
-    """Draw what is what from the top left of a room, in as many lines as it needs.
-
-    `scale` is the pixels per metre of pictures without scale bar and tracks, 0 where they have them.
-    """
-    circles = zip((scene.GOAL_CIRCLE, scene.SAFE_CIRCLE), circle_names(world), strict=True)
+    """Explain the scene from the top left of a room, in as many lines as needed; options as `paint_scene`."""
+    if to_scale:
+        hulls = f"hulls to scale, {TRUE_LENGTH:g} m; outline: as drawn for the network"
+    else:
+        drawn = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
+        hulls = f"hulls drawn {drawn} long, to scale {TRUE_LENGTH:g} m"
+    expected, safe = circle_names(world)
+    track = (scene.OWN, "dots", f"track, {world.dt:g} s apart")
     items = [
         (scene.OWN, "ship", "own ship"),
         (scene.TARGET, "ship", "target ship"),
-        *((colour, "disc", name) for colour, name in circles),
+        (scene.GOAL_CIRCLE, "disc", expected),
+        (scene.SAFE_CIRCLE, "disc", safe),
         (scene.LINE, "line", "to the goal"),
-        (TEXT, "bar", f"{SCALE_BAR:g} m") if scale else (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
-        (CHOSEN, "", hull_lengths(to_scale)),
+        (TEXT, "", f"width {2 * scene.WINDOW:g} m") if plain else track,
+        (CHOSEN, "", hulls),
     ]
     x, y = float(room.left), room.top + 0.95 * size
     for colour, shape, words in items:
-        sample = SCALE_BAR * scale + 0.7 * size if shape == "bar" else 1.9 * size if shape else 0.0
+        sample = 1.9 * size if shape else 0.0
         if x > room.left and x + sample + pen.width_of(words, size) > room.right:
             x, y = float(room.left), y + 1.5 * size
-        if shape == "bar":
-            pen.scale_bar(surface, colour, (x, y + 4), SCALE_BAR * scale)
-        elif shape:
+        if shape:
             _draw_sample(surface, colour, shape, (x + 0.7 * size, y), size)
         text = pen.cut(words, room.right - x - sample, size)
         x = pen.write(surface, text, (x + sample, y), TEXT if shape else colour, size) + 1.1 * size
 
 
-def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: pen.Point, size: int) -> None:
-    """Draw a thing of the scene small."""
+def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: Point, size: int) -> None:
+    """Draw a small ship, disc, line or track."""
     x, y = at
     if shape == "ship":
         pen.polygon(surface, colour, [(x - v, y - u) for u, v in scene.ship_outline(1.15 * size)])
@@ -294,7 +292,8 @@ def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: pen.Po
         pen.circle(surface, RULE, at, 0.55 * size + 1)
         pen.circle(surface, colour, at, 0.55 * size)
     elif shape == "line":
-        pen.line(surface, colour, (x - 0.6 * size, y + 0.4 * size), (x + 0.6 * size, y - 0.4 * size), 2)
+        across, up = 0.6 * size, 0.4 * size
+        pygame.draw.aaline(surface, colour, (x - across, y + up), (x + across, y - up), 2)
     else:
         for k in (-1, 0, 1):
             pen.circle(surface, colour, (x + 0.5 * k * size, y), 0.13 * size)

@@ -1,7 +1,4 @@
-"""The numbers of an episode after each step: reward by term, distances, DCPA and TCPA.
-
-They follow from the states, the actions and the Q-values alone, so an unfinished episode has them too.
-"""
+"""The numbers of an episode after each step: return by term, distances, DCPA and TCPA."""
 
 from __future__ import annotations
 
@@ -23,21 +20,29 @@ from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vec
 from ship_trl.sim.transition import Transition
 
 Numbers = NDArray[np.float64]
-# Names for people of the amounts of `Reward`; an amount that is not listed keeps its own name.
+# The amounts of `Reward` as people see them; any other amount keeps its own name.
 TERMS = {"goal": "goal", "collision": "collision", "k1": "distance", "k2": "deviation"}
-# Moments within a step at which the closest approach is searched for.
-MOMENTS = 20
+# Moments in a step at which `closest_places` looks.
+MOMENTS_PER_STEP = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Telemetry:
-    """An episode so far, of T steps and K target ships; metres, seconds, radians.
+    """An episode so far, of T steps and K target ships, in metres, seconds and radians.
 
-    `states` [T + 1, 4] and `ships` [T + 1, K, 2] are the positions, `actions` [T] and `q_values` [T, A]
-    (None where the policy has none) the choices. After each step: `terms` (name to [T + 1]) and `total`
-    [T + 1] are the return so far; `goal_distance` [T + 1]; `apart` [T + 1, K] is the distance of each ship,
-    `closest` [T + 1, K] the least so far, within steps too; `dcpa` and `tcpa` [T + 1, K] are predicted from
-    the courses and speeds of that moment. `outcome` is None while the episode has not ended.
+    Attributes:
+        states: x, y, heading and step of own ship, [T + 1, 4].
+        ships: positions of the target ships, [T + 1, K, 2].
+        actions: indices of the actions taken, [T].
+        q_values: of all actions, [T, A]; None if the policy has none.
+        terms: return so far by reward term, each [T + 1].
+        total: return so far, [T + 1].
+        goal_distance: distance to the goal, [T + 1].
+        apart: distance of each target ship, [T + 1, K].
+        closest: least distance so far, between steps too, [T + 1, K].
+        dcpa: predicted if all ships keep course and speed, [T + 1, K].
+        tcpa: predicted likewise, [T + 1, K].
+        outcome: goal, collision or timeout; None while the episode has not ended.
     """
 
     case: Case
@@ -57,14 +62,13 @@ class Telemetry:
 
     @property
     def steps(self) -> int:
-        """Count the steps so far."""
+        """Number of steps so far."""
         return len(self.actions)
 
     def at(self, position: float) -> tuple[Numbers, Numbers]:
-        """Find own ship (x, y, heading) [3] and the target ships [K, 2] at a step or between two.
+        """Return x, y, heading [3] of own ship and the target ships [K, 2] at a step or between two.
 
-        All ships move on straight lines within a step. Own ship's course changes at once when a step begins;
-        here it turns in the course of the step, for the eye.
+        The simulated ship turns at the start of a step; here it turns gradually, to look natural.
         """
         position = min(max(position, 0.0), float(self.steps))
         before = min(int(position), max(0, self.steps - 1))
@@ -73,52 +77,40 @@ class Telemetry:
         return own, (1 - share) * self.ships[before] + share * self.ships[after]
 
     def closest_places(self) -> tuple[Numbers, Numbers] | None:
-        """Find own ship [2] and the nearest ship [2] at the closest approach; None without target ships."""
-        moments = [self.at(k / MOMENTS) for k in range(MOMENTS * self.steps + 1)]
+        """Return own ship [2] and the nearest ship [2] at the closest approach; None without target ships."""
+        moments = [self.at(k / MOMENTS_PER_STEP) for k in range(MOMENTS_PER_STEP * self.steps + 1)]
         pairs = [(own[:2], ship) for own, ships in moments for ship in ships]
         return min(pairs, key=lambda pair: math.dist(*pair), default=None)
 
     def action(self, step: int) -> int | None:
-        """Return the action taken at a step, None after the last one."""
+        """Return the action taken at a step, or None after the last one."""
         return int(self.actions[step]) if step < self.steps else None
 
     def q(self, step: int) -> Numbers | None:
-        """Return the Q-values of all actions [A] at a step, None where there are none."""
+        """Return the Q-values of all actions [A] at a step, or None where there are none."""
         return None if self.q_values is None or step >= self.steps else self.q_values[step]
 
     def is_danger(self, step: int, ship: int) -> bool:
-        """Tell whether a ship will enter the safe circle if all keep course and speed."""
+        """Return whether a ship will enter the safe distance if all keep course and speed."""
         return bool(self.tcpa[step, ship] > 0 and self.dcpa[step, ship] < self.world.safe_distance)
 
 
-def split_q(q: Numbers) -> tuple[Numbers, Numbers]:
-    """Split Q-values [..., A] into the value [...] and the advantage of each action [..., A].
-
-    The dueling network subtracts the mean of its advantages, so the mean of Q is the value.
-    """
-    value = q.mean(-1, keepdims=True)
-    return value[..., 0], q - value
-
-
 def measure_episode(case: Case, world: World, episode: Episode) -> Telemetry:
-    """Measure a whole episode."""
+    """Measure a finished episode."""
     return measure(case, world, episode.states, episode.actions, episode.q_values)
 
 
 def measure(
     case: Case, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None
 ) -> Telemetry:
-    """Measure an episode so far, of T steps, which may be none.
-
-    Shapes: states float [T + 1, 4], actions int64 [T], q_values float [T, A].
-    """
+    """Measure an episode so far: states float [T + 1, 4], actions int64 [T], q_values float [T, A]."""
     motion = Transition(case, world, torch.device("cpu"))
     after = motion(states[:-1], actions)
     goal, collision, truncated = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
     away = motion.away(states)
     apart = torch.linalg.vector_norm(away, dim=-1)
     within = torch.cat((apart[:1], closest_approach(away[:-1], away[1:])))
-    # Own ship's speed is that of its last action; at the start, of its first, or 0 before there is any.
+    # Own ship has the speed of its last action; at the start that of its first one, or 0 without any.
     speeds = motion.actions[actions, 0]
     speeds = torch.cat((speeds[:1] if len(speeds) else torch.zeros(1), speeds))
     velocity = motion.ship_velocity - (speeds[:, None] * unit_vector(states[:, HEADING]))[:, None]
@@ -126,37 +118,32 @@ def measure(
     return Telemetry(
         case=case,
         world=world,
-        states=to_numbers(states),
-        ships=to_numbers(away + states[:, None, :2]),
+        states=states.double().numpy(),
+        ships=(away + states[:, None, :2]).double().numpy(),
         actions=actions.cpu().numpy().astype(np.int64),
-        q_values=None if q_values is None else to_numbers(q_values),
-        terms=returns_by_term(case, world, states, actions),
-        total=return_so_far(after.reward),
-        goal_distance=to_numbers(motion.goal_distance(states)),
-        apart=to_numbers(apart),
-        closest=to_numbers(within.cummin(0).values if within.numel() else within),
-        dcpa=to_numbers(dcpa),
-        tcpa=to_numbers(tcpa),
+        q_values=None if q_values is None else q_values.double().numpy(),
+        terms=_returns_by_term(case, world, states, actions),
+        total=_return_so_far(after.reward),
+        goal_distance=motion.goal_distance(states).double().numpy(),
+        apart=apart.double().numpy(),
+        closest=(within.cummin(0).values if within.numel() else within).double().numpy(),
+        dcpa=dcpa.double().numpy(),
+        tcpa=tcpa.double().numpy(),
         outcome=outcome(goal, collision) if goal or collision or truncated else None,
     )
 
 
-def returns_by_term(case: Case, world: World, states: Tensor, actions: Tensor) -> dict[str, Numbers]:
-    """Compute the return so far of each term, name to [T + 1]: the reward with all other amounts zero."""
+def _returns_by_term(case: Case, world: World, states: Tensor, actions: Tensor) -> dict[str, Numbers]:
+    """Compute the return so far by reward term: the return if all other amounts are zero."""
     amounts = [field.name for field in fields(Reward) if not re.fullmatch(r"w\d", field.name)]
     returns = {}
     for name in amounts:
         others: dict[str, Any] = {other: 0.0 for other in amounts if other != name}
         alone = Transition(case, replace(world, reward=replace(world.reward, **others)), torch.device("cpu"))
-        returns[TERMS.get(name, name)] = return_so_far(alone(states[:-1], actions).reward)
+        returns[TERMS.get(name, name)] = _return_so_far(alone(states[:-1], actions).reward)
     return returns
 
 
-def return_so_far(rewards: Tensor) -> Numbers:
-    """Sum up rewards [T] from 0 on, to [T + 1]."""
+def _return_so_far(rewards: Tensor) -> Numbers:
+    """Sum rewards [T] to returns [T + 1] that begin with 0."""
     return np.concatenate(([0.0], rewards.double().cumsum(0).numpy()))
-
-
-def to_numbers(values: Tensor) -> Numbers:
-    """Copy a tensor as float64."""
-    return values.double().numpy()

@@ -1,17 +1,16 @@
-"""Charts of paths, north up: own ship under each policy, the target ships, start and goal."""
+"""Draw a chart of paths, north up: own ship under each policy, the target ships, start and goal."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from ship_trl.config.types import World
@@ -27,24 +26,16 @@ ENDS = {"collision": ("x", "ends in a collision"), "timeout": ("|", "ends by the
 MARK_TIME, MARGIN = 10.0, 70.0
 # Panels in a row, and the inches of one: wider where there are few.
 COLUMNS, PANEL, MIN_WIDTH = 5, 3.0, 5.5
-START: dict[str, Any] = {"marker": "o", "color": "black", "fillstyle": "none", "markersize": 9, "mew": 2}
-PATH: dict[str, Any] = {"color": CHART_SERIES[0], "marker": "o"}
-
-Paths = Sequence[Telemetry]
+COLOUR = CHART_SERIES[0]
 
 
 def draw_trajectories(
     path: Path, case: Case, world: World, episodes: Mapping[str, Sequence[Episode]]
 ) -> None:
-    """Write a PNG with a panel for the episodes of each group, by name, and all others in grey.
-
-    Axes are in metres; there is a mark on every path each 10 s.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
+    """Write a PNG with a panel for each group of episodes, in which all other episodes are grey."""
     groups = {name: [measure_episode(case, world, one) for one in some] for name, some in episodes.items()}
     paths = [one for group in groups.values() for one in group]
+    expected, _ = circle_names(world)
     rows = math.ceil(len(groups) / COLUMNS)
     columns = math.ceil(len(groups) / rows)
     width = max(PANEL, MIN_WIDTH / columns)
@@ -55,75 +46,74 @@ def draw_trajectories(
         axes.set_visible(False)
     for axes, (name, group) in zip(panels, groups.items(), strict=False):
         _set_limits(axes, paths)
-        _draw_places(axes, case, world)
+        axes.plot(*case.start, "ko", fillstyle="none", markersize=9, mew=2, zorder=5, label="start")
+        goal = (case.goal[0], case.goal[1])
+        axes.plot(*goal, "*", color=GOAL, markersize=15, zorder=5, label=f"goal and {expected}")
+        axes.add_patch(Circle(goal, world.goal_distance, facecolor=GOAL, alpha=0.12, zorder=1))
+        axes.add_patch(Circle(goal, world.goal_distance, fill=False, edgecolor=GOAL, zorder=1))
         _draw_ships(axes, max(paths, key=lambda one: one.steps))
         axes.set(xlabel="east, m", ylabel="north, m")
         axes.label_outer()
-        axes.set_title(f"{name}\n{_result(group)}", fontsize=10, loc="left", parse_math=False)
-        for one in paths:
-            axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1)
+        result = number(float(np.mean([one.total[-1] for one in group])), ".1f")
+        if len(group) == 1:
+            result = f"return {result}, {group[0].outcome}"
+        else:
+            goals = sum(one.outcome == "goal" for one in group)
+            result = f"{counted(len(group), 'seed')}, mean {result}, goal {goals}"
+        axes.set_title(f"{name}\n{result}", fontsize=10, loc="left", parse_math=False)
+        for one in paths if len(groups) > 1 else ():
+            label = "the other policies"
+            axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1, label=label)
         for one in group:
             _draw_path(axes, one, is_thin=len(group) > 1)
-    handles, wide = _legend(world, paths, len(groups) > 1), 2 if columns < 3 else 3
-    figure.legend(handles=handles, loc="outside lower left", ncols=wide, frameon=False, fontsize=9.5)
+    entries: dict[str, Artist] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    style: dict[str, Any] = {"ncols": 2 if columns < 3 else 3, "frameon": False, "fontsize": 9.5}
+    figure.legend(list(entries.values()), list(entries), loc="outside lower left", **style)
     title = f"case {case.name}"
     figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left", parse_math=False)
     save(figure, path)
 
 
-def _result(group: Paths) -> str:
-    """Say what a group reached."""
-    mean = number(float(np.mean([one.total[-1] for one in group])), ".1f")
-    if len(group) == 1:
-        return f"return {mean}, {group[0].outcome}"
-    goals = sum(one.outcome == "goal" for one in group)
-    return f"{counted(len(group), 'seed')}, mean {mean}, goal {goals}"
-
-
 def _draw_path(axes: Axes, one: Telemetry, is_thin: bool) -> None:
-    """Draw a path, the safe distance where it was closest to a ship, and a bad end."""
-    colour, alpha, own = PATH["color"], 0.45 if is_thin else 1.0, one.states[:, :2]
-    every, size = max(1, round(MARK_TIME / one.world.dt)), 3 if is_thin else 5
-    axes.plot(*own.T, markevery=every, zorder=4, markersize=size, linewidth=size / 3, **PATH)
+    """Draw a path, the safe distance at its closest approach to a ship, and a bad end."""
+    alpha, own, size = 0.45 if is_thin else 1.0, one.states[:, :2], 3 if is_thin else 5
+    label = f"path with a mark every {MARK_TIME:g} s"
+    every = max(1, round(MARK_TIME / one.world.dt))
+    axes.plot(*own.T, "o-", c=COLOUR, markevery=every, zorder=4, ms=size, lw=size / 3, label=label)
     closest = one.closest_places()
     if closest is not None:
         x, y = closest[0].tolist()
-        circle = Circle((x, y), one.world.safe_distance, fill=False, zorder=3, alpha=alpha)
-        circle.set_edgecolor(colour)
-        axes.add_patch(circle)
-        axes.plot(*np.stack(closest).T, "-", color=colour, linewidth=1, zorder=3, alpha=alpha)
-        axes.plot(*closest[1], ".", color=colour, markersize=7, zorder=5, alpha=alpha)
+        radius = one.world.safe_distance
+        axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=COLOUR, zorder=3, alpha=alpha))
+        label = f"closest approach, circle {radius:g} m"
+        style: dict[str, Any] = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
+        axes.plot(*np.stack(closest).T, color=COLOUR, alpha=alpha, zorder=5, label=label, **style)
     if one.outcome in ENDS:
-        axes.plot(*own[-1], ENDS[one.outcome][0], color=colour, markersize=13, mew=3, zorder=6)
+        marker, label = ENDS[one.outcome]
+        axes.plot(*own[-1], marker, color=COLOUR, markersize=13, mew=3, zorder=6, label=label)
 
 
 def _draw_ships(axes: Axes, longest: Telemetry) -> None:
-    """Draw the target ships' paths, and their numbers where they come into the picture."""
+    """Draw the target ships' paths, and number each where it enters the picture."""
     every = max(1, round(MARK_TIME / longest.world.dt))
-    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
-    inset = 0.04 * (north - south)
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    inset = 0.04 * (high[1] - low[1])
     badge = {"boxstyle": "circle,pad=0.25", "facecolor": SHIPS, "edgecolor": "none"}
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
     for k, places in enumerate(longest.ships.swapaxes(0, 1), 1):
-        axes.plot(*places.T, "-", color=SHIPS, lw=1.2, marker="o", ms=3.5, markevery=every, zorder=2)
-        course = np.concatenate([np.linspace(*pair, 50) for pair in pairwise(places)])
-        inside = (course > (west + inset, south + inset)) & (course < (east - inset, north - inset))
-        if inside.all(1).any():
-            at = course[inside.all(1).argmax()]
-            middle: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
-            axes.text(at[0], at[1], f"{k}", color="white", bbox=badge, zorder=7, **middle)
+        label = "target ship, numbered"
+        axes.plot(*places.T, "o-", c=SHIPS, lw=1.2, ms=3.5, markevery=every, zorder=2, label=label)
+        inside = ((places > low + inset) & (places < high - inset)).all(1)
+        if inside.any():
+            x, y = places[inside.argmax()]
+            axes.text(x, y, f"{k}", color="white", bbox=badge, zorder=7, **style)
 
 
-def _draw_places(axes: Axes, case: Case, world: World) -> None:
-    """Mark start and goal."""
-    start, goal = (case.start[0], case.start[1]), (case.goal[0], case.goal[1])
-    axes.plot(*start, zorder=5, **START)
-    axes.plot(*goal, "*", color=GOAL, markersize=15, zorder=5)
-    axes.add_patch(Circle(goal, world.goal_distance, facecolor=GOAL, alpha=0.12, zorder=1))
-    axes.add_patch(Circle(goal, world.goal_distance, fill=False, edgecolor=GOAL, zorder=1))
-
-
-def _set_limits(axes: Axes, paths: Paths) -> None:
-    """Show own ship's paths whole, at least half as wide as high and as high as wide."""
+def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:
+    """Show own ship's paths whole, with sides of at most 2 to 1."""
     case, reach = paths[0].case, paths[0].world.goal_distance
     above, below = (case.goal[0], case.goal[1] + reach), (case.goal[0], case.goal[1] - reach)
     places = np.concatenate([[case.start, above, below], *(one.states[:, :2] for one in paths)])
@@ -134,22 +124,3 @@ def _set_limits(axes: Axes, paths: Paths) -> None:
     axes.set_ylim(low[1] - more[1], high[1] + more[1])
     axes.set_aspect("equal")
     tidy(axes)
-
-
-def _legend(world: World, paths: Paths, has_others: bool) -> list[Line2D]:
-    """Explain what is drawn once for all."""
-    expected, safe = circle_names(world)
-    ship, outcomes = {"linestyle": "-", "markersize": 3.5}, {one.outcome for one in paths}
-    ring = {"fillstyle": "none", "markersize": 13}
-    entries: list[tuple[bool, str, dict[str, Any]]] = [
-        (True, "start", START),
-        (True, f"goal and {expected}", {"marker": "*", "color": GOAL, "markersize": 13}),
-        (has_others, "the other policies", {"marker": "", "linestyle": "-", "color": OTHERS}),
-        (bool(paths[0].case.target_ships), "target ship, numbered", ship),
-        (bool(paths[0].case.target_ships), f"{safe} at the closest approach", ring),
-        (True, f"a mark on each path every {MARK_TIME:g} s", PATH | {"linestyle": "-", "markersize": 5}),
-    ]
-    for outcome, (marker, words) in ENDS.items():
-        entries.append((outcome in outcomes, words, {"marker": marker, "markersize": 11, "mew": 3}))
-    default = {"marker": "o", "linestyle": "", "color": SHIPS}
-    return [Line2D([], [], label=words, **(default | style)) for shown, words, style in entries if shown]

@@ -19,7 +19,7 @@ from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.telemetry import measure_episode
-from ship_trl.view.window.interactive import Interactive
+from ship_trl.view.window.window import Window
 
 
 def run_actions(case: Case, world: World, actions: Sequence[int]) -> Episode:
@@ -79,8 +79,8 @@ def post(*keys: str) -> None:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.key.key_code(key)))
 
 
-def press(interactive: Interactive, *keys: str) -> NDArray[np.uint8]:
+def press(window: Window, *keys: str) -> NDArray[np.uint8]:
     """Press keys in the window, and return what it shows then."""
     post(*keys)
-    interactive.handle_events()
-    return pen.to_array(interactive.show())
+    window.handle_events()
+    return pen.to_array(window.show())

@@ -14,7 +14,7 @@ from ship_trl.sim.cases import load_case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view.dashboard import SMALL_SIZE, Look
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.film import LAST, draw_film, write_film, write_gif
+from ship_trl.view.film import LAST_SECONDS, draw_film, write_film, write_gif
 from ship_trl.view.telemetry import measure_episode
 from tests.view.episodes import drawn, run_actions, view
 
@@ -28,7 +28,7 @@ def frames(world: World) -> Iterator[pygame.Surface]:
 
 def count(world: World) -> int:
     one = view(load_case("2", world), world, (3,))
-    return -(-one.telemetry.steps // 2) + int(LAST * 5)
+    return -(-one.telemetry.steps // 2) + int(LAST_SECONDS * 5)
 
 
 def test_frames_are_what_the_window_shows(world: World, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.view.telemetry import measure, measure_episode, split_q
+from ship_trl.view.telemetry import measure, measure_episode
 from tests.view.episodes import run_actions
 
 PLANS = st.lists(st.integers(0, 6), min_size=1, max_size=12)
@@ -92,13 +92,6 @@ def test_positions_between_steps_are_interpolated() -> None:
     assert ships == pytest.approx(0.75 * numbers.ships[2] + 0.25 * numbers.ships[3])
     for outside, end in ((-1.0, 0), (1e9, numbers.steps)):
         assert numbers.at(outside)[0] == pytest.approx(numbers.states[end, :3])
-
-
-@given(st.lists(st.floats(-100, 100), min_size=2, max_size=7))
-def test_value_and_advantage_are_those_of_the_dueling_network(q: list[float]) -> None:
-    value, advantage = split_q(np.array(q))
-    assert value + advantage == pytest.approx(np.array(q))
-    assert advantage.mean() == pytest.approx(0, abs=1e-9)
 
 
 def test_an_episode_that_has_not_begun() -> None:

@@ -1,1 +1,1 @@
-"""The interactive window: watching policies and steering a ship."""
+"""Interactive windows: watch policies, or steer a ship."""

@@ -1,122 +1,167 @@
-"""Watching a playlist in a window: its keys, and the pictures and films that are saved."""
+"""Watch policies in a window: which one on which case, the keys, and saved pictures and films."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import count
 from pathlib import Path
 
 import pygame
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import replacing
+from ship_trl.policies.entry import Entry
+from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
+from ship_trl.view.episode_view import EpisodeView, view_entry
 from ship_trl.view.film import draw_film, write_film
-from ship_trl.view.window.interactive import DOWN, LEFT, RIGHT, UP, Interactive
-from ship_trl.view.window.player import Player
-from ship_trl.view.window.playlist import Playlist
+from ship_trl.view.window.window import Window
 
 FOLDER = Path("outputs/watch")
-# Seconds for which a message stays.
-MESSAGE_TIME = 4.0
+SPEED = 5.0
 FILM_FRAMES_PER_SECOND = 10
 
 
-class Session(Interactive):
-    """Plays a playlist; pictures and films are saved in a folder.
+class Session(Window):
+    """Plays the policies of a command line, one at a time or two side by side; saves pictures and films.
+
+    `seed` is for the first episode of stochastic policies; each further episode has the next seed. A message
+    stays until the next key.
 
     Raises:
-        ConfigError: the first policy cannot be loaded.
+        ConfigError: the first policy cannot be loaded, or there is only one to compare.
     """
 
-    def __init__(self, playlist: Playlist, folder: Path = FOLDER) -> None:
-        super().__init__()
-        self.playlist, self.folder = playlist, folder
-        self.views = playlist.views()
-        self.player = player = Player(self._steps, self.views[0].telemetry.world.dt)
-        self._message, self._message_left = "", 0.0
-        faster, slower = (lambda: player.change_speed(1)), (lambda: player.change_speed(-1))
-        back, to_end = (lambda: player.step(-1)), (lambda: player.seek(self._steps))
-        policy, case = (lambda: self._go(playlist.next_policy)), (lambda: self._go(playlist.next_case))
-        saving = {"i": self.save_picture, "m": self.save_film}
+    def __init__(
+        self, entries: Sequence[Entry], compare: bool = False, seed: int = 0, folder: Path = FOLDER
+    ) -> None:
+        super().__init__(SPEED)
+        self.seed, self.folder, self._message = seed, folder, ""
+        self.policies = distinct_policies(entries, compare)
+        self.cases = distinct_cases([entry.case for entry in entries])
+        # With `target=1,4` every policy runs every case; result folders bring their own cases.
+        has_own_cases = len(entries) != len(self.policies) * len(self.cases)
+        if len(self.cases) == 1 or has_own_cases:
+            shipped = (load_case(name, entries[0].world) for name in case_names())
+            self.cases = distinct_cases([*self.cases, *shipped])
+        self._first, self._changes_case = int(compare), has_own_cases and not compare
+        self.policy, self.case, self.episode = self._first, self.policies[0].case, 0
+        self.views = self._load(self.policy, self.case, self.episode)
+        back, forward = partial(self.step, -1), partial(self.step, 1)
+        faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
+        restart, to_end = self.restart, (lambda: self.seek(self.steps))
+        saliency = partial(self.toggle_look, "saliency")
         self.bindings[:0] = [
-            ("Space", "pause, go on; at the end, once more", {"space": player.pause}),
-            (f"{LEFT} {RIGHT}", "a step back, a step on", {"left": back, "right": player.step}),
-            (f"{UP} {DOWN}", "faster, slower", {"up": faster, "down": slower}),
-            ("R, End", "restart, to the end", {"r": player.restart, "home": player.restart, "end": to_end}),
+            ("Space", "pause, continue; at the end, replay", {"space": self.pause}),
+            ("← →", "a step back, a step forward", {"left": back, "right": forward}),
+            ("↑ ↓", "faster, slower", {"up": faster, "down": slower}),
+            ("R, End", "to the start, to the end", {"r": restart, "home": restart, "end": to_end}),
             ("Click", "in a graph: to that step", {}),
-            ("P, C", "next policy, next case", {"p": policy, "c": case}),
-            ("E", "next episode: other draws", {"e": lambda: self._go(playlist.next_episode)}),
-            ("S", "saliency: on which pixels the highest Q depends", {"s": self.look_key("saliency")}),
-            ("I, M", f"save the picture, the film (to {FOLDER})", saving),
+            ("P, C", "next policy, next case", {"p": self.next_policy, "c": self.next_case}),
+            ("E", "next episode: a stochastic policy draws again", {"e": self.next_episode}),
+            ("S", "saliency: the pixels on which the highest Q depends", {"s": saliency}),
+            (
+                "I, M",
+                f"save the picture, the film (to {FOLDER})",
+                {"i": self.save_picture, "m": self.save_film},
+            ),
         ]
 
     @property
-    def _steps(self) -> int:
-        return max(view.telemetry.steps for view in self.views)
-
-    @property
     def status(self) -> str:
-        """The line at the top: a message, or what the player does."""
-        player = self.player
-        sign = "\N{BLACK RIGHT-POINTING TRIANGLE}" if player.running else "\N{MEDIUM VERTICAL BAR}" * 2
-        return self._message or f"{sign}  {player.speed:g}\N{MULTIPLICATION SIGN}    H: keys"
+        """A message, or whether it plays and how fast."""
+        sign = "\N{BLACK RIGHT-POINTING TRIANGLE}" if self.is_running else "\N{MEDIUM VERTICAL BAR}" * 2
+        return self._message or f"{sign}  {self.speed:g}\N{MULTIPLICATION SIGN}    H: keys"
 
     def tick(self, seconds: float) -> bool:
-        """Let time pass; return whether the picture has changed."""
-        had_message = bool(self._message)
-        self._message_left -= seconds
-        if self._message_left <= 0:
-            self._message = ""
-        was_running = self.player.running
-        self.player.advance(seconds)
-        return was_running or had_message != bool(self._message)
+        """Play on; return whether the picture has changed."""
+        was_running = self.is_running
+        self.advance(seconds)
+        return was_running
 
-    def show_message(self, message: str) -> None:
-        """Show a message for a while."""
-        self._message, self._message_left = message, MESSAGE_TIME
+    def press(self, key: str) -> None:
+        """Remove the message, and do what a key stands for."""
+        self._message = ""
+        super().press(key)
+
+    def next_policy(self) -> None:
+        """Show the next policy, on its own case if it has one; in a comparison keep the first policy."""
+        first = self._first
+        policy = first + (self.policy - first + 1) % (len(self.policies) - first)
+        self._show(policy, self.policies[policy].case if self._changes_case else self.case, self.episode)
+
+    def next_case(self) -> None:
+        """Show the next of the given cases; if only one is given, of all cases."""
+        fingerprints = [case.fingerprint for case in self.cases]
+        following = fingerprints.index(self.case.fingerprint) + 1
+        self._show(self.policy, self.cases[following % len(self.cases)], self.episode)
+
+    def next_episode(self) -> None:
+        """Roll out again; only stochastic policies differ then."""
+        self._show(self.policy, self.case, self.episode + 1)
 
     def save_picture(self) -> None:
-        """Save what is shown as a PNG, without the help."""
+        """Save the current picture as a PNG, without the help."""
         picture = pen.new_surface(*pygame.display.get_window_size())
-        draw_dashboard(picture, self.views, self.player.position, self.look)
-        step = f"step{int(self.player.position):02d}"
+        draw_dashboard(picture, self.views, self.position, self.look)
+        step = f"step{int(self.position):02d}"
         self._save(step, ".png", lambda path: pygame.image.save(picture, str(path)))
 
     def save_film(self) -> None:
-        """Save the whole episode as a GIF, as it is shown now; that takes a while."""
-        self.show_message("making the film ...")
+        """Save the whole episode as a GIF with the current look; that takes a while."""
+        self._message = "making the film ..."
         self.show()
         size = pygame.display.get_window_size()
-        frames = draw_film([self.views], self.look, size, FILM_FRAMES_PER_SECOND, self.player.speed)
+        frames = draw_film([self.views], self.look, size, FILM_FRAMES_PER_SECOND, self.speed)
         self._save("film", ".gif", lambda path: write_film(path, frames, FILM_FRAMES_PER_SECOND))
 
     def _save(self, what: str, suffix: str, write: Callable[[Path], None]) -> None:
-        """Write a file under a new name, and show where it is, or why there is none."""
+        """Write a file under a new name; show where it is, or why it could not be written."""
         titles = "-".join(view.title for view in self.views)
-        name = re.sub(r"[^\w]+", "-", f"case{self.playlist.case.name}-{titles}").strip("-")[-80:]
-        path, count = self.folder / f"{name}-{what}{suffix}", 1
-        while path.exists():
-            count += 1
-            path = self.folder / f"{name}-{what}-{count}{suffix}"
+        name = re.sub(r"[^\w]+", "-", f"case{self.case.name}-{titles}").strip("-")[-80:]
+        names = (f"{name}-{what}{'' if k == 1 else f'-{k}'}{suffix}" for k in count(1))
+        path = next(self.folder / name for name in names if not (self.folder / name).exists())
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with replacing(path) as draft:
                 write(draft)
-            self.show_message(f"saved {path}")
+            self._message = f"saved {path}"
         except (OSError, pygame.error) as error:
-            self.show_message(f"not saved: {error}")
+            self._message = f"not saved: {error}"
 
-    def _go(self, there: Callable[[], None]) -> None:
-        """Show something else, or stay where that cannot be loaded."""
-        playlist = self.playlist
-        before = playlist.policy, playlist.case, playlist.episode
-        there()
+    def _show(self, policy: int, case: Case, episode: int) -> None:
+        """Show a policy on a case; if it cannot be loaded, show only why."""
         try:
-            self.views = playlist.views()
+            self.views = self._load(policy, case, episode)
         except ConfigError as error:
-            playlist.policy, playlist.case, playlist.episode = before
-            self.show_message(str(error))
+            self._message = str(error)
             return
-        self.player.load(self._steps, self.views[0].telemetry.world.dt)
+        self.policy, self.case, self.episode = policy, case, episode
+        self.restart()
+
+    def _load(self, policy: int, case: Case, episode: int) -> list[EpisodeView]:
+        """Roll out a policy; in a comparison, also the first policy."""
+        places = [0, policy] if self._first else [policy]
+        entries = [replace(self.policies[place], case=case) for place in places]
+        return [view_entry(entry, self.seed + episode, episode + 1) for entry in entries]
+
+
+def distinct_policies(entries: Sequence[Entry], compare: bool) -> list[Entry]:
+    """Return one entry for each policy, in order.
+
+    Raises:
+        ConfigError: there is only one policy to compare.
+    """
+    policies = list({entry.policy: entry for entry in reversed(entries)}.values())[::-1]
+    if compare and len(policies) < 2:
+        raise ConfigError(f"--compare: needs two policies, got {policies[0].label} alone")
+    return policies
+
+
+def distinct_cases(cases: Sequence[Case]) -> list[Case]:
+    """Drop repeated cases, even if their names differ."""
+    return list({case.fingerprint: case for case in reversed(cases)}.values())[::-1]

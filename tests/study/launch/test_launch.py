@@ -117,7 +117,7 @@ def test_whole_and_stopped_runs_stay(tmp_path: Path) -> None:
     [
         ("curve.csv", "episode,return\n1,", "curve.csv cannot be read"),
         ("result.json", '{"pair": "hi', "result.json cannot be read"),
-        ("result.json", "{}", "result.json cannot be used: pair: missing; a value is needed"),
+        ("result.json", "{}", "result.json has schema_version None; only 3 can be read"),
     ],
 )
 def test_a_damaged_run_is_renamed_with_all_that_it_holds(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from ship_trl.view.window.display import open_window
+from ship_trl.view.window.window import open_window
 
 
 @pytest.fixture

@@ -28,13 +28,13 @@ def to_the_end(game: Game) -> None:
 def test_the_ship_waits_until_the_space_key(game: Game) -> None:
     first = press(game)
     game.tick(10.0)
-    assert (press(game) == first).all() and game.helm.actions == []
+    assert (press(game) == first).all() and game.actions == []
     press(game, "space")
     game.tick(0.5)
-    assert (press(game) != first).any() and game.helm.actions == [3]
+    assert (press(game) != first).any() and game.actions == [3]
     press(game, "space")
     game.tick(10.0)
-    assert game.helm.actions == [3]
+    assert game.actions == [3]
 
 
 def test_the_rudder_goes_by_keys_and_stays(game: Game) -> None:
@@ -47,11 +47,11 @@ def test_the_rudder_goes_by_keys_and_stays(game: Game) -> None:
         ("9", 4),
     ):
         press(game, *keys.split())
-        assert game.helm.rudder == rudder
+        assert game.rudder == rudder
     press(game, "space")
     for _ in range(3):
         game.tick(1.0)
-    assert game.helm.actions == [4, 4, 4]
+    assert game.actions == [4, 4, 4]
 
 
 def test_a_finished_game_follows_the_world_and_is_kept(game: Game, tmp_path: Path) -> None:
@@ -61,9 +61,9 @@ def test_a_finished_game_follows_the_world_and_is_kept(game: Game, tmp_path: Pat
         press(game, str(action + 1))
         game.tick(1.0)
     game.tick(1.0)
-    assert game.helm.is_over and game.helm.telemetry.outcome == "goal"
+    assert game.is_over and game.telemetry.outcome == "goal"
     (kept,) = read_demonstrations(tmp_path / "demos", CASES[0], WORLD)
-    assert kept.actions == plan.actions == game.helm.actions
+    assert kept.actions == plan.actions == game.actions
     assert kept.episode_return == pytest.approx(plan.episode_return, abs=1e-3)
     assert follow_plan(CASES[0], WORLD, kept.actions).episode_return == pytest.approx(
         kept.episode_return, abs=1e-3
@@ -73,14 +73,14 @@ def test_a_finished_game_follows_the_world_and_is_kept(game: Game, tmp_path: Pat
     to_the_end(game)
     assert len(game.kept) == 1
     press(game, "space")
-    assert game.helm.actions == [] and game.player.running
+    assert game.actions == [] and game.is_running
 
 
 def test_a_collision_is_an_end_too(game: Game) -> None:
     press(game, "c", "space")
-    assert game.helm.case.name == "4"
+    assert game.case.name == "4"
     to_the_end(game)
-    assert game.helm.telemetry.outcome == "collision" and "collision: " in game.status
+    assert game.telemetry.outcome == "collision" and "collision: " in game.status
     assert [path.name for path in game.kept] == ["4-001.json"]
 
 
@@ -97,7 +97,7 @@ def test_a_folder_that_cannot_be_written_is_said(folder: str | None, tmp_path: P
     game = Game(CASES, WORLD, tmp_path / folder if folder else None, speed=1.0)
     press(game, "space")
     to_the_end(game)
-    assert game.helm.is_over and game.kept == []
+    assert game.is_over and game.kept == []
     assert ("not kept: " in game.status) == bool(folder)
 
 

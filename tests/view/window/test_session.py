@@ -11,7 +11,6 @@ from PIL import Image
 from ship_trl.config.errors import ConfigError
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
-from ship_trl.view.window.playlist import Playlist
 from ship_trl.view.window.session import Session
 from tests.view.episodes import entry, post, press
 
@@ -22,8 +21,8 @@ pytestmark = pytest.mark.usefixtures("window")
 @pytest.fixture
 def session(tmp_path: Path) -> Session:
     policies = [entry("keep_course"), entry("random")]
-    made = Session(Playlist(policies), tmp_path / "saved")
-    made.player.pause()
+    made = Session(policies, folder=tmp_path / "saved")
+    made.pause()
     return made
 
 
@@ -37,14 +36,14 @@ def test_pause_keeps_the_picture_and_steps_go_there_and_back(session: Session) -
     session.tick(5.0)
     assert (press(session) == first).all()
     second = press(session, "right")
-    assert (second != first).any() and session.player.position == 1
+    assert (second != first).any() and session.position == 1
     assert (press(session, "right", "left") == second).all()
     assert (press(session, "left") == first).all()
     press(session, "up", "up", "down", "space")
     session.tick(0.31)
-    assert session.player.position == pytest.approx(3.1)
+    assert session.position == pytest.approx(3.1)
     running = press(session)
-    assert (running != first).any() and session.player.running
+    assert (running != first).any() and session.is_running
     # On, then to the end and back to the start by other ways: the same pixels.
     assert (press(session, "end") != running).any()
     assert (press(session, "r", "space", "down") == first).all()
@@ -74,7 +73,7 @@ def test_policies_cases_and_episodes_come_in_turn(session: Session) -> None:
     title, case = shown()
     assert title == "keep_course, episode 2" and case != "4"
     seen = {case}
-    for _ in range(len(session.playlist.cases) - 1):
+    for _ in range(len(session.cases) - 1):
         press(session, "c")
         seen.add(shown()[1])
     assert shown()[1] == "4" and seen >= {"1", "2", "3", "4", "5", "6", "new"}
@@ -85,14 +84,13 @@ def test_a_case_that_a_policy_cannot_run_is_reported_and_skipped(
 ) -> None:
     before = press(session)
 
-    def refuse() -> None:
+    def refuse(*_: object) -> None:
         raise ConfigError("policy: it cannot")
 
-    monkeypatch.setattr(session.playlist, "views", refuse)
+    monkeypatch.setattr("ship_trl.view.window.session.view_entry", refuse)
     after = press(session, "c")
-    assert session.status == "policy: it cannot" and session.playlist.case.name == "4"
-    session.tick(60.0)
-    assert (after != before).any() and (press(session) == before).all()
+    assert session.status == "policy: it cannot" and session.case.name == "4"
+    assert (after != before).any() and (press(session, "home", "space") == before).all()
 
 
 def test_the_saved_picture_is_what_is_drawn_for_that_step(session: Session) -> None:
@@ -127,7 +125,7 @@ def test_a_click_in_a_graph_goes_there(session: Session) -> None:
     at = {"pos": (SIZE[0] // 4, SIZE[1] - 50), "button": 1}
     pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, at))
     press(session)
-    assert 3 < session.player.position < session.player.steps - 3
+    assert 3 < session.position < session.steps - 3
 
 
 def test_the_window_may_change_its_size(session: Session) -> None:
@@ -135,21 +133,21 @@ def test_the_window_may_change_its_size(session: Session) -> None:
     assert press(session).shape == (900, 900, 3)
 
 
-def test_two_policies_go_in_step(tmp_path: Path) -> None:
-    pair = Session(Playlist([entry("keep_course"), entry("random")], compare=True), tmp_path)
+def test_two_policies_go_in_step() -> None:
+    pair = Session([entry("keep_course"), entry("random")], compare=True)
     assert [view.title for view in pair.views] == ["keep_course", "random"]
     steps = [view.telemetry.steps for view in pair.views]
-    assert pair.player.steps == max(steps)
+    assert pair.steps == max(steps)
     with pytest.raises(ConfigError, match="--compare: needs two policies, got keep_course alone"):
-        Playlist([entry("keep_course")], compare=True)
+        Session([entry("keep_course")], compare=True)
 
 
-def test_policies_with_cases_of_their_own_bring_them(tmp_path: Path) -> None:
-    playlist = Playlist([entry("keep_course", "4"), entry("random", "1")])
-    playlist.next_policy()
-    assert playlist.case.name == "1"
-    crossed = Playlist([entry(p, c) for p in ("keep_course", "random") for c in ("1", "4")])
+def test_policies_with_cases_of_their_own_bring_them() -> None:
+    own = Session([entry("keep_course", "4"), entry("random", "1")])
+    own.next_policy()
+    assert own.case.name == "1"
+    crossed = Session([entry(p, c) for p in ("keep_course", "random") for c in ("1", "4")])
     assert [case.name for case in crossed.cases] == ["1", "4"]
     crossed.next_case()
     crossed.next_policy()
-    assert crossed.case.name == "4" and crossed.views()[0].title == "random"
+    assert crossed.case.name == "4" and crossed.views[0].title == "random"

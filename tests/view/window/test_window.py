@@ -1,4 +1,4 @@
-"""A window where there is no screen, and a real one on a virtual screen with real keys."""
+"""Playing an episode; no screen; and real keys in a real window on a virtual screen."""
 
 import os
 import shutil
@@ -10,14 +10,82 @@ from pathlib import Path
 
 import pygame
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.view.window.display import open_window
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.view.window.window import SPEEDS, Window, open_window
 from tests.command import environment
+from tests.view.episodes import view
 
 PROGRAMS = ("Xvfb", "xdotool")
 # A busy machine takes its time to start Python.
 PATIENCE = 90.0
+
+
+class Still(Window):
+    """A window of a given number of steps of one second, which draws nothing."""
+
+    status = ""
+    steps = 0
+
+    def __init__(self, steps: int, speed: float = 1.0) -> None:
+        super().__init__(speed)
+        self.steps = steps
+        world = load_world()
+        self.views = [view(load_case("1", world), world, (3,))]
+
+    def tick(self, seconds: float) -> bool:
+        return False
+
+
+def state(player: Still) -> tuple[float, bool]:
+    return player.position, player.is_running
+
+
+def test_it_runs_at_its_speed_and_stops_at_the_end() -> None:
+    player = Still(steps=10, speed=2.5)
+    player.advance(1.0)
+    assert state(player) == (2.5, True)
+    # From between two steps, back is to the one that began last.
+    player.step(-1)
+    assert state(player) == (2.0, False)
+    player.advance(100.0)
+    player.step(1)
+    assert state(player) == (3.0, False)
+    player.pause()
+    player.advance(100.0)
+    assert state(player) == (10.0, False)
+    player.pause()
+    assert state(player) == (0.0, True)
+
+
+def test_speed_has_levels() -> None:
+    player = Still(steps=3)
+    for _ in SPEEDS:
+        player.change_speed(1)
+    assert player.speed == SPEEDS[-1]
+    for _ in range(2 * len(SPEEDS)):
+        player.change_speed(-1)
+    assert player.speed == SPEEDS[0]
+
+
+@given(st.lists(st.sampled_from(["pause", "step", "back", "restart", "wait", "seek"])))
+def test_it_never_leaves_the_episode_and_stands_on_whole_steps(keys: list[str]) -> None:
+    player = Still(steps=4)
+    does = {
+        "pause": player.pause,
+        "step": lambda: player.step(1),
+        "back": lambda: player.step(-1),
+        "restart": player.restart,
+        "wait": lambda: player.advance(0.13),
+        "seek": lambda: player.seek(99),
+    }
+    for key in keys:
+        does[key]()
+        assert 0 <= player.position <= 4
+        assert player.is_running or player.position == int(player.position)
 
 
 def test_without_a_screen_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.dynamics import HEADING, STEP
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.scene import WINDOW
+from ship_trl.sim.scene import VIEW_RADIUS
 from ship_trl.sim.transition import Transition
 
 # Neighbouring states hardly differ, so only some of an episode are taken.
@@ -134,7 +134,7 @@ def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: G
     latest = max(0, world.max_steps - EPISODE_STEPS)
     state[:, STEP] = torch.randint(latest + 1, (count,), generator=generator).float()
     is_random = torch.arange(count) % 2 == 0
-    clearance = torch.linalg.vector_norm(motion.away(state), dim=-1)
+    clearance = torch.linalg.vector_norm(motion.relative_positions(state), dim=-1)
     running = (clearance > world.safe_distance).all(-1) & (motion.goal_distance(state) > world.goal_distance)
     held = torch.zeros(count, dtype=torch.int64)
     states, valid = [], []
@@ -160,7 +160,7 @@ def measure_quantities(env: ShipEnv, states: Tensor) -> list[Quantity]:
     inside the picture.
     """
     motion = Transition(env.case, env.world, torch.device("cpu"))
-    ships = states[:, None, :2] + motion.away(states)
+    ships = states[:, None, :2] + motion.relative_positions(states)
     count = ships.shape[1]
     names = ["the goal", *("the ship" if count == 1 else f"ship {k + 1}" for k in range(count))]
     points = [motion.goal.expand(len(states), 2), *ships.unbind(1)]
@@ -168,7 +168,7 @@ def measure_quantities(env: ShipEnv, states: Tensor) -> list[Quantity]:
     for name, point in zip(names, points, strict=True):
         angle = angle_off_bow(states[:, :2], states[:, HEADING], point).double()
         distance = torch.linalg.vector_norm(point - states[:, :2], dim=-1).double()
-        inside = (distance <= WINDOW).numpy()
+        inside = (distance <= VIEW_RADIUS).numpy()
         always = np.ones_like(inside) if name == "the goal" else inside
         bearing = torch.stack((angle.sin(), angle.cos()), 1).numpy()
         found += [

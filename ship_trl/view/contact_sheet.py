@@ -61,7 +61,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         for left, picture in zip(lefts, pictures, strict=True):
             sheet.blit(picture, (left, top))
     room = pygame.Rect(MARGIN, bottom, WIDTH - 2 * MARGIN, LEGEND)
-    draw_legend(sheet, room, world, 13, scale=PICTURE / (2 * scene.WINDOW))
+    draw_legend(sheet, room, world, 13, scale=PICTURE / (2 * scene.VIEW_RADIUS))
     with replacing(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)
 

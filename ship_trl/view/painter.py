@@ -67,7 +67,7 @@ class Projection:
 
 def relative_frame(own: Numbers, side: int) -> Projection:
     """Project as the network sees it, own ship (x, y, heading) in the middle and its bow up."""
-    return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.WINDOW))
+    return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.VIEW_RADIUS))
 
 
 def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
@@ -136,8 +136,8 @@ def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -
     """Draw what stays where it is in the relative frame; for people with rings of distance."""
     picture = pen.new_surface(side, side)
     picture.fill(scene.OUTSIDE)
-    middle, scale, size = (side / 2, side / 2), side / (2 * scene.WINDOW), text_size(side, 15)
-    pen.circle(picture, scene.DISC, middle, scene.WINDOW * scale)
+    middle, scale, size = (side / 2, side / 2), side / (2 * scene.VIEW_RADIUS), text_size(side, 15)
+    pen.circle(picture, scene.DISC, middle, scene.VIEW_RADIUS * scale)
     for radius in () if plain else RINGS:
         pen.circle(picture, GRID, middle, radius * scale, 1)
         at = (side / 2 + 0.6 * radius * scale, side / 2 + 0.8 * radius * scale)

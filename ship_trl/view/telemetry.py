@@ -115,7 +115,7 @@ def measure(
     motion = Transition(case, world, torch.device("cpu"))
     after = motion(states[:-1], actions)
     goal, collision, truncated = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
-    away = motion.away(states)
+    away = motion.relative_positions(states)
     apart = torch.linalg.vector_norm(away, dim=-1)
     within = torch.cat((apart[:1], closest_approach(away[:-1], away[1:])))
     # Own ship's speed is that of its last action; at the start, of its first, or 0 before there is any.

@@ -122,7 +122,7 @@ def test_skipped_files_are_not_executed(
     write(entry)
     assert CaseBase(tmp_path / "base").entries() == []
     case.goal = [0.0, 500.0]  # of no plan that comes with the package
-    monkeypatch.setattr("ship_trl.sim.reference._known", {})
+    monkeypatch.setattr("ship_trl.sim.reference._cached_plans", {})
     plan = tmp_path / "plans" / plan_name(case, world)
     plan.parent.mkdir()
     write(plan)

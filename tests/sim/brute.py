@@ -25,7 +25,7 @@ def picture(case: Case, world: World, state: list[float]) -> Grid:
     """Return the RGB picture [84, 84, 3] of a state (x, y in m, heading in rad, step), heading up."""
     x, y, heading, step = state
     count = scene.SIZE * POINTS
-    axis = ((np.arange(count) + 0.5) / count - 0.5) * 2 * scene.WINDOW
+    axis = ((np.arange(count) + 0.5) / count - 0.5) * 2 * scene.VIEW_RADIUS
     right, ahead = np.meshgrid(axis, -axis)
     radius = np.hypot(right, ahead)
 
@@ -50,7 +50,7 @@ def picture(case: Case, world: World, state: list[float]) -> Grid:
     across = (right * goal[1] - ahead * goal[0]) / far
     half = scene.LINE_WIDTH / 2 / scene.PIXELS_PER_METRE
     layers = [
-        (radius <= scene.WINDOW, scene.DISC),
+        (radius <= scene.VIEW_RADIUS, scene.DISC),
         (radius <= world.goal_distance, scene.GOAL_CIRCLE),
         (radius <= world.safe_distance, scene.SAFE_CIRCLE),
         (ship((0.0, 0.0), math.pi / 2, scene.OWN_LENGTH), scene.OWN),

@@ -225,7 +225,7 @@ def test_the_compiled_loops_are_the_reference_in_any_world(voyage: Voyage, seed:
     state[: count // 4, :2] = reference.goal + spread[: count // 4]
     if voyage.case.target_ships:
         half = slice(count // 4, count // 2)
-        state[half, :2] += reference.away(state)[half, 0] + spread[half]
+        state[half, :2] += reference.relative_positions(state)[half, 0] + spread[half]
     action = torch.randint(len(voyage.world.actions), (count,), generator=generator)
     wanted, got = reference(state, action), CompiledStep(reference)(state, action)
     torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=3e-4)

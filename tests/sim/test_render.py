@@ -137,7 +137,7 @@ def test_bow_and_stern_are_told_apart(heading: float, place: tuple[float, float]
 
 @given(st.floats(-math.pi, math.pi), st.floats(1.05, 3.0))
 def test_a_ship_outside_is_not_seen(direction: float, far: float) -> None:
-    radius = far * math.hypot(scene.WINDOW + scene.TARGET_LENGTH, scene.WINDOW)
+    radius = far * math.hypot(scene.VIEW_RADIUS + scene.TARGET_LENGTH, scene.VIEW_RADIUS)
     ship = with_ship(radius * math.cos(direction), radius * math.sin(direction), 20.0)
     here = at(0.0, 0.0, AHEAD, 0.0)
     assert torch.equal(seen(ship, here), seen(CASES["1"], here))

@@ -61,12 +61,8 @@ def outcome(goal: bool, collision: bool) -> str:
 def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
     """Roll out one episode in each of the N environments of a batch.
 
-    TorchRL's `EnvBase.rollout` either stops when the first episode of a batch ends, or continues with new
-    episodes.
-
-    Args:
-        env: has the keys `state`, `action`, `goal`, `collision` and `dcpa`.
-        policy: reads `state` or any other observation.
+    The environment needs the keys `state`, `action`, `goal`, `collision` and `dcpa`. TorchRL's own `rollout`
+    either stops when the first episode of a batch ends, or continues with new episodes.
     """
     current = env.reset()
     steps = []

@@ -126,7 +126,7 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
 
 @pytest.mark.parametrize("frozen", [-1, 5])
 def test_no_more_layers_are_frozen_than_there_are(frozen: int) -> None:
-    with pytest.raises(ValueError, match="4 conv layers can be frozen at most"):
+    with pytest.raises(ValueError, match="layers to freeze: allowed: 0 to 4, got"):
         agent(frozen=frozen)
 
 

@@ -36,7 +36,7 @@ def elsewhere() -> Iterator[None]:
 
 def as_on_a_gpu(env: ShipEnv) -> ShipEnv:
     """The environment with the code that serves other devices."""
-    env._advance = env._transition
+    env._simulate = env._transition
     env.rasteriser.compiled = None
     return env
 

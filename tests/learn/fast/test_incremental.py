@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
-from ship_trl.learn.fast.cutter import Cutter, rounded
 from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.fast.inference import CachedInference
+from ship_trl.learn.fast.windows import WindowExtractor, round_up
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD, network, plain_forward
 
@@ -74,7 +74,7 @@ def test_incremental_equals_the_network_and_its_gradient(
 def test_the_background_changes_the_work_and_not_the_result() -> None:
     background, frames = scene(3, 1, 2, 0)
     net, wrong = network(), torch.zeros_like(background)
-    right, dense = (Cutter(still, torch.float32, PAPER)(frames) for still in (background, wrong))
+    right, dense = (WindowExtractor(still, torch.float32, PAPER)(frames) for still in (background, wrong))
     assert len(right.values) < len(dense.values)
     found = [incremental(net, frames, picture, torch.float32)[0] for picture in (background, wrong)]
     torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
@@ -82,10 +82,10 @@ def test_the_background_changes_the_work_and_not_the_result() -> None:
 
 def test_frames_equal_to_the_background_add_no_rows() -> None:
     background, frames = scene(5, 1, 0, 0)
-    rows = Cutter(background, torch.float32, PAPER)(frames)
+    rows = WindowExtractor(background, torch.float32, PAPER)(frames)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = (len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None))
-    assert counts == tuple(rounded(p) for p in places)
+    assert counts == tuple(round_up(p) for p in places)
 
 
 def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
@@ -181,7 +181,7 @@ def test_cached_inference_decides_like_the_network(
 
 def test_cached_inference_computes_only_what_differs() -> None:
     background, frames = scene(1, 1, 2, 5)
-    cut = Cutter(background, torch.float32, PAPER)
+    cut = WindowExtractor(background, torch.float32, PAPER)
     whole, few = cut(frames), cut(frames, background=False)
     places = (20 * 20, 9 * 9, 7 * 7)
     counts = [len(few.values), *(len(index) for index in few.indices[1:3] if index is not None)]
@@ -198,7 +198,7 @@ def test_cached_inference_computes_only_what_differs() -> None:
 
 @pytest.mark.parametrize("name", ODD)
 def test_layers_that_the_incremental_backend_cannot_cut_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="cut by words"):
+    with pytest.raises(ValueError, match="kernel and stride in multiples of 4"):
         Incremental(torch.zeros(1, 84, 84, dtype=torch.uint8), torch.float32, geometry(ODD[name]))
 
 

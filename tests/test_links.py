@@ -105,7 +105,7 @@ def test_nothing_is_deleted_through_a_link_of_a_case_base(
     base: CaseBase, finished: Path, world: World, private: Path
 ) -> None:
     case: Case = load_case("2", world)
-    place, before = base.place(case, "scratch", 0, "abc"), a_tree(private)
+    place, before = base.entry_folder(case, "scratch", 0, "abc"), a_tree(private)
     place.parent.mkdir(parents=True)
     place.symlink_to(private)
     with pytest.raises(ConfigError, match="seed=0-abc is a link"):

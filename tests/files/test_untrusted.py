@@ -245,7 +245,7 @@ def test_a_small_file_asks_for_no_large_network(tmp_path: Path) -> None:
     path = tmp_path / "policy.safetensors"
     save_file(tensors, path, metadata={"ship_trl": json.dumps({"network": {"conv": layers, "hidden": 1}})})
     assert path.stat().st_size < 1000
-    with pytest.raises(ConfigError, match=r"conv2\.weight is of another shape"):
+    with pytest.raises(ConfigError, match=r"conv2\.weight has another shape"):
         saved_network(path, "policy")
 
 

@@ -74,7 +74,7 @@ def test_an_entry_already_there_stays(tmp_path: Path, finished: Path, case: Case
 
 def test_half_an_entry_is_passed_over_and_replaced(tmp_path: Path, finished: Path, case: Case) -> None:
     base = CaseBase(tmp_path / "base")
-    place = base.place(case, "scratch", 0, "abc")
+    place = base.entry_folder(case, "scratch", 0, "abc")
     place.mkdir(parents=True)
     (place / "entry.json").write_text('{"case": ')
     assert base.entries() == [] and base.find(case, "scratch", 0, "abc") is None

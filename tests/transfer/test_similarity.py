@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, TargetShip, case_names, load_case
-from ship_trl.transfer.similarity import distance, rules, similarity
+from ship_trl.transfer.similarity import compare, distance, similarity
 
 ships = st.builds(
     TargetShip,
@@ -39,9 +39,9 @@ def test_table_2(world: World, base: str, target: str, value: float) -> None:
 
 def test_each_rule_adds_what_section_4_1_says(world: World) -> None:
     found = shipped(world)
-    steps = {(r.what, r.common, r.different) for r in rules(found["3"], found["4"])}
+    steps = {(r.attribute, r.common, r.different) for r in compare(found["3"], found["4"])}
     assert steps == {("ideal path", 0, 1), ("common target ship", 0.5, 0), ("extra target ship", 0, 0.2)}
-    steps = {(r.what, r.common, r.different) for r in rules(found["1"], found["2"])}
+    steps = {(r.attribute, r.common, r.different) for r in compare(found["1"], found["2"])}
     assert steps == {("ideal path", 1, 0), ("extra target ship", 0, 0.4)}
 
 

@@ -29,15 +29,10 @@ def jumpstart(
     draws: int,
     generator: Generator,
 ) -> list[float]:
-    """Compute the greedy returns of networks that copy the first layers of `network` and redraw the others.
+    """Compute the greedy returns of `draws` networks, which copy the first `copied` conv layers of `network`.
 
-    Args:
-        env: batched environment; its batch size limits how many episodes run side by side.
-        draw: maps states to pixels.
-        network: the network that training begins with; unchanged.
-        copied: number of conv layers, counted from the image, that are copied.
-        draws: number of networks.
-        generator: draws the weights, on the CPU.
+    Their other layers are drawn anew; `network` stays as it is. The batch size of `env` limits how many
+    episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU.
     """
     kept, redrawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]

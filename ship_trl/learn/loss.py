@@ -42,7 +42,7 @@ class DoubleDQNLoss(DQNLoss):
 
     Args:
         value_network: Q-value actor around a network that maps observations to Q-values [..., A].
-        kind: squared or Huber.
+        kind: formula of the loss, see `td_loss`.
         huber_delta: Huber threshold, in scaled rewards.
         gamma: discount per step.
         write_td_error: whether to write `td_error` into the transitions; uniform replay does not need it.

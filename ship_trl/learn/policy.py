@@ -30,11 +30,7 @@ class EpsilonGreedy(TensorDictModuleBase):
     module draws from the run's own generator, and computes Q-values only for rows that do not explore. The
     number of draws does not depend on `epsilon`, which the training loop sets.
 
-    Args:
-        best: maps observations [N, ...] to the best actions, int64 [N].
-        observation: the observation's key.
-        num_actions: A.
-        generator: random generator of the draws, on the observation's device.
+    `best` maps observations [N, ...], read from the key `observation`, to the best actions, int64 [N].
     """
 
     def __init__(

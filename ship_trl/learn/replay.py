@@ -33,12 +33,7 @@ class DrawPixels(Transform):
 class TransitionStorage(Storage):
     """Storage with one tensor per key, which needs a third of `LazyTensorStorage`'s time.
 
-    Writes and reads are small, so tensordicts would take most of the time.
-
-    Args:
-        capacity: maximum number of transitions.
-        device: device of the stored tensors.
-        hidden: keys that are stored but not returned by `get`.
+    Writes and reads are small, so tensordicts would take most of the time. `get` omits the `hidden` keys.
     """
 
     def __init__(

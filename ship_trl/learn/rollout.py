@@ -16,16 +16,11 @@ Policy = Callable[[TensorDictBase], TensorDictBase]
 
 @dataclass(frozen=True)
 class Episode:
-    """An episode of T steps.
+    """An episode of T steps and how it ended.
 
-    Attributes:
-        states: float [T + 1, S].
-        actions: int64 [T].
-        q_values: float [T, A]; None if the policy wrote no `action_value`.
-        rewards: raw rewards, float [T].
-        goal: whether it ended at the goal.
-        collision: whether it ended with a collision.
-        dcpa: least distance to any target ship in metres; infinite without target ships.
+    Shapes: states float [T + 1, S], actions int64 [T], raw rewards float [T]; q_values float [T, A], or None
+    if the policy wrote no `action_value`. `dcpa` is the least distance to any target ship in metres, infinite
+    without target ships.
     """
 
     states: Tensor

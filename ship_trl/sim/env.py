@@ -41,7 +41,7 @@ class ShipEnv(EnvBase):
         num_envs: number of own ships, N.
         from_pixels: whether to observe `pixels`.
         colour: whether the pixels are RGB (C = 3) instead of grey (C = 1).
-        encoders: functions that map states [N, 4] to features [N, F], by the key of their observation.
+        encoders: maps each further observation key to a function from states [N, 4] to features [N, F].
         device: where to simulate.
     """
 

@@ -22,16 +22,10 @@ from ship_trl.sim.value_bound import ValueBound
 
 
 class Resolution(NamedTuple):
-    """Resolution of one beam search.
+    """Resolution of one beam search, which keeps the best plan of each cell at each step.
 
-    At each step, plans with similar position, heading and passing distance share a cell, and only the best
-    plan of a cell is kept.
-
-    Attributes:
-        position: size of a cell in metres, along x and y.
-        heading: size of a cell in radians.
-        passing: size of a cell in metres of passing distance.
-        max_deviation: maximum distance in metres from the best plan so far.
+    Plans share a cell if their position (m), heading (rad) and passing distance (m) are similar. Plans stay
+    within `max_deviation` (m) of the best plan so far.
     """
 
     position: float
@@ -53,13 +47,7 @@ CLOSENESS_PENALTY = 50.0
 
 @dataclass(frozen=True)
 class Plan:
-    """A sequence of actions and its outcome.
-
-    Attributes:
-        episode_return: undiscounted sum of raw rewards.
-        actions: action indices.
-        goal: whether the sequence ends at the goal.
-    """
+    """A sequence of action indices, its undiscounted raw return, and whether it ends at the goal."""
 
     episode_return: float
     actions: list[int]

@@ -37,14 +37,8 @@ def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
 class Rasteriser:
     """Draws the states of one case as the network sees them.
 
-    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. The picture depends only on
-    the state, the case and the world. A compiled loop draws it on the CPU, torch on other devices.
-
-    Args:
-        case: goal and target ships.
-        world: radii of the two circles, and the length of a step.
-        colour: whether to draw in RGB (C = 3) instead of grey (C = 1).
-        device: where to draw.
+    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
+    else 1 (grey). A compiled loop draws on the CPU, torch on other devices.
 
     Attributes:
         size: width and height of the picture in pixels.

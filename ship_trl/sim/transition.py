@@ -41,8 +41,6 @@ class Transition:
     `transition(state, action)` maps float32 [N, 4] and int64 [N] to an `Outcome`.
 
     Attributes:
-        world: physics and reward.
-        constants: constants of the reward, see `reward_constants`.
         actions: speed (m/s) and rate of turn (rad/s) of each action, [A, 2].
         goal: position of the goal (m), [2].
         start: initial state, [4].

@@ -14,12 +14,8 @@ from ship_trl.learn.network import DuelingNetwork
 class CachedInference:
     """Computes only what differs from the background, and caches the background's activations.
 
-    For few rows, float32 is as fast as bfloat16, and needs no copies of the weights.
-
-    Args:
-        network: float32, on the CPU.
-        background: frame that most frames resemble, uint8 [C, 84, 84].
-        frozen: number of conv layers, counted from the image, that never learn.
+    The network must be on the CPU in float32: for few rows that is as fast as bfloat16, and needs no copies
+    of the weights. Its first `frozen` conv layers never learn.
     """
 
     def __init__(self, network: DuelingNetwork, background: Tensor, frozen: int) -> None:

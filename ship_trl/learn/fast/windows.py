@@ -31,10 +31,7 @@ class Rows(NamedTuple):
 class WindowExtractor:
     """Extracts the windows of conv1 that differ from a background: uint8 [B, C, 84, 84] to `Rows`.
 
-    Args:
-        background: frame that most frames resemble, uint8 [C, 84, 84].
-        dtype: precision of the windows; their values are 0 to 1.
-        geometry: the network's conv layers; `supports_incremental` must be true for them.
+    `background` is uint8 [C, 84, 84]. Values of windows are 0 to 1, in precision `dtype`.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:

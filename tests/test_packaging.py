@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import ship_trl
+from tests.command import ROOT, files
 
-ROOT = Path(__file__).parents[1]
 HIGH = ("+pair=high", "method=finetune", "layers=3")
 pytestmark = pytest.mark.long  # it installs
 
@@ -25,13 +25,9 @@ def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> str:
     return done.stdout
 
 
-def files(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder by its relative name."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and "__pycache__" not in path.parts
-    }
+def without_caches(folder: Path) -> dict[str, bytes]:
+    """Read every file below a folder, except compiled ones."""
+    return {name: data for name, data in files(folder).items() if "__pycache__" not in name}
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +45,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_wheel_holds_the_package_and_its_conf(installed: Path) -> None:
-    package = files(ROOT / "ship_trl")
+    package = without_caches(ROOT / "ship_trl")
     conf = {f"conf/{name}": content for name, content in files(ROOT / "conf").items()}
-    assert files(installed / "ship_trl") == package | conf
+    assert without_caches(installed / "ship_trl") == package | conf
     assert {path.name for path in installed.iterdir()} == {
         "bin",
         "ship_trl",

@@ -1,4 +1,4 @@
-"""A link inside an output leads no command to another place."""
+"""No command writes or reads through a link inside its output."""
 
 import json
 from pathlib import Path

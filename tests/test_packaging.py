@@ -1,4 +1,4 @@
-"""The wheel, built from the sdist, runs by itself from an empty folder: no checkout, no copy of its own."""
+"""The wheel, built from the sdist, runs from an empty folder without the checkout."""
 
 import configparser
 import os
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.long  # it installs
 
 
 def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> str:
-    """Standard output of a Python of its own, which must end well."""
+    """Run Python in a new process, which must succeed; return its standard output."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     environment |= {"OMP_NUM_THREADS": "1"} | ({"PYTHONPATH": str(path)} if path else {})
     line = [sys.executable, *map(str, arguments)]
@@ -32,7 +32,7 @@ def without_caches(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that holds the installed wheel and nothing else."""
+    """A folder with only the installed wheel."""
     built, place = tmp_path_factory.mktemp("built"), tmp_path_factory.mktemp("installed")
     python("-m", "hatchling", "build", "-t", "sdist", "-d", built, cwd=ROOT)
     pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")

@@ -83,10 +83,6 @@ def test_cases_are_matched_by_fingerprint_not_by_name(world: World) -> None:
         return Transfer("x", "y", source, target, "quick", "FT3", None, 15, low + 0.1, low, low + 0.2)
 
     worse, better = known(own["3"], own["4"], 0.1), known(own["2"], own["4"], 0.2)
-    others = [
-        known(own["3"], "another", 0.3),
-        known("another", own["4"], 0.4),
-        known(own["4"], own["4"], 0.5),
-    ]
-    found = transfers_to(cases[2], [worse, *others, better], cases)
+    irrelevant = [known(*pair, 0.3) for pair in ((own["3"], "x"), ("x", own["4"]), (own["4"], own["4"]))]
+    found = transfers_to(cases[2], [worse, *irrelevant, better], cases)
     assert [(one.source, one.target, one.low) for one in found] == [("2", "4", 0.2), ("3", "4", 0.1)]

@@ -54,7 +54,7 @@ def draw_still(surface: pygame.Surface, world: World) -> None:
     scale = scene.PIXELS_PER_METRE * size / scene.SIZE
     surface.fill(scene.OUTSIDE)
     for radius, colour in (
-        (scene.WINDOW, scene.DISC),
+        (scene.VIEW_RADIUS, scene.DISC),
         (world.goal_distance, scene.GOAL_CIRCLE),
         (world.safe_distance, scene.SAFE_CIRCLE),
     ):

@@ -1,4 +1,4 @@
-"""A whole result, to be changed in what a test is about."""
+"""A complete result; a test changes the fields it is about."""
 
 from typing import Any
 

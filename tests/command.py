@@ -1,4 +1,4 @@
-"""Run the real command: in a forked child, or in a process of its own."""
+"""Run the real command in a forked child or in a new process."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ import pytest
 from tests import forked
 
 ROOT = Path(__file__).parents[1]
-# As long as real ones, for wandb refuses others; no file and no word of a command may hold them.
+# As long as real keys, because wandb rejects others. No file and no argument may contain them.
 KEYS = {"WANDB_API_KEY": "a1b2c3d4e5" * 4, "RAY_AUTH_TOKEN": "f6e7d8c9" * 8}
 
 
@@ -25,15 +25,10 @@ def environment() -> dict[str, str]:
 def ship_trl(
     *arguments: str, folder: Path, verb: str = "", code: int = 0, first: str = "", new_process: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Run `python -m ship_trl VERB ...` in `folder`, and check its exit code.
+    """Run `python -m ship_trl VERB ARGUMENTS` in `folder`, and check its exit code.
 
-    Args:
-        arguments: what follows the verb.
-        folder: where it runs.
-        verb: empty for a run or a grid.
-        code: the exit code that it must have.
-        first: lines of Python that run before it.
-        new_process: start Python anew, which takes five seconds more than a forked child.
+    `verb` is empty for a run or a grid. `first` is Python code to run before it. A `new_process` takes five
+    seconds more than a forked child.
     """
     words = [*([verb] if verb else []), *arguments]
     if not new_process:

@@ -1,4 +1,4 @@
-"""Shared by all tests: an empty folder to work in, the paper's world, cases by hand, one torch thread."""
+"""Fixtures of all tests: an empty working directory, the paper's world, cases, one torch thread."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,32 +12,37 @@ from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, TargetShip, load_world
 
 torch.set_num_threads(1)
-# The same examples every time, and no deadline: a busy machine is no fault of the code.
+# The same examples every time, and no deadline, because the machine may be busy.
 settings.register_profile("steady", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("steady")
 
 
 @pytest.fixture(autouse=True)
 def denormal_numbers() -> Iterator[None]:
-    """Count with denormal numbers again after a test: a run in this process lets them be zero."""
+    """Restore denormal numbers after a test: a run in this process flushes them to zero."""
     yield
     torch.set_flush_denormal(False)
 
 
-def paper_world() -> World:
-    """The shared physics of conf/world/paper.yaml."""
-    return load_world()
-
-
 @pytest.fixture(autouse=True)
 def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in a folder of the test's own: results and cases of the one it was started in must not count."""
+    """Work in the test's own folder, without the results and cases of the folder it was started in."""
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
 def world() -> World:
-    return paper_world()
+    return load_world()
+
+
+@pytest.fixture
+def finished_run(tmp_path: Path) -> Path:
+    """A folder with the files that a case base stores."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "policy.safetensors").write_bytes(b"weights")
+    (folder / "config.yaml").write_text("seed: 0\n")
+    return folder
 
 
 @pytest.fixture

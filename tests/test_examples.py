@@ -24,7 +24,7 @@ ARGUMENTS = {
     "gymnasium_sb3": ["--steps", "300"],
     "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
 }
-MOST_LINES = 80
+MAX_LINES = 80
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
@@ -37,7 +37,7 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
 
 
 def test_torchrl_alone_takes_few_lines() -> None:
-    assert len((ROOT / "examples" / "stock_torchrl.py").read_text().splitlines()) <= MOST_LINES
+    assert len((ROOT / "examples" / "stock_torchrl.py").read_text().splitlines()) <= MAX_LINES
 
 
 def test_the_example_loss_is_pessimistic() -> None:

@@ -1,4 +1,4 @@
-"""The container images: a user without rights runs them, and may write where results go."""
+"""The container images run as an unprivileged user, who may write results."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ FILES = sorted((ROOT / "docker").iterdir())
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_a_user_without_rights_runs_it_and_may_write_results(path: Path) -> None:
+def test_an_unprivileged_user_runs_it_and_may_write_results(path: Path) -> None:
     text = re.sub(r"\\\n", " ", path.read_text())
     last_stage = text[text.rindex("\nFROM ") :].splitlines()
     user = [line.split()[1] for line in last_stage if line.startswith("USER ")][-1].partition(":")[0]
@@ -22,7 +22,7 @@ def test_a_user_without_rights_runs_it_and_may_write_results(path: Path) -> None
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_the_image_is_installed_by_the_lock_and_holds_no_secret(path: Path) -> None:
+def test_the_image_installs_the_locked_versions_and_has_no_secret(path: Path) -> None:
     text = path.read_text()
     installs = [line for line in text.splitlines() if "pip install" in line]
     assert installs and all("--constraint requirements.lock" in line for line in installs)

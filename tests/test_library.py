@@ -1,4 +1,4 @@
-"""What docs/library.md says of TorchRL's parts is so, and its loop runs."""
+"""The code blocks of docs/library.md that use TorchRL's parts run."""
 
 import re
 import textwrap
@@ -10,7 +10,7 @@ from tests.command import ROOT
 
 
 def block(heading: str) -> str:
-    """The first block of code below a heading."""
+    """Return the first code block below a heading."""
     text = (ROOT / "docs/library.md").read_text().split(f"## {heading}\n")[1]
     (found,) = re.findall(r"\A\n((?:    .*\n|\n(?=    ))+)", text)
     return textwrap.dedent(found)

@@ -1,4 +1,4 @@
-"""A link inside an output leads no command to another place."""
+"""No command writes or reads through a link inside its output."""
 
 import json
 from pathlib import Path
@@ -14,17 +14,13 @@ from ship_trl.run.wandb_tracker import begin_wandb
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.transfer.casebase import CaseBase
 from tests.a_result import a_result
-from tests.command import ship_trl
+from tests.command import files, ship_trl
 from tests.config.test_config import composed
-
-
-def a_tree(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
 @pytest.fixture
 def private(tmp_path: Path) -> Path:
-    """A folder that no command has to do with."""
+    """A folder that no command may change."""
     folder = tmp_path / "private"
     (folder / "scratch" / "seed=0").mkdir(parents=True)
     (folder / "notes").write_text("mine")
@@ -34,13 +30,13 @@ def private(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("linked", ["1", "1/scratch", "1/scratch/seed=0"])
 def test_no_run_is_written_through_a_link(linked: str, tmp_path: Path, private: Path) -> None:
-    before, link = a_tree(private), tmp_path / "out" / linked
+    before, link = files(private), tmp_path / "out" / linked
     link.parent.mkdir(parents=True)
     link.symlink_to(private)
     config = composed("target=1", "method=scratch", "overwrite=true", f"output={tmp_path / 'out'}")
     with pytest.raises(ConfigError, match=rf"^output: {link} is a link; allowed: only output= itself"):
         make_run(config)
-    assert a_tree(private) == before
+    assert files(private) == before
 
 
 def test_a_finished_run_behind_a_link_is_not_shown_either(tmp_path: Path) -> None:
@@ -58,7 +54,7 @@ def test_a_finished_run_behind_a_link_is_not_shown_either(tmp_path: Path) -> Non
 def test_the_output_itself_may_be_a_link_and_links_in_a_run_are_not_followed(
     tmp_path: Path, private: Path
 ) -> None:
-    before = a_tree(private)
+    before = files(private)
     (tmp_path / "disk").mkdir()
     (tmp_path / "out").symlink_to(tmp_path / "disk")
     config = composed("target=1", "method=scratch", "overwrite=true", f"output={tmp_path / 'out'}")
@@ -67,7 +63,7 @@ def test_the_output_itself_may_be_a_link_and_links_in_a_run_are_not_followed(
     (run.folder / "inside").symlink_to(private)
     (run.folder / "config.yaml").symlink_to(private / "notes")
     open_folder(run)
-    assert a_tree(private) == before
+    assert files(private) == before
     assert sorted(path.name for path in run.folder.iterdir()) == ["checkpoint", "config.yaml"]
     assert not (run.folder / "config.yaml").is_symlink()
 
@@ -77,20 +73,11 @@ def base(tmp_path: Path) -> CaseBase:
     return CaseBase(tmp_path / "base")
 
 
-@pytest.fixture
-def finished(tmp_path: Path) -> Path:
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for name in ("policy.safetensors", "config.yaml"):
-        (folder / name).write_text(name)
-    return folder
-
-
 def test_an_entry_cannot_name_another_path(
-    base: CaseBase, finished: Path, world: World, private: Path
+    base: CaseBase, finished_run: Path, world: World, private: Path
 ) -> None:
     case = load_case("2", world)
-    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 1.0}}, finished)
+    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 1.0}}, finished_run)
     values = json.loads((stored.path / "entry.json").read_text())
     elsewhere = values | {"case": "../../private", "config_hash": "../../../x"}
     (stored.path / "entry.json").write_text(json.dumps(elsewhere))
@@ -102,58 +89,58 @@ def test_an_entry_cannot_name_another_path(
 
 
 def test_nothing_is_deleted_through_a_link_of_a_case_base(
-    base: CaseBase, finished: Path, world: World, private: Path
+    base: CaseBase, finished_run: Path, world: World, private: Path
 ) -> None:
     case: Case = load_case("2", world)
-    place, before = base.place(case, "scratch", 0, "abc"), a_tree(private)
+    place, before = base.entry_folder(case, "scratch", 0, "abc"), files(private)
     place.parent.mkdir(parents=True)
     place.symlink_to(private)
     with pytest.raises(ConfigError, match="seed=0-abc is a link"):
-        base.retain(case, "scratch", 0, "abc", {}, finished)
-    assert a_tree(private) == before and list(place.parent.iterdir()) == [place]
+        base.retain(case, "scratch", 0, "abc", {}, finished_run)
+    assert files(private) == before and list(place.parent.iterdir()) == [place]
 
 
 @pytest.mark.parametrize("linked", ["1", "1/scratch", ".locks", ".plans"])
 def test_no_case_base_is_written_through_a_link(linked: str, tmp_path: Path, private: Path) -> None:
-    before, link = a_tree(private), tmp_path / "base" / linked
+    before, link = files(private), tmp_path / "base" / linked
     link.parent.mkdir(parents=True)
     link.symlink_to(private)
     given = (f"case_base={tmp_path / 'base'}", f"output={tmp_path / 'out'}")
     for line in (("target=1", "method=scratch"), ("source=1", "target=2", "method=finetune", "layers=1")):
         with pytest.raises(ConfigError, match=rf"^case_base: {link} is a link; allowed: "):
             make_run(composed(*line, *given))
-    assert a_tree(private) == before and not (tmp_path / "out").exists()
+    assert files(private) == before and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("linked", [".locks", "wandb"])
 def test_nothing_beside_the_runs_is_written_through_a_link(
     linked: str, tmp_path: Path, private: Path
 ) -> None:
-    before, link = a_tree(private), tmp_path / "out" / linked
+    before, link = files(private), tmp_path / "out" / linked
     link.parent.mkdir(parents=True)
     link.symlink_to(private)
     config = composed("target=1", "method=scratch", "logger=wandb", f"output={tmp_path / 'out'}")
     with pytest.raises(ConfigError, match=rf"{link} is a link; allowed: "):
         begin_wandb(make_run(config))
-    assert a_tree(private) == before
+    assert files(private) == before
 
 
 def test_a_grid_does_not_write_through_a_link(tmp_path: Path, private: Path) -> None:
-    before = a_tree(private)
+    before = files(private)
     (tmp_path / "out").mkdir()
     (tmp_path / "out/multirun.yaml").symlink_to(private / "notes")
     line = ("-m", "target=1,2", "method=scratch", "profile=smoke", "output=out")
     said = ship_trl(*line, folder=tmp_path, code=1).stderr
     assert said == "ship_trl: output: out/multirun.yaml is a link; allowed: only output= itself may be one\n"
-    assert a_tree(private) == before
+    assert files(private) == before
 
 
 @pytest.mark.parametrize("name", ["policy.safetensors", "config.yaml"])
 def test_no_file_is_copied_through_a_link(
-    name: str, base: CaseBase, finished: Path, world: World, private: Path
+    name: str, base: CaseBase, finished_run: Path, world: World, private: Path
 ) -> None:
-    (finished / name).unlink()
-    (finished / name).symlink_to(private / "notes")
-    with pytest.raises(ConfigError, match=rf"^output: {finished / name} is a link"):
-        base.retain(load_case("2", world), "scratch", 0, "abc", {}, finished)
+    (finished_run / name).unlink()
+    (finished_run / name).symlink_to(private / "notes")
+    with pytest.raises(ConfigError, match=rf"^output: {finished_run / name} is a link"):
+        base.retain(load_case("2", world), "scratch", 0, "abc", {}, finished_run)
     assert not list(base.folder.rglob("*"))

@@ -1,7 +1,8 @@
-"""requirements.lock: one version of each package that is installed, fit for pyproject.toml and any index."""
+"""requirements.lock has one version of each package, within the ranges of pyproject.toml, for any index."""
 
 import re
 import tomllib
+from itertools import chain
 
 import pytest
 from packaging.requirements import Requirement
@@ -11,7 +12,7 @@ from tests.command import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-# What people may have: both Pythons, on the system that images and workflows have.
+# Supported environments: both Pythons, on the system of images and workflows.
 PLACES = [
     {"python_version": version, "python_full_version": f"{version}.9", "sys_platform": "linux"}
     | {"platform_machine": "x86_64", "platform_system": "Linux", "os_name": "posix", "extra": ""}
@@ -20,13 +21,8 @@ PLACES = [
 ]
 
 
-def asked() -> list[Requirement]:
-    """Everything that pyproject.toml names, of the extras too."""
-    return [Requirement(line) for lines in (PROJECT["dependencies"], *EXTRAS.values()) for line in lines]
-
-
 def locked(place: dict[str, str]) -> dict[str, Requirement]:
-    """The pins that hold in an environment, by name."""
+    """Return the pins that apply in an environment, by name."""
     lines = (ROOT / "requirements.lock").read_text().splitlines()
     pins = [Requirement(line) for line in lines if line and not line.lstrip().startswith("#")]
     held = [pin for pin in pins if pin.marker is None or pin.marker.evaluate(place)]
@@ -43,12 +39,12 @@ def version(pin: Requirement) -> str:
 @pytest.mark.parametrize("place", PLACES, ids=lambda place: place["python_version"])
 def test_every_range_of_the_project_holds_its_locked_version(place: dict[str, str]) -> None:
     pins = locked(place)
-    for wanted in asked():
+    for wanted in map(Requirement, chain(PROJECT["dependencies"], *EXTRAS.values())):
         found = version(pins[canonicalize_name(wanted.name)])
-        assert wanted.specifier.contains(found), f"{wanted}: locked is {found}; `make lock` makes it anew"
+        assert wanted.specifier.contains(found), f"{wanted}: the lock has {found}; run `make lock`"
 
 
-def test_it_names_versions_and_no_place() -> None:
-    """Whoever installs chooses the index: a mirror, or one with CPU wheels of torch."""
+def test_it_names_versions_but_no_index() -> None:
+    """The user chooses the index: a mirror, or one with CPU wheels of torch."""
     text = (ROOT / "requirements.lock").read_text()
     assert not re.search(r"://|^\s*-|file:|\+cpu| @ ", text, re.MULTILINE)

@@ -1,4 +1,4 @@
-"""The wheel, built from the sdist, runs by itself from an empty folder: no checkout, no copy of its own."""
+"""The wheel, built from the sdist, runs from an empty folder without the checkout."""
 
 import configparser
 import os
@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import ship_trl
+from tests.command import ROOT, files
 
-ROOT = Path(__file__).parents[1]
 HIGH = ("+pair=high", "method=finetune", "layers=3")
 pytestmark = pytest.mark.long  # it installs
 
 
 def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> str:
-    """Standard output of a Python of its own, which must end well."""
+    """Run Python in a new process, which must succeed; return its standard output."""
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     environment |= {"OMP_NUM_THREADS": "1"} | ({"PYTHONPATH": str(path)} if path else {})
     line = [sys.executable, *map(str, arguments)]
@@ -25,18 +25,14 @@ def python(*arguments: str | Path, cwd: Path, path: Path | None = None) -> str:
     return done.stdout
 
 
-def files(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder by its relative name."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and "__pycache__" not in path.parts
-    }
+def without_caches(folder: Path) -> dict[str, bytes]:
+    """Read every file below a folder, except compiled ones."""
+    return {name: data for name, data in files(folder).items() if "__pycache__" not in name}
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that holds the installed wheel and nothing else."""
+    """A folder with only the installed wheel."""
     built, place = tmp_path_factory.mktemp("built"), tmp_path_factory.mktemp("installed")
     python("-m", "hatchling", "build", "-t", "sdist", "-d", built, cwd=ROOT)
     pip = ("-m", "pip", "--quiet", "--disable-pip-version-check")
@@ -49,9 +45,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_wheel_holds_the_package_and_its_conf(installed: Path) -> None:
-    package = files(ROOT / "ship_trl")
+    package = without_caches(ROOT / "ship_trl")
     conf = {f"conf/{name}": content for name, content in files(ROOT / "conf").items()}
-    assert files(installed / "ship_trl") == package | conf
+    assert without_caches(installed / "ship_trl") == package | conf
     assert {path.name for path in installed.iterdir()} == {
         "bin",
         "ship_trl",

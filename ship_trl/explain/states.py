@@ -16,7 +16,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.dynamics import HEADING, STEP
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.scene import WINDOW
+from ship_trl.sim.scene import VIEW_RADIUS
 from ship_trl.sim.transition import Transition
 
 # Only some states of an episode are taken, because neighbouring states hardly differ.
@@ -116,7 +116,7 @@ def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: G
     latest = max(0, world.max_steps - EPISODE_STEPS)
     state[:, STEP] = torch.randint(latest + 1, (count,), generator=generator).float()
     is_random = torch.arange(count) % 2 == 0
-    clearance = torch.linalg.vector_norm(motion.away(state), dim=-1)
+    clearance = torch.linalg.vector_norm(motion.relative_positions(state), dim=-1)
     running = (clearance > world.safe_distance).all(-1) & (motion.goal_distance(state) > world.goal_distance)
     held = torch.zeros(count, dtype=torch.int64)
     states, valid = [], []
@@ -141,14 +141,14 @@ def measure_quantities(env: ShipEnv, states: Tensor) -> list[Quantity]:
     They are visible inside the picture; the line to the goal shows its bearing everywhere.
     """
     motion = Transition(env.case, env.world, torch.device("cpu"))
-    ships = states[:, None, :2] + motion.away(states)
+    ships = states[:, None, :2] + motion.relative_positions(states)
     points = {"the goal": motion.goal.expand(len(states), 2)}
     points |= {f"ship {k}": ship for k, ship in enumerate(ships.unbind(1), 1)}
     found = []
     for name, point in points.items():
         angle = angle_off_bow(states[:, :2], states[:, HEADING], point).double()
         distance = torch.linalg.vector_norm(point - states[:, :2], dim=-1).double()
-        inside = (distance <= WINDOW).numpy()
+        inside = (distance <= VIEW_RADIUS).numpy()
         always = np.ones_like(inside) if name == "the goal" else inside
         bearing = torch.stack((angle.sin(), angle.cos()), 1).numpy()
         found += [

@@ -26,7 +26,7 @@ class Draw(Protocol):
 def choose_backend(
     wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device, geometry: Geometry
 ) -> Backend:
-    """Make the backend of the conv layers; `auto` means the fastest one that supports them on the device."""
+    """Make the backend of the conv layers; `auto` means the fastest one that supports them."""
     can_be_incremental = device.type == "cpu" and supports_incremental(geometry)
     fastest = BackendName.incremental if can_be_incremental else BackendName.dense
     chosen = fastest if wanted is BackendName.auto else wanted
@@ -36,12 +36,12 @@ def choose_backend(
 
 
 def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:
-    """Choose the precision of the conv layers: `auto` is bfloat16 where the device multiplies it natively.
+    """Choose the precision of the conv layers.
 
-    The environment variable `SHIP_TRL_BFLOAT16=off` makes `auto` choose float32.
+    `auto` is bfloat16 where the device multiplies it natively, unless `SHIP_TRL_BFLOAT16=off` is set.
 
     Raises:
-        ConfigError: this variable is neither `on` nor `off`.
+        ConfigError: this environment variable is neither `on` nor `off`.
     """
     if not bfloat16_allowed():
         native = False

@@ -29,20 +29,12 @@ def jumpstart(
     draws: int,
     generator: Generator,
 ) -> list[float]:
-    """Compute greedy returns of networks that share the first layers of `network`; the others are drawn anew.
+    """Compute the greedy returns of `draws` networks, which copy the first `copied` conv layers of `network`.
 
-    The episodes run side by side, because a step of many ships costs little more than a step of one.
-    `network` and all random streams other than `generator` stay unchanged.
-
-    Args:
-        env: batched environment; its batch size limits how many episodes run side by side.
-        draw: maps states to pixels.
-        network: the network that training begins with.
-        copied: how many conv layers, counted from the image, are shared.
-        draws: how many networks.
-        generator: draws the weights, on the CPU.
+    Their other layers are drawn anew; `network` stays as it is. The batch size of `env` limits how many
+    episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU.
     """
-    shared, redrawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
+    kept, redrawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
     encode: Callable[[Tensor], Tensor] = draw
     decide: list[Decide]
@@ -50,21 +42,21 @@ def jumpstart(
         inferences = [CachedInference(each, draw.background, copied) for each in networks]
         decide = [inference.actions for inference in inferences]
         if copied >= network.linear_from:
-            # All networks share these layers: encode the pictures of all ships in one batch.
+            # All networks have the same copied layers: encode the pictures of all ships in one batch.
             encode, decide = (
                 lambda state: inferences[0].encode(draw(state)),
                 [one.actions_from_features for one in inferences],
             )
     else:
         decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in networks]  # type: ignore[misc]
-    found: list[float] = []
-    while len(found) < draws:
-        count = min(len(networks), draws - len(found))
+    returns: list[float] = []
+    while len(returns) < draws:
+        count = min(len(networks), draws - len(returns))
         for each in networks[:count]:
-            redrawn.reset(generator, shared)
+            redrawn.reset(generator, kept)
             each.load_state_dict(redrawn.state_dict())
-        found += run_episodes(env, encode, decide[:count])
-    return found
+        returns += run_episodes(env, encode, decide[:count])
+    return returns
 
 
 @torch.no_grad()

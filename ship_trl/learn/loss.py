@@ -14,14 +14,14 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config.types import Loss
-from ship_trl.learn.fast.changes import count_rewrite, rewrites
+from ship_trl.learn.fast.weights_version import count_untracked_write, untracked_writes
 
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
     """Compute the mean loss of Q-values [B, 1] against their TD targets [B, 1].
 
-    `l2` is the squared error (equation 2). `huber` is half the squared error below `huber_delta`, in scaled
-    rewards, and linear above.
+    `l2` is the squared error (equation 2). `huber` is half the squared error below `huber_delta`, and linear
+    above.
 
     Raises:
         ValueError: an unknown kind of loss.
@@ -37,12 +37,12 @@ class DoubleDQNLoss(DQNLoss):
     """TorchRL's `DQNLoss` for double DQN, with a Huber threshold and several times less overhead.
 
     Keys, target parameters and updaters are the same as in `DQNLoss`. The networks are called directly, not
-    through the actor: first online, then target, on the same next observations. Actions are indices
-    [B]. Priority weights, masks, reductions and value estimators other than TD(0) are not supported.
+    through the actor. Actions are indices [B]. Priority weights, masks, reductions and value estimators
+    other than TD(0) are not supported.
 
     Args:
         value_network: Q-value actor around a network that maps observations to Q-values [..., A].
-        kind: squared or Huber.
+        kind: formula of the loss, see `td_loss`.
         huber_delta: Huber threshold, in scaled rewards.
         gamma: discount per step.
         write_td_error: whether to write `td_error` into the transitions; uniform replay does not need it.
@@ -72,7 +72,7 @@ class DoubleDQNLoss(DQNLoss):
         target = copy.deepcopy(network).requires_grad_(False)
         self.__dict__.update(network=network, target_network=target)
         self._share_target()
-        self.register_load_state_dict_post_hook(count_rewrite)
+        self.register_load_state_dict_post_hook(count_untracked_write)
 
     def _share_target(self) -> None:
         """Make the target network use the loss's target parameters."""
@@ -81,8 +81,7 @@ class DoubleDQNLoss(DQNLoss):
         params["module", "0", "module"].to_module(self.target_network)
         for name, layer in self.network.named_children():
             if not any(parameter.requires_grad for parameter in layer.parameters()):
-                # A frozen layer is the same in both networks. Sharing it lets a backend reuse its
-                # activations.
+                # Share frozen layers, so that a backend can reuse their activations.
                 setattr(self.target_network, name, layer)
 
     def _apply(self, fn: Any, recurse: bool = True) -> Any:
@@ -90,7 +89,7 @@ class DoubleDQNLoss(DQNLoss):
         moved = super()._apply(fn)
         if "target_network" in self.__dict__:
             self._share_target()
-            count_rewrite()
+            count_untracked_write()
         return moved
 
     def __deepcopy__(self, memo: Any) -> Any:
@@ -99,19 +98,16 @@ class DoubleDQNLoss(DQNLoss):
 
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """Compute the loss of transitions [B].
-
-        With `write_td_error`, the squared `td_error` [B, 1] is written into the transitions. A truncated step
-        is not terminated, so it bootstraps.
-        """
+        """Compute the loss of transitions [B]; if `write_td_error`, write the squared `td_error` [B, 1]."""
         keys, (observation,) = self.tensor_keys, self.value_network_in_keys
         following = tensordict.get("next")
         with torch.no_grad():
             next_observation = following.get(observation)
             choice = self.network(next_observation).argmax(-1, keepdim=True)
             value = self.target_network(next_observation).gather(-1, choice)
-            ended = following.get(keys.terminated)
-            td_target = following.get(keys.reward) + self.gamma * value * ~ended
+            # A truncated step is not terminated, so it bootstraps.
+            terminated = following.get(keys.terminated)
+            td_target = following.get(keys.reward) + self.gamma * value * ~terminated
         action = tensordict.get(keys.action).unsqueeze(-1)
         q = self.network(tensordict.get(observation)).gather(-1, action)
         if self.write_td_error:
@@ -131,11 +127,11 @@ class ForeachSoftUpdate(SoftUpdate):
         names = list(self._sources.keys(True, True))
         self._online = [self._sources[name].data for name in names]
         self._target = [self._targets[target_key(name)].data for name in names]
-        self._rewrites = rewrites()
+        self._untracked_writes = untracked_writes()
 
     def step(self) -> None:
         """Move the target parameters towards the online ones by the fraction `tau`."""
-        if self._rewrites != rewrites():
+        if self._untracked_writes != untracked_writes():
             self._find_parameters()
         tau = 1.0 - self.eps
         torch._foreach_lerp_(self._target, self._online, tau)

@@ -31,9 +31,8 @@ class DuelingNetwork(nn.Module):
         geometry: windows and maps of the conv layers.
         linear_from: index of the first conv layer whose window is its whole map, 3 in the paper's network.
             From there on, conv layers are linear layers.
-        backend: computes the conv layers. It may be replaced at any time: all backends compute the same
-            function.
-        frozen: how many conv layers, counted from the image, do not learn (see `freeze`).
+        backend: computes the conv layers; replaceable at any time, because all compute the same function.
+        frozen: number of conv layers, counted from the image, that do not learn (see `freeze`).
     """
 
     frozen = 0
@@ -70,7 +69,7 @@ class DuelingNetwork(nn.Module):
             ValueError: the network has fewer conv layers.
         """
         if not 0 <= layers <= len(self.conv_names):
-            raise ValueError(f"{len(self.conv_names)} conv layers can be frozen at most, got {layers}")
+            raise ValueError(f"layers to freeze: allowed: 0 to {len(self.conv_names)}, got {layers}")
         for n, conv in enumerate(self.convs):
             conv.requires_grad_(n >= layers)
         self.frozen = layers
@@ -84,8 +83,8 @@ class DuelingNetwork(nn.Module):
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
         """Draw new weights (He et al., 2015) and set biases to zero, in all layers but `kept`.
 
-        PyTorch's default weights shrink the signal to a third at each ReLU layer. Training would spend the
-        first hundred episodes on growing it again.
+        PyTorch's default weights shrink the signal to a third at each ReLU layer. Training would need a
+        hundred episodes to grow it again.
         """
         for name, layer in self.named_children():
             if name in kept:
@@ -97,9 +96,8 @@ class DuelingNetwork(nn.Module):
     def forward(self, observation: Tensor) -> Tensor:
         """Compute the Q-values of all actions, float32 [..., A].
 
-        Args:
-            observation: pixels, uint8 [..., C, 84, 84], or features of the frozen layers, in half
-                precision or float32 [..., K].
+        Observations are pixels, uint8 [..., C, 84, 84], or features of the frozen layers, [..., K] in half
+        precision or float32.
         """
         are_pixels = observation.dtype is torch.uint8
         compute = self.backend.features if are_pixels else self.backend.features_from
@@ -113,29 +111,28 @@ class DuelingNetwork(nn.Module):
     def convolve(self, pixels: Tensor) -> Tensor:
         """Compute all conv layers: uint8 [B, C, 84, 84] to [B, F]."""
         convs = self.convs
-        x = F.relu_(self._first(pixels))
+        x = F.relu_(self._conv1(pixels))
         for conv in convs[1 : self.linear_from]:
             x = F.relu_(conv(x))
         # Activations and weights are channels last, so flattening them makes views.
-        return self._linear(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
+        return self._linear_convs(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 
     def activations(self, pixels: Tensor) -> dict[str, Tensor]:
         """Compute each layer's activations after ReLU: uint8 [B, C, 84, 84] to float32 by layer name.
 
         Conv layers give [B, filters, side, side], `shared` gives [B, hidden].
         """
-        x = self._first(pixels)
-        found: dict[str, Tensor] = {}
-        for name, conv in zip(self.conv_names, self.convs, strict=True):
-            x = F.relu(conv(x) if found else x)
-            found[name] = x
-        return found | {"shared": F.relu(self.shared(x.flatten(1)))}
+        x = F.relu(self._conv1(pixels))
+        layers = {self.conv_names[0]: x}
+        for name, conv in zip(self.conv_names[1:], self.convs[1:], strict=True):
+            layers[name] = x = F.relu(conv(x))
+        return layers | {"shared": F.relu(self.shared(x.flatten(1)))}
 
     def convolve_from(self, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones (`linear_from` or more): [B, K] to [B, F]."""
-        return self._linear(frozen_features, self.convs[self.frozen :])
+        return self._linear_convs(frozen_features, self.convs[self.frozen :])
 
-    def _linear(self, x: Tensor, convs: list[nn.Conv2d]) -> Tensor:
+    def _linear_convs(self, x: Tensor, convs: list[nn.Conv2d]) -> Tensor:
         """Compute conv layers whose window is their whole map as linear layers, which is faster."""
         for conv in convs:
             x = F.relu_(F.linear(x, conv.weight.permute(0, 2, 3, 1).flatten(1), conv.bias))
@@ -147,29 +144,24 @@ class DuelingNetwork(nn.Module):
         advantage = self.advantage(x)
         return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
-    def best(self, features: Tensor) -> Tensor:
-        """Return the actions with the highest Q-values: features [B, F] to int64 [B].
-
-        The value is the same for all actions, so the advantages decide.
-        """
+    def best_actions(self, features: Tensor) -> Tensor:
+        """Return the actions with the highest Q-values: features [B, F] to int64 [B]."""
+        # The value is the same for all actions, so the advantages decide.
         return self.advantage(F.relu_(self.shared(features))).argmax(-1)
 
-    def _first(self, pixels: Tensor) -> Tensor:
-        """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S].
-
-        If windows are two strides wide, compute it by space-to-depth and a 2x2 convolution: the same result,
-        but faster on a CPU.
-        """
-        conv, step = self.convs[0], self.geometry[0].stride
+    def _conv1(self, pixels: Tensor) -> Tensor:
+        """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S]."""
+        conv, stride = self.convs[0], self.geometry[0].stride
         batch, channels, side, _ = pixels.shape
-        if self.geometry[0].kernel != 2 * step or side % step:
+        if self.geometry[0].kernel != 2 * stride or side % stride:
             return conv(pixels.to(conv.weight.dtype) * (1.0 / 255.0))
-        places = side // step
-        blocks = pixels.reshape(batch, channels, places, step, places, step)
-        blocks = blocks.permute(0, 2, 4, 1, 3, 5).reshape(batch, places, places, channels * step * step)
+        # Space-to-depth and a 2x2 convolution: the same result, but faster on a CPU.
+        count, depth = side // stride, channels * stride * stride
+        blocks = pixels.reshape(batch, channels, count, stride, count, stride)
+        blocks = blocks.permute(0, 2, 4, 1, 3, 5).reshape(batch, count, count, depth)
         blocks = (blocks.to(conv.weight.dtype) * (1.0 / 255.0)).permute(0, 3, 1, 2)
-        weight = conv.weight.reshape(-1, channels, 2, step, 2, step)
-        weight = weight.permute(0, 2, 4, 1, 3, 5).reshape(-1, 2, 2, channels * step * step)
+        weight = conv.weight.reshape(-1, channels, 2, stride, 2, stride)
+        weight = weight.permute(0, 2, 4, 1, 3, 5).reshape(-1, 2, 2, depth)
         return F.conv2d(blocks, weight.permute(0, 3, 1, 2), conv.bias)
 
 
@@ -198,14 +190,13 @@ class Dense:
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers."""
         with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            found = network.convolve(pixels)
+            features = network.convolve(pixels)
         # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
-        return found.float()
+        return features.float()
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones."""
-        with torch.autocast(
-            frozen_features.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16
-        ):
-            found = network.convolve_from(frozen_features.float())
-        return found.float()
+        device = frozen_features.device.type
+        with torch.autocast(device, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
+            features = network.convolve_from(frozen_features.float())
+        return features.float()

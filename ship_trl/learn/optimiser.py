@@ -9,17 +9,10 @@ from torch import Tensor
 
 
 class ChannelsLastAdam(torch.optim.Optimizer):
-    """Adam (Kingma and Ba, 2015) that updates channels-last filters without copying them.
+    """Adam (Kingma and Ba, 2015) that updates float32 channels-last filters without copying them.
 
     torch's own fused step copies tensors that are not contiguous, which more than doubles the time for
-    conv4. Kernel, results and state names are the same as in `torch.optim.Adam(fused=True)`. Any other torch
-    optimiser works too, but is slower.
-
-    Args:
-        params: float32 parameters.
-        lr: learning rate.
-        betas: decay rates of the running averages of the gradient and of its square.
-        eps: added to the square root of the second average.
+    conv4. Kernel, results and state names are the same as in `torch.optim.Adam(fused=True)`.
     """
 
     def __init__(
@@ -40,7 +33,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             learning = [parameter for parameter in group["params"] if parameter.grad is not None]
             if not learning:
                 continue
-            states = [self.state[parameter] or self.begin(parameter) for parameter in learning]
+            states = [self.state[parameter] or self.init_state(parameter) for parameter in learning]
             steps = [state["step"] for state in states]
             torch._foreach_add_(steps, 1.0)
             torch._fused_adam_(
@@ -59,19 +52,18 @@ class ChannelsLastAdam(torch.optim.Optimizer):
                 maximize=False,
             )
 
-    def begin(self, parameter: Tensor) -> dict[str, Tensor]:
+    def init_state(self, parameter: Tensor) -> dict[str, Tensor]:
         """Initialise the state of a parameter before its first step, and return it."""
-        state = {
+        self.state[parameter] = {
             "step": torch.zeros((), device=parameter.device),
             "exp_avg": torch.zeros_like(parameter),
             "exp_avg_sq": torch.zeros_like(parameter),
         }
-        self.state[parameter] = state
-        return state
+        return self.state[parameter]
 
 
 def in_memory_order(tensor: Tensor, parameter: Tensor) -> Tensor:
-    """Return a contiguous tensor in the memory order of a parameter; a view where possible."""
+    """Return a tensor contiguously in the memory order of a parameter; a view where possible."""
     if parameter.dim() == 4 and not parameter.is_contiguous():
         return tensor.permute(0, 2, 3, 1).contiguous()
     return tensor.contiguous()

@@ -15,11 +15,7 @@ def greedy_policy(network: nn.Module, draw: Callable[[Tensor], Tensor]) -> Tenso
     """Return the policy that takes the action with the highest Q-value.
 
     It reads `state` [N, S] and writes `pixels`, `action_value` float32 [N, A], `chosen_action_value` [N, 1]
-    and `action` int64 [N].
-
-    Args:
-        network: pixels to Q-values.
-        draw: states to pixels.
+    and `action` int64 [N]. `draw` maps states to pixels, and `network` pixels to Q-values.
     """
     return TensorDictSequential(
         TensorDictModule(draw, in_keys=["state"], out_keys=["pixels"]),
@@ -32,13 +28,9 @@ class EpsilonGreedy(TensorDictModuleBase):
 
     TorchRL's `EGreedyModule` draws from torch's global generator, and computes Q-values for every row. This
     module draws from the run's own generator, and computes Q-values only for rows that do not explore. The
-    number of draws does not depend on `epsilon`. The training loop sets `epsilon`.
+    number of draws does not depend on `epsilon`, which the training loop sets.
 
-    Args:
-        best: maps observations [N, ...] to the best actions, int64 [N].
-        observation: the observation's key.
-        num_actions: A.
-        generator: random generator of the draws, on the observation's device.
+    `best` maps observations [N, ...], read from the key `observation`, to the best actions, int64 [N].
     """
 
     def __init__(

@@ -15,19 +15,15 @@ from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictRepl
 from torchrl.envs.transforms import Transform
 
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
-# Steps that are collected before they are written to the storage.
+# Number of steps that are collected before they are written to the storage.
 MAX_PENDING = 256
 
 
 class DrawPixels(Transform):
-    """Adds `pixels` for each `state` and `next` state of a sampled batch.
-
-    Args:
-        draw: states [..., S] to uint8 [..., C, 84, 84].
-    """
+    """Adds `pixels` to a batch: `draw` maps each state [..., S] to uint8 [..., C, 84, 84]."""
 
     def __init__(self, draw: Callable[[Tensor], Tensor]) -> None:
-        super().__init__(in_keys=["state", ("next", "state")], out_keys=["pixels", ("next", "pixels")])
+        super().__init__(in_keys=[*STATES], out_keys=["pixels", ("next", "pixels")])
         self.draw = draw
 
     def _apply_transform(self, obs: Tensor) -> Tensor:
@@ -35,14 +31,9 @@ class DrawPixels(Transform):
 
 
 class TransitionStorage(Storage):
-    """Storage with one tensor per key; stores transitions in a third of `LazyTensorStorage`'s time.
+    """Storage with one tensor per key, which needs a third of `LazyTensorStorage`'s time.
 
-    Writes and reads are small, so most of the time would be spent on tensordicts, not on moving numbers.
-
-    Args:
-        capacity: maximum number of transitions.
-        device: device of the stored tensors.
-        hidden: keys that are stored but not returned by `get`.
+    Writes and reads are small, so tensordicts would take most of the time. `get` omits the `hidden` keys.
     """
 
     def __init__(
@@ -76,10 +67,10 @@ class TransitionStorage(Storage):
     def get(self, index: Any) -> TensorDict:
         """Read the rows `index` [B] as a tensordict [B]."""
         shown = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.hidden}
-        return nest(shown, self.device)
+        return make_batch(shown, self.device)
 
     def rows(self) -> dict[NestedKey, Tensor]:
-        """Return the stored tensors [L, ...] by key, hidden ones too; these are not copies."""
+        """Return the stored tensors [L, ...] by key, also hidden ones, without copying them."""
         return {key: rows[: self._len] for key, rows in self._rows.items()}
 
     def load_rows(self, rows: Mapping[NestedKey, Tensor]) -> None:
@@ -118,25 +109,15 @@ class TransitionStorage(Storage):
         self._len = 0
 
 
-def dotted(key: NestedKey) -> str:
+def join_key(key: NestedKey) -> str:
     """Join a nested key with dots."""
     return key if isinstance(key, str) else ".".join(key)
 
 
-def keep_batch(batch: TensorDict) -> TensorDict:
-    """Return a batch unchanged, because the storage has collated it already."""
-    return batch
-
-
-def nest(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
+def make_batch(entries: dict[NestedKey, Tensor], device: torch.device | None = None) -> TensorDict:
     """Make a tensordict [B] of tensors [B, ...]; keys with two parts go into its `next`."""
-    outer: dict[str, Any] = {}
-    following: dict[str, Any] = {}
-    for key, value in entries.items():
-        if isinstance(key, tuple):
-            following[key[1]] = value
-        else:
-            outer[key] = value
+    outer: dict[str, Any] = {key: value for key, value in entries.items() if isinstance(key, str)}
+    following = {key[1]: value for key, value in entries.items() if isinstance(key, tuple)}
     size = outer["action"].shape
     outer["next"] = TensorDict(following, batch_size=size, device=device)
     return TensorDict(outer, batch_size=size, device=device)
@@ -149,16 +130,15 @@ class StateReplay(TensorDictReplayBuffer):
     (scaled), `done` and `terminated` [B, 1]. Batches are drawn uniformly, with replacement.
 
     Args:
-        capacity: maximum number of transitions; then the oldest ones are overwritten.
+        capacity: maximum number of transitions; new ones then overwrite the oldest.
         reward_scale: factor of the rewards.
         generator: draws the batches.
         device: device of the stored transitions.
         observation: the key that is stored: `state`, or `features` where layers are frozen.
         transform: applied to batches, for example `DrawPixels`.
         batch_size: default of `sample()` and of iteration.
-        encode: maps states [N, S] to the observation [N, ...], which is a hundred times larger. The replay
-            then stores both. `compact_state_dict` leaves out the observation, and `load_compact_state_dict`
-            recomputes it.
+        encode: maps states [N, S] to the observation [N, ...]. The replay then stores both, but a checkpoint
+            only the states: observations are a hundred times larger.
     """
 
     def __init__(
@@ -181,7 +161,8 @@ class StateReplay(TensorDictReplayBuffer):
         super().__init__(
             storage=storage,
             writer=writer,
-            collate_fn=keep_batch,
+            # The storage returns whole batches.
+            collate_fn=lambda batch: batch,
             generator=generator,
             transform=transform,
             batch_size=batch_size,
@@ -232,13 +213,13 @@ class StateReplay(TensorDictReplayBuffer):
     def compact_state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to resume with the same transitions and draws, by dotted names.
 
-        Observations that can be recomputed are left out. The tensors are the storage's memory, not copies.
+        Leave out observations that can be recomputed. Tensors are not copied.
         """
         self._store()
         computed, writer = self._computed_keys(), self._writer.state_dict()
         rows = {key: value for key, value in self._storage.rows().items() if key not in computed}
         return {
-            **{f"rows.{dotted(key)}": value for key, value in rows.items()},
+            **{f"rows.{join_key(key)}": value for key, value in rows.items()},
             "cursor": torch.tensor([writer["_cursor"], writer["_write_count"]]),
             "generator": self.generator.get_state(),
         }
@@ -281,7 +262,7 @@ class StateReplay(TensorDictReplayBuffer):
             steps = {key: torch.cat([step[key] for step in self._pending]) for key in self._pending[0]}
             self._pending.clear()
             # Not `super()`: a `TensorDictReplayBuffer` adds an index to each transition.
-            ReplayBuffer.extend(self, nest(steps))
+            ReplayBuffer.extend(self, make_batch(steps))
 
     def sample(self, batch_size: int | None = None, return_info: bool = False) -> TensorDictBase:
         """Draw a batch of transitions."""

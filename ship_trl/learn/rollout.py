@@ -16,16 +16,11 @@ Policy = Callable[[TensorDictBase], TensorDictBase]
 
 @dataclass(frozen=True)
 class Episode:
-    """An episode of T steps.
+    """An episode of T steps and how it ended.
 
-    Attributes:
-        states: float [T + 1, S].
-        actions: int64 [T].
-        q_values: float [T, A]; None if the policy wrote no `action_value`.
-        rewards: raw rewards, float [T].
-        goal: whether it ended at the goal.
-        collision: whether it ended with a collision.
-        dcpa: least distance to any target ship in metres; infinite without target ships.
+    Shapes: states float [T + 1, S], actions int64 [T], raw rewards float [T]; q_values float [T, A], or None
+    if the policy wrote no `action_value`. `dcpa` is the least distance to any target ship in metres, infinite
+    without target ships.
     """
 
     states: Tensor
@@ -61,12 +56,8 @@ def outcome(goal: bool, collision: bool) -> str:
 def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
     """Roll out one episode in each of the N environments of a batch.
 
-    TorchRL's `EnvBase.rollout` either stops when the first episode of a batch ends, or continues with new
-    episodes.
-
-    Args:
-        env: has the keys `state`, `action`, `goal`, `collision` and `dcpa`.
-        policy: reads `state` or any other observation.
+    The environment needs the keys `state`, `action`, `goal`, `collision` and `dcpa`. TorchRL's own `rollout`
+    either stops when the first episode of a batch ends, or continues with new episodes.
     """
     current = env.reset()
     steps = []

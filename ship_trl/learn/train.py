@@ -1,4 +1,4 @@
-"""The training loop. It yields events, so that logging, pictures and progress stay outside it."""
+"""The training loop. It yields events, so that logging, pictures and progress stay outside."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ class DivergedError(Exception):
 class Training:
     """Train for `learn.episodes` episodes, one step of the batched environment at a time.
 
-    Between two steps `state_dict` returns everything that is needed to resume. `load_state_dict` resumes with
-    parts that were made in the same way; on a CPU the results have the same bits.
+    Between two steps a training can be saved by `state_dict`, and resumed by `load_state_dict` with parts
+    made in the same way. On a CPU the results have the same bits.
 
     Args:
         env: batched environment with `state` and `action`; `goal`, `collision` and `dcpa` are reported.
@@ -148,10 +148,10 @@ class Training:
         mean = float(losses.mean())
         if not math.isfinite(mean):
             # Name the first loss that is not finite, or the last loss if only the sum overflows.
-            wrong = (~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1]
-            update = self.updates - len(losses) + wrong[0] + 1
+            first = ((~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1])[0]
+            update = self.updates - len(losses) + first + 1
             step = self._learn.warmup_steps + update * self._learn.update_every
-            raise DivergedError(f"the loss is {float(losses[wrong[0]])} at environment step {step}")
+            raise DivergedError(f"the loss is {float(losses[first])} at environment step {step}")
         return mean
 
     def _evaluate(self) -> Evaluated:
@@ -162,7 +162,7 @@ class Training:
         return Evaluated(self.episode, self.steps, greedy)
 
     def check_finite(self) -> None:
-        """Check the losses and all weights; a bad weight may not have reached the loss or an evaluation yet.
+        """Check losses and weights; a bad weight may not have reached the loss or an evaluation yet.
 
         Raises:
             DivergedError: a loss or a weight is not finite.
@@ -221,8 +221,7 @@ def train(
     """Train from the first episode to the last, and yield the events; see `Training`.
 
     Yields:
-        `Finished` for each episode, in order; `Evaluated` before the first episode, every
-        `evaluate_every` episodes and after the last.
+        `Finished` for each episode; `Evaluated` before the first, every `evaluate_every`, and after the last.
     """
     training = Training(env, eval_env, agent, replay, learn)
     yield training.begin()

@@ -38,9 +38,9 @@ class TargetShip:
 
 @dataclass
 class CaseFile:
-    """What a case's YAML file holds.
+    """Fields of a case's YAML file.
 
-    `ideal_path` names the shortest safe path. Cases with the same name share it. Only similarity reads it.
+    `ideal_path` names the shortest safe path, which cases may share. Only similarity reads it.
     """
 
     start: Point
@@ -70,12 +70,12 @@ def load_world(name: str = "paper") -> World:
 
 
 def case_folders() -> list[Path]:
-    """List where cases are looked up by name: the working directory's conf/case, then the bundled ones."""
+    """Return the folders to search for cases: the working directory's conf/case, then the bundled ones."""
     return [Path("conf/case"), conf_dir() / "case"]
 
 
 def case_names() -> list[str]:
-    """List the names of all cases, sorted."""
+    """Return the sorted names of all cases."""
     return sorted({path.stem for folder in case_folders() for path in folder.glob("*.yaml")})
 
 
@@ -90,15 +90,14 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
     """Read a case by name, or by the path of a YAML file, and check that it fits the world.
 
     Raises:
-        ConfigError: no such case, a field that is missing, unknown or wrong, a goal that no policy can reach
-            in time, or a ship that starts inside the safe distance.
+        ConfigError: there is no such case, a field is missing, unknown or invalid, or see `check_case`.
     """
     path = find_case(name)
     if path is None:
         names = ", ".join(case_names())
         raise ConfigError(f"{key}: no case {name}; allowed: {names}, or a path to a YAML file")
     if not is_name(path.stem):
-        # Results are kept in a folder of this name.
+        # Results are written to a folder of this name.
         raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
     try:
         values = read_yaml(path)
@@ -127,10 +126,10 @@ def is_file(path: Path) -> bool:
 
 
 def check_case(case: Case, world: World, where: str) -> None:
-    """Check that a case fits the world.
+    """Check that a case fits the world; `where` begins the messages.
 
     Raises:
-        ConfigError: `where`, the field, and what is allowed.
+        ConfigError: the goal cannot be reached in time, or a ship starts inside the safe distance.
     """
     to_goal = math.dist(case.start, case.goal) - world.goal_distance
     if to_goal <= 0:

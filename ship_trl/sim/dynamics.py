@@ -18,13 +18,8 @@ STATE_SIZE = 4
 def advance(state: Tensor, action: Tensor, actions: Tensor, dt: float) -> Tensor:
     """Return the states [..., 4] after one action each: own ship turns, then moves.
 
-    Table 1 does not say whether the turn or the move comes first; this order is our choice.
-
-    Args:
-        state: states [..., 4].
-        action: indices into `actions`, int64 [...].
-        actions: speed (m/s) and rate of turn (rad/s) of each action, [A, 2].
-        dt: length of a step in seconds.
+    Table 1 leaves the order open; turning first is our choice. `action` int64 [...] indexes `actions` [A, 2]:
+    speed (m/s) and rate of turn (rad/s). `dt` is the length of a step in seconds.
     """
     speed, turn = actions[action].unbind(-1)
     heading = state[..., HEADING] + turn * dt
@@ -34,13 +29,9 @@ def advance(state: Tensor, action: Tensor, actions: Tensor, dt: float) -> Tensor
 
 
 def target_positions(state: Tensor, start: Tensor, velocity: Tensor, dt: float) -> Tensor:
-    """Return the positions (m) of K target ships at the time of each state, [..., K, 2].
+    """Return the positions [..., K, 2] in metres of K target ships at the time of each state [..., 4].
 
-    Args:
-        state: states [..., 4].
-        start: initial positions of the target ships in metres, [K, 2].
-        velocity: velocities of the target ships in m/s, [K, 2].
-        dt: length of a step in seconds.
+    They start at `start` [K, 2] in metres, and keep `velocity` [K, 2] in m/s. A step lasts `dt` seconds.
     """
     time = (state[..., STEP] * dt)[..., None, None]
     return start + time * velocity

@@ -32,8 +32,8 @@ class ShipEnv(EnvBase):
     Episode end: `terminated` at the goal or on a collision, which takes precedence in the same step;
     `truncated` at the step limit.
 
-    Every episode starts from the case's initial state, so a reset draws no random numbers. The environment
-    holds no state: a step is a function of the tensordict that it is given.
+    Every episode starts from the case's initial state, so a reset draws no random numbers. A step depends
+    only on the tensordict that it gets.
 
     Args:
         case: initial state, goal and target ships.
@@ -41,7 +41,7 @@ class ShipEnv(EnvBase):
         num_envs: number of own ships, N.
         from_pixels: whether to observe `pixels`.
         colour: whether the pixels are RGB (C = 3) instead of grey (C = 1).
-        encoders: functions that map states [N, 4] to features [N, F], by the key of their observation.
+        encoders: maps each further observation key to a function from states [N, 4] to features [N, F].
         device: where to simulate.
     """
 
@@ -62,7 +62,7 @@ class ShipEnv(EnvBase):
         self.case, self.world = case, world
         self._transition = Transition(case, world, self.device)
         on_cpu = self.device.type == "cpu"
-        self._advance = CompiledStep(self._transition) if on_cpu else self._transition
+        self._simulate = CompiledStep(self._transition) if on_cpu else self._transition
         self.rasteriser = Rasteriser(case, world, colour=colour, device=self.device)
         self.from_pixels = from_pixels
         self._encoders = dict(encoders or {})
@@ -122,7 +122,7 @@ class ShipEnv(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Take one action in each row; return observation, reward and done flags."""
-        after = self._advance(tensordict["state"], tensordict["action"])
+        after = self._simulate(tensordict["state"], tensordict["action"])
         terminated = (after.goal | after.collision).unsqueeze(-1)
         truncated = after.truncated.unsqueeze(-1)
         dcpa = torch.minimum(tensordict["dcpa"], after.min_distance.unsqueeze(-1))
@@ -141,9 +141,8 @@ class ShipEnv(EnvBase):
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """Take a step, then reset the rows whose episode has ended.
 
-        Returns the tensordict with `next`, and the tensordict to act on next, as in TorchRL. It replaces
-        TorchRL's method, which takes three times as long: that method checks the result of `_step` again, and
-        runs `torch.where` over every row of every entry.
+        Return the tensordict with `next`, and the tensordict to act on next, as in TorchRL. TorchRL's own
+        method takes three times as long: it checks the result of `_step` again, and copies every row.
         """
         outcome = self._step(tensordict)
         tensordict.set("next", outcome)

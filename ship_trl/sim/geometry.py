@@ -21,23 +21,18 @@ def unit_vector(heading: Tensor) -> Tensor:
 def angle_off_bow(position: Tensor, heading: Tensor, point: Tensor) -> Tensor:
     """Return the angles [...] from own ship's heading to the direction of `point` (figure 2).
 
-    The angles are in radians in [-pi, pi), positive to port. For the goal the angle is theta_2, for a
-    target ship theta_1.
-
-    Args:
-        position: own ship's positions in metres, [..., 2].
-        heading: own ship's headings in radians, [...].
-        point: positions of the points in metres, [..., 2].
+    Angles are in radians in [-pi, pi), positive to port: theta_2 for the goal, theta_1 for a target ship.
+    Shapes: position, point [..., 2] in metres; heading [...] in radians.
     """
-    sight = point - position
-    return wrap_angle(torch.atan2(sight[..., 1], sight[..., 0]) - heading)
+    offset = point - position
+    return wrap_angle(torch.atan2(offset[..., 1], offset[..., 0]) - heading)
 
 
 def closest_approach(start: Tensor, end: Tensor) -> Tensor:
     """Return the least distance [...] from the origin to points that move from `start` to `end`, [..., 2].
 
-    Within a step both ships move on straight lines at constant speed. So one ship moves on a segment
-    relative to the other, and their least distance is the distance from the origin to this segment.
+    Points are positions of one ship relative to another. Within a step both ships keep course and speed, so
+    the relative motion is a straight segment.
     """
     travel = end - start
     length2 = (travel * travel).sum(-1)
@@ -46,15 +41,25 @@ def closest_approach(start: Tensor, end: Tensor) -> Tensor:
     return torch.linalg.vector_norm(nearest, dim=-1)
 
 
+def polygon_edges(corners: Tensor) -> list[tuple[float, float, float]]:
+    """Return each edge's outward normal (x, y) and its distance from the origin, for corners [E, 2].
+
+    The corners must be in counter-clockwise order.
+    """
+    edges = []
+    for (ax, ay), (bx, by) in zip(corners.tolist(), corners.roll(-1, 0).tolist(), strict=True):
+        length = math.hypot(bx - ax, by - ay)
+        normal_x, normal_y = (by - ay) / length, (ax - bx) / length
+        edges.append((normal_x, normal_y, normal_x * ax + normal_y * ay))
+    return edges
+
+
 def predicted_approach(position: Tensor, velocity: Tensor) -> tuple[Tensor, Tensor]:
-    """Return DCPA (m) and TCPA (s) of points that hold course and speed, [...] each.
+    """Return DCPA (m) and TCPA (s), both [...], of points that keep course and speed relative to the origin.
 
-    DCPA is the least distance from the origin over all time, TCPA the time until then. TCPA is negative
-    if the closest approach is past. A point that does not move has its present distance and 0 s.
-
-    Args:
-        position: present positions relative to the origin in metres, [..., 2].
-        velocity: velocities relative to the origin in m/s, [..., 2].
+    DCPA is the least distance from the origin over all time. TCPA is the time until then, negative if it has
+    passed. A point at rest has its present distance and 0 s.
+    Shapes: position [..., 2] in metres, velocity [..., 2] in m/s.
     """
     speed2 = (velocity * velocity).sum(-1)
     moving = speed2 > 0

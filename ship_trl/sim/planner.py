@@ -1,7 +1,7 @@
 """Search for the action sequence with the greatest return: beam search.
 
 The simulation is deterministic, so a sequence of actions is a plan. Its return is a lower bound of the
-optimal return. Results are compared with this bound.
+optimal return, with which results are compared.
 """
 
 from __future__ import annotations
@@ -22,16 +22,10 @@ from ship_trl.sim.value_bound import ValueBound
 
 
 class Resolution(NamedTuple):
-    """Resolution of one beam search.
+    """Resolution of one beam search, which keeps the best plan of each cell at each step.
 
-    At each step, plans with similar position, heading and passing distance share a cell, and only the best
-    plan of a cell is kept.
-
-    Attributes:
-        position: size of a cell in metres, along x and y.
-        heading: size of a cell in radians.
-        passing: size of a cell in metres of passing distance.
-        max_deviation: maximum distance in metres from the best plan so far.
+    Plans share a cell if their position (m), heading (rad) and passing distance (m) are similar. Plans stay
+    within `max_deviation` (m) of the best plan so far.
     """
 
     position: float
@@ -46,20 +40,14 @@ RESOLUTIONS = (
     Resolution(4.0, 0.03, 1.0, 40.0),
     Resolution(2.0, 0.02, 0.5, 20.0),
 )
-# A plan that will pass inside the safe distance is ranked lower: each metre too close costs as much as this
-# many metres to the goal in one step. Without it, plans that will collide crowd out plans that give way.
-METRES_PER_MISSING_METRE = 50.0
+# Ranks plans lower that will pass inside the safe distance: a metre too close counts like this many metres
+# to the goal in one step. Without it, plans that will collide crowd out plans that give way.
+CLOSENESS_PENALTY = 50.0
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A sequence of actions and its outcome.
-
-    Attributes:
-        episode_return: undiscounted sum of raw rewards.
-        actions: action indices.
-        goal: whether the sequence ends at the goal.
-    """
+    """A sequence of action indices, its undiscounted raw return, and whether it ends at the goal."""
 
     episode_return: float
     actions: list[int]
@@ -67,14 +55,9 @@ class Plan:
 
 
 def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
-    """Search for the action sequence with the greatest return; deterministic.
+    """Search for the action sequence with the greatest return, even if none reaches the goal; deterministic.
 
-    If none of the sequences found reaches the goal, return the one with the greatest return anyway.
-
-    Args:
-        case: where to search.
-        world: physics and reward.
-        beam: maximum number of plans kept from one step to the next.
+    `beam` is the maximum number of plans kept from one step to the next.
     """
     transition = Transition(case, world, torch.device("cpu"))
     value_bound = ValueBound(transition)
@@ -87,14 +70,9 @@ def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
 def search(
     transition: Transition, value_bound: ValueBound, beam: int, resolution: Resolution, best: Plan
 ) -> Plan:
-    """Run one beam search; return `best` if it finds nothing better.
+    """Run one beam search on the CPU, near the best plan so far; return that plan if nothing is better.
 
-    Args:
-        transition: the case's simulation step, on the CPU.
-        value_bound: upper bound of the return to come, which prunes plans.
-        beam: maximum number of plans kept from one step to the next.
-        resolution: which plans count as similar, and how far they may be from `best`.
-        best: best plan so far; its actions may be empty.
+    `value_bound` prunes plans. `best.actions` may be empty.
     """
     best_positions = plan_positions(transition, best.actions)
     state, total = transition.start[None], torch.zeros(1, dtype=torch.float64)
@@ -132,18 +110,13 @@ def plan_positions(transition: Transition, actions: list[int]) -> Tensor:
 
 
 def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, resolution: Resolution) -> Tensor:
-    """Return the indices of the best-ranked plans, at most one per cell and `beam` in all.
+    """Return the indices of the best-ranked of N plans, at most one per cell and `beam` in all.
 
-    Args:
-        bound: upper bounds of the plans' returns, [N].
-        state: states that the plans have reached, [N, 4].
-        transition: the case's simulation step.
-        beam: maximum number of plans.
-        resolution: size of a cell.
+    Shapes: bound [N], upper bounds of the plans' returns; state [N, 4], which the plans have reached.
     """
     passing = passing_distance(state, transition)
     weights, safe = transition.world.reward, transition.world.safe_distance
-    penalty = abs(weights.w3 * weights.k1) * METRES_PER_MISSING_METRE
+    penalty = abs(weights.w3 * weights.k1) * CLOSENESS_PENALTY
     order = torch.argsort(bound - penalty * (safe - passing).clamp(min=0.0), descending=True, stable=True)
     cells = torch.cat(
         (
@@ -167,15 +140,15 @@ def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, reso
 def passing_distance(state: Tensor, transition: Transition) -> Tensor:
     """Return the distances [N] in metres at which states [N, 4] will pass the nearest target ship.
 
-    Own ship is assumed to keep its course at full speed. Distances are clipped at 4/3 of the safe distance;
-    ships that are already past count as this far away.
+    Own ship is assumed to keep its course at full speed. Distances are clipped at 4/3 of the safe distance.
+    Ships that own ship has passed count as this far away.
     """
-    away = transition.away(state)
+    position = transition.relative_positions(state)
     max_distance = transition.world.safe_distance * 4 / 3
-    if not away.shape[1]:
+    if not position.shape[1]:
         return torch.full_like(state[:, 0], max_distance)
     own_velocity = float(transition.actions[:, 0].max()) * unit_vector(state[:, HEADING])
     velocity = transition.ship_velocity - own_velocity[:, None]
-    time = -(away * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
-    distance = torch.linalg.vector_norm(away + time[..., None] * velocity, dim=-1)
+    time = -(position * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
+    distance = torch.linalg.vector_norm(position + time[..., None] * velocity, dim=-1)
     return torch.where(time > 0, distance, max_distance).amin(-1).clamp(max=max_distance)

@@ -17,13 +17,7 @@ EPISODES = 10_000
 def random_return(case: Case, world: World, seed: int = 0, episodes: int = EPISODES) -> float:
     """Return the mean undiscounted raw return of uniform random actions in a case.
 
-    All runs use the same seed, so that their scores share one zero.
-
-    Args:
-        case: where to roll out.
-        world: physics and reward.
-        seed: seed of the actions.
-        episodes: number of episodes to average.
+    All runs use the same seed of the actions, so that their scores share one zero.
     """
     reference = Transition(case, world, torch.device("cpu"))
     step, generator = CompiledStep(reference), Generator().manual_seed(seed)

@@ -1,7 +1,6 @@
 """The best known plan of each case, cached as a JSON file because the search takes long.
 
-`plans/` holds the plans of the bundled cases in the paper's world. `python -m ship_trl.sim.reference`
-searches for them again.
+`plans/` has those of the bundled cases in the paper's world; `python -m ship_trl.sim.reference` rewrites it.
 """
 
 from __future__ import annotations
@@ -27,44 +26,37 @@ PLANNER_VERSION = 2
 BUNDLED_PLANS = Path(__file__).parent / "plans"
 # Raw return. Processors round differently, so a cached plan's return may differ by this much.
 RETURN_TOLERANCE = 1e-3
-_known: dict[str, Plan] = {}
+# By file name.
+_cached_plans: dict[str, Plan] = {}
 
 
 def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
     """Return the best known plan: from memory, `folder` or the bundled plans, or else by a search.
 
-    A cached plan is rolled out before it is used. If its return differs, the file is stale or damaged, and a
-    search replaces it.
-
-    Args:
-        case: case of the plan.
-        world: physics and reward.
-        folder: cache of plans, one file each; created if a plan is written. None disables it.
+    A plan from a file is rolled out first. If its return differs, the file is stale or damaged, and a search
+    replaces it. `folder` caches plans; it is created if needed, and None disables it.
     """
     name = plan_name(case, world)
-    if name in _known:
-        return _known[name]
+    if name in _cached_plans:
+        return _cached_plans[name]
     paths = [place / name for place in (folder, BUNDLED_PLANS) if place is not None]
     plan = next((plan for path in paths if (plan := _read(path, case, world)) is not None), None)
     if plan is None:
         plan = best_plan(case, world)
         if folder is not None:
-            write_plan(folder / name, plan)
-    _known[name] = plan
+            save_plan(folder / name, plan)
+    _cached_plans[name] = plan
     return plan
 
 
 def plan_name(case: Case, world: World) -> str:
-    """Return the file name of a case's plan: a digest of planner, case, world and reward formula.
-
-    The case's name is not part of the digest.
-    """
+    """Return the file name of a case's plan: a digest of planner, case, world and reward.py."""
     # An edited formula may have another best plan, even if the return of the cached one stays the same.
     inputs = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:12] + ".json"
 
 
-def write_plan(path: Path, plan: Plan) -> None:
+def save_plan(path: Path, plan: Plan) -> None:
     """Write a plan as JSON; create the folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as draft:
@@ -108,7 +100,7 @@ def main() -> None:
     for path in sorted((conf_dir() / "case").glob("*.yaml")):
         case = load_case(str(path), world)
         plan = best_plan(case, world)
-        write_plan(BUNDLED_PLANS / plan_name(case, world), plan)
+        save_plan(BUNDLED_PLANS / plan_name(case, world), plan)
         sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
 
 

@@ -1,9 +1,8 @@
-"""The network's view as 84 x 84 pixels (figure 1): own ship in the middle, heading up, drawn in batches.
+"""Draw the network's view as 84 x 84 pixels (figure 1): own ship in the middle, heading up.
 
-The background (disc, circles, own ship) never changes in this view, so it is drawn once and copied. For
-each state, only the line to the goal and the target ships are drawn, on the few pixels that they can touch.
-Edges are anti-aliased: a pixel's coverage is its signed distance to the edge, clamped to one pixel. So the
-picture shows a ship's position to a fraction of a pixel.
+The background (disc, circles, own ship) never changes, so it is drawn once and copied. For each state, only
+the line to the goal and the target ships are drawn, on the few pixels that they can touch. Edges are
+anti-aliased: a pixel's coverage is its signed distance to the edge, clamped to one pixel.
 """
 
 from __future__ import annotations
@@ -19,39 +18,27 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.fast.compiled import CompiledDrawing
+from ship_trl.sim.geometry import polygon_edges
 from ship_trl.sim.transition import Transition
 
 
 def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
     """Return the share of each pixel that a convex polygon covers, in [0, 1].
 
-    The share follows from the signed distance of the pixel's centre to the nearest edge.
-
-    Args:
-        x: pixel centres in the polygon's frame, broadcastable with `y`.
-        y: pixel centres in the polygon's frame.
-        corners: corners in counter-clockwise order, [E, 2], in pixels like `x` and `y`.
+    The share follows from the signed distance of the pixel's centre (x, y) to the nearest edge. All lengths
+    are in pixels, in the polygon's frame; `corners` [E, 2] are in counter-clockwise order.
     """
     distance = torch.full_like(x, -math.inf)
-    for (ax, ay), (bx, by) in zip(corners.tolist(), corners.roll(-1, 0).tolist(), strict=True):
-        length = math.hypot(bx - ax, by - ay)
-        normal_x, normal_y = (by - ay) / length, (ax - bx) / length
-        edge = normal_x * x + normal_y * y - (normal_x * ax + normal_y * ay)
-        distance = torch.maximum(distance, edge)
+    for normal_x, normal_y, offset in polygon_edges(corners):
+        distance = torch.maximum(distance, normal_x * x + normal_y * y - offset)
     return (0.5 - distance).clamp_(0.0, 1.0)
 
 
 class Rasteriser:
     """Draws the states of one case as the network sees them.
 
-    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. The picture depends only on
-    the state, the case and the world. A compiled loop draws it on the CPU, torch on other devices.
-
-    Args:
-        case: goal and target ships.
-        world: radii of the two circles, and the length of a step.
-        colour: whether to draw in RGB (C = 3) instead of grey (C = 1).
-        device: where to draw.
+    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
+    else 1 (grey). A compiled loop draws on the CPU, torch on other devices.
 
     Attributes:
         size: width and height of the picture in pixels.
@@ -78,7 +65,16 @@ class Rasteriser:
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
         self._background = self._draw_background(world)
         self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
-        self.compiled = self._compile() if self.device.type == "cpu" else None
+        self.compiled: CompiledDrawing | None = None
+        if self.device.type == "cpu":
+            self.compiled = CompiledDrawing(
+                self._transition,
+                self._course,
+                self._outline,
+                self._line_ink,
+                self._ship_ink,
+                self._background,
+            )
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
         """Return an RGB colour as float [C]: the colour itself (C = 3) or its luminance (C = 1)."""
@@ -86,12 +82,6 @@ class Rasteriser:
         if self.channels == 1:
             ink = (ink * torch.tensor(scene.LUMINANCE, device=self.device)).sum(0, keepdim=True)
         return ink
-
-    def _compile(self) -> CompiledDrawing:
-        """Return the compiled loop that draws what `reference` draws."""
-        return CompiledDrawing(
-            self._transition, self._course, self._outline, self._line_ink, self._ship_ink, self._background
-        )
 
     def spec(self, shape: torch.Size) -> Bounded:
         """Return the TorchRL spec of the pixels for a batch of `shape`: uint8 [*shape, C, 84, 84]."""
@@ -106,7 +96,7 @@ class Rasteriser:
         image = self._ink(scene.OUTSIDE)[:, None, None].expand(-1, self.size, self.size)
         ship = torch.tensor(scene.ship_outline(scene.OWN_LENGTH), device="cpu") * scene.PIXELS_PER_METRE
         for coverage, colour in (
-            ((0.5 + scene.WINDOW * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.DISC),
+            ((0.5 + scene.VIEW_RADIUS * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.DISC),
             ((0.5 + world.goal_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.GOAL_CIRCLE),
             ((0.5 + world.safe_distance * scene.PIXELS_PER_METRE - radius).clamp(0, 1), scene.SAFE_CIRCLE),
             # The outline's bow points along +x; in this view own ship's bow points up.
@@ -133,22 +123,19 @@ class Rasteriser:
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
         self._draw_line(image, self._transition.goal - flat[:, :2], rotate_x, rotate_y)
-        away = self._transition.away(flat)
-        if away.shape[1]:
-            self._draw_ships(image, away, rotate_x[:, None], rotate_y[:, None], turn)
+        ships = self._transition.relative_positions(flat)
+        if ships.shape[1]:
+            self._draw_ships(image, ships, rotate_x[:, None], rotate_y[:, None], turn)
         return image.add_(0.5).to(torch.uint8)
 
-    def _draw_line(self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
-        """Blend the line to the goal over `image`; its length is the goal's distance (section 3.1).
+    def _draw_line(self, image: Tensor, goal: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
+        """Blend the line to the goal over `image` float [N, C, P]; its length is the distance (section 3.1).
 
-        Args:
-            image: pictures, float [N, C, P]; written.
-            away: position of the goal relative to own ship in metres, [N, 2].
-            rotate_x: cosine of the rotation to heading up, times pixels per metre, [N].
-            rotate_y: sine of that rotation, times pixels per metre, [N].
+        `goal` [N, 2] is relative to own ship, in metres. `rotate_x` and `rotate_y` [N] are cosine and sine of
+        the rotation to heading up, times pixels per metre.
         """
-        dx = away[:, 0] * rotate_x - away[:, 1] * rotate_y
-        dy = -(away[:, 0] * rotate_y + away[:, 1] * rotate_x)
+        dx = goal[:, 0] * rotate_x - goal[:, 1] * rotate_y
+        dy = -(goal[:, 0] * rotate_y + goal[:, 1] * rotate_x)
         # At the goal the line has no direction; draw a very short one.
         at_goal = dx * dx + dy * dy < 1e-12
         dx, dy = torch.where(at_goal, 1e-6, dx), torch.where(at_goal, 0.0, dy)
@@ -175,25 +162,19 @@ class Rasteriser:
         self._blend(image, index, coverage, self._line_ink)
 
     def _draw_ships(
-        self, image: Tensor, away: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
+        self, image: Tensor, ships: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
     ) -> None:
-        """Blend the target ships over `image` as green polygons.
+        """Blend the target ships over `image` float [N, C, P] as green polygons.
 
+        `ships` [N, K, 2] are relative to own ship, in metres. `turn` [N] is the rotation to heading up in
+        radians; `rotate_x` and `rotate_y` [N, 1] are its cosine and sine, times pixels per metre.
         In figure 2 a ship's direction is theta_1 + 90 deg, its heading theta_1 + theta_3 + 90 deg.
-
-        Args:
-            image: pictures, float [N, C, P]; written.
-            away: positions of the target ships relative to own ship in metres, [N, K, 2].
-            rotate_x: cosine of the rotation to heading up, times pixels per metre, [N, 1].
-            rotate_y: sine of that rotation, times pixels per metre, [N, 1].
-            turn: angle of that rotation in radians, [N].
         """
         half = self.size / 2
-        cx = away[..., 0] * rotate_x - away[..., 1] * rotate_y + half
-        cy = half - (away[..., 0] * rotate_y + away[..., 1] * rotate_x)
+        cx = ships[..., 0] * rotate_x - ships[..., 1] * rotate_y + half
+        cy = half - (ships[..., 0] * rotate_y + ships[..., 1] * rotate_x)
         heading = self._course + turn[:, None]
-        # Move a patch that overlaps the edge back inside the picture; the coverage of its pixels is right
-        # anywhere.
+        # Patches are moved back inside the picture. This does not change the coverage of a pixel.
         last = self.size - len(self._patch)
         left = (cx - len(self._patch) / 2).round_().clamp_(0, last)
         top = (cy - len(self._patch) / 2).round_().clamp_(0, last)
@@ -204,7 +185,7 @@ class Rasteriser:
         cos, sin = torch.cos(heading)[..., None, None], torch.sin(heading)[..., None, None]
         coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._outline)
         index = row[..., :, None] * self.size + column[..., None, :]
-        for k in range(away.shape[1]):
+        for k in range(ships.shape[1]):
             self._blend(image, index[:, k], coverage[:, k], self._ship_ink)
 
     def _blend(self, image: Tensor, index: Tensor, coverage: Tensor, ink: Tensor) -> None:

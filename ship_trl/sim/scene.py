@@ -11,9 +11,9 @@ from ship_trl.config.types import PICTURE
 
 # Width and height of the network's view in pixels.
 SIZE = PICTURE
-# Radius of the visible disc around own ship in metres: half the picture's width.
-WINDOW = 640.0
-PIXELS_PER_METRE = SIZE / (2 * WINDOW)
+# Radius in metres of the visible disc around own ship: half the picture's width.
+VIEW_RADIUS = 640.0
+PIXELS_PER_METRE = SIZE / (2 * VIEW_RADIUS)
 
 OUTSIDE = (92, 122, 150)
 DISC = (26, 38, 58)
@@ -47,6 +47,6 @@ def ship_outline(length: float) -> list[tuple[float, float]]:
 
 def patch_size() -> int:
     """Return the width in pixels of a square that holds a target ship at any heading, with blurred edges."""
-    reach = max(math.hypot(*corner) for corner in ship_outline(TARGET_LENGTH)) * PIXELS_PER_METRE
+    radius = max(math.hypot(*corner) for corner in ship_outline(TARGET_LENGTH)) * PIXELS_PER_METRE
     # One pixel for blur, and one for rounding the square's position to whole pixels.
-    return math.ceil(2 * reach) + 2
+    return math.ceil(2 * radius) + 2

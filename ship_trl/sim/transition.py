@@ -21,11 +21,10 @@ class Outcome(NamedTuple):
     Attributes:
         state: states after the step, float32 [N, 4].
         reward: raw rewards (equation 4), float32 [N].
-        goal: whether the goal is reached, bool [N]; false on a collision.
+        goal: whether the goal is reached without a collision, bool [N].
         collision: whether a target ship came inside the safe distance within the step, bool [N].
-        truncated: whether the episode ends at the step limit alone, bool [N].
-        min_distance: least distance (m) to any target ship within the step, float32 [N]; infinite without
-            target ships.
+        truncated: whether the episode ends only because of the step limit, bool [N].
+        min_distance: least distance (m) to a target ship within the step, float32 [N]; infinite without one.
     """
 
     state: Tensor
@@ -42,8 +41,6 @@ class Transition:
     `transition(state, action)` maps float32 [N, 4] and int64 [N] to an `Outcome`.
 
     Attributes:
-        world: physics and reward.
-        constants: constants of the reward, see `reward_constants`.
         actions: speed (m/s) and rate of turn (rad/s) of each action, [A, 2].
         goal: position of the goal (m), [2].
         start: initial state, [4].
@@ -68,7 +65,7 @@ class Transition:
         """Return the distances to the goal in metres, [...], for states [..., 4]."""
         return torch.linalg.vector_norm(self.goal - state[..., :2], dim=-1)
 
-    def away(self, state: Tensor) -> Tensor:
+    def relative_positions(self, state: Tensor) -> Tensor:
         """Return the target ships' positions relative to own ship in metres, [N, K, 2], for states [N, 4]."""
         ships = target_positions(state, self.ship_start, self.ship_velocity, self.world.dt)
         return ships - state[:, None, :2]
@@ -77,17 +74,17 @@ class Transition:
         """Take one action with each ship: states float32 [N, 4], action indices int64 [N]."""
         world = self.world
         after = advance(state, action, self.actions, world.dt)
-        distances = closest_approach(self.away(state), self.away(after))
+        distances = closest_approach(self.relative_positions(state), self.relative_positions(after))
         nearest = distances.amin(-1) if distances.shape[-1] else torch.full_like(state[:, 0], math.inf)
         distance = self.goal_distance(after)
         collision = nearest < world.safe_distance
         # A collision takes precedence over reaching the goal in the same step.
         goal = (distance <= world.goal_distance + POSITION_TOLERANCE) & ~collision
         off_bow = angle_off_bow(after[:, :2], after[:, 2], self.goal)
-        ends = goal.to(distance.dtype), collision.to(distance.dtype)
+        flags = goal.to(distance.dtype), collision.to(distance.dtype)
         speed, turn = self.actions[action].unbind(-1)
         reward = step_reward(
-            self.constants, distance, off_bow, *ends, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn
+            self.constants, distance, off_bow, *flags, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn
         )
         truncated = (after[:, STEP] >= world.max_steps) & ~goal & ~collision
         return Outcome(after, reward, goal, collision, truncated, nearest)

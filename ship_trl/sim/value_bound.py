@@ -31,23 +31,16 @@ class ValueBound:
     """Upper bound of the return to come in one case, valid for any positions of its target ships.
 
     `value_bound(state)` takes float [N, 4], all at the same step, and returns float [N]. No plan gains more
-    than this bound plus `max_error`, within two limits:
+    than this bound plus `max_error` (raw reward), within two limits:
 
     - The reward must be as smooth in the goal's distance and angle as the paper's. As a function of the
       nearest ship's distance it may jump only at the safe distance, and must hardly change between distances
       a fifth apart.
-    - Within two goal distances of the goal the grid is too coarse to say which states reach it. There the
+    - Within two goal distances of the goal the grid is too coarse to tell which states reach it. There the
       bound may be too low by more than `max_error`.
 
-    Args:
-        transition: the case's simulation step, on the CPU.
-
-    Attributes:
-        max_error: error of the grid, in raw reward.
-        table: returns to come by steps left and grid point, [max_steps + 1, rows * GRID_ANGLES].
-        rows: number of goal distances in the grid.
-        row_spacing: difference of two neighbouring goal distances in metres.
-        column_spacing: difference of two neighbouring angles in radians.
+    The grid has `rows` goal distances, `row_spacing` metres apart, and `GRID_ANGLES` angles, `column_spacing`
+    radians apart. `table` [max_steps + 1, rows * GRID_ANGLES] holds the returns by steps left.
     """
 
     def __init__(self, transition: Transition) -> None:
@@ -72,27 +65,23 @@ class ValueBound:
         self.max_error = MAX_ERROR_SHARE * float(reward.max() - reward.min())
         corners, weights = self._corners(distance, off_bow)
         self.table = torch.zeros(world.max_steps + 1, self.rows * GRID_ANGLES)
-        for left in range(world.max_steps):
-            following = (self.table[left][corners] * weights).sum(-1).masked_fill(goal, 0.0)
-            self.table[left + 1] = torch.maximum(reward + following, collision).amax(-1)
+        for steps_left in range(world.max_steps):
+            following = (self.table[steps_left][corners] * weights).sum(-1).masked_fill(goal, 0.0)
+            self.table[steps_left + 1] = torch.maximum(reward + following, collision).amax(-1)
 
     def _best_rewards(self, distance: Tensor, off_bow: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the highest rewards of a step without and with a collision, [..., A] each.
+        """Return the highest rewards of a step without and with a collision, both [..., A].
 
-        Both are needed: with another reward formula, being near a ship or ending early may be best.
-        Without target ships the reward of a collision is minus infinity.
-
-        Args:
-            distance: distances to the goal after the step in metres, [..., A].
-            off_bow: theta_2 after the step in radians, [..., A].
-            goal: whether the goal is reached, bool [..., A].
+        With another reward formula, being near a ship or ending early may be best. Without target ships the
+        reward of a collision is minus infinity.
+        Shapes, after the step: distance to the goal (m), off_bow (theta_2, rad), goal reached: [..., A].
         """
         speed, turn = self.transition.actions.unbind(-1)
         reached, zero = goal.to(distance.dtype), torch.zeros_like(distance)
 
         def rewards(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
-            ends, ships = (reached, collided), zero + nearest
-            return step_reward(self.transition.constants, distance, off_bow, *ends, ships, speed, turn)
+            constants, nearest_ship = self.transition.constants, zero + nearest
+            return step_reward(constants, distance, off_bow, reached, collided, nearest_ship, speed, turn)
 
         reward, collision = rewards(MAX_SHIP_DISTANCE, reached, zero), zero - math.inf
         safe = self.transition.world.safe_distance
@@ -105,16 +94,14 @@ class ValueBound:
         return reward, collision
 
     def _corners(self, distance: Tensor, off_bow: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the four grid points around each distance and angle, and their weights, [..., 4] each."""
+        """Return the four grid points around each distance and angle, and their weights, both [..., 4]."""
         row = (distance / self.row_spacing).clamp(max=self.rows - 1.001)
         column = (off_bow + math.pi) / self.column_spacing
         low, left = row.floor(), column.floor()
         up, right = row - low, column - left
         low, left = low.long() * GRID_ANGLES, left.long() % GRID_ANGLES
-        beside = (left + 1) % GRID_ANGLES
-        corners = torch.stack(
-            (low + left, low + beside, low + GRID_ANGLES + left, low + GRID_ANGLES + beside), -1
-        )
+        high, next_right = low + GRID_ANGLES, (left + 1) % GRID_ANGLES
+        corners = torch.stack((low + left, low + next_right, high + left, high + next_right), -1)
         weights = torch.stack(((1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right), -1)
         return corners, weights
 
@@ -122,5 +109,5 @@ class ValueBound:
         """Return the upper bounds [N] of states [N, 4], which must all be at the same step."""
         off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.transition.goal)
         corners, weights = self._corners(self.transition.goal_distance(state), off_bow)
-        left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
-        return (self.table[left][corners] * weights).sum(-1)
+        steps_left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
+        return (self.table[steps_left][corners] * weights).sum(-1)

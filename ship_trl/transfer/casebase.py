@@ -1,8 +1,7 @@
 """The case base: trained networks stored by case and found by similarity. No torch.
 
-An entry is a folder `<case>/<arm>/seed=<k>-<config hash>/` with `entry.json` (case, its fingerprint,
-config hash, scores), `config.yaml` and `policy.safetensors`. It is written under a temporary name and
-renamed, so that no process sees an incomplete entry.
+An entry is a folder `<case>/<arm>/seed=<k>-<config hash>/` with `entry.json`, `config.yaml` and
+`policy.safetensors`. It is written atomically: under a temporary name, then renamed.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
 ENTRY, CONFIG = "entry.json", "config.yaml"
-# Further folders in the case base: locks, and plans of the planner.
+# Folders in the case base for locks and for plans of the planner.
 LOCKS, PLANS = ".locks", ".plans"
 # Halfway between the paper's high pair (0.83) and its low one (0.45), table 2.
 HIGH_SIMILARITY = 0.64
@@ -34,10 +33,7 @@ HIGH_SIMILARITY = 0.64
 
 @dataclass(frozen=True)
 class Entry:
-    """A stored network: its folder, case, arm, settings and scores.
-
-    `network` describes its layers; None means the paper's layers.
-    """
+    """A stored network; `network` describes its layers, and None means the paper's."""
 
     path: Path
     case: str
@@ -55,7 +51,7 @@ class Entry:
 
     @property
     def best_return(self) -> float:
-        """Best greedy return; minus infinity if the entry has none."""
+        """Best greedy return; minus infinity if unknown."""
         try:
             return float(self.scores["best"]["return"])
         except (KeyError, TypeError, ValueError, OverflowError):
@@ -64,7 +60,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Match:
-    """A source case, its value by each of `MEASURES`, and the arm that the paper recommends for it."""
+    """A source case, its value by each of `MEASURES`, and the arm to use (see `recommend`)."""
 
     case: Case
     measured: dict[str, float]
@@ -72,42 +68,39 @@ class Match:
 
 
 class CaseBase:
-    """The stored networks below a folder, which is created with the first one."""
+    """The networks stored in a folder, which is created with the first entry."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def entries(self) -> list[Entry]:
-        """List all valid entries, sorted by path; skip other folders."""
-        found = []
+        """Return all valid entries, sorted by path; skip other folders."""
+        valid = []
         for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
             try:
                 values = read_json(file)
-                one = Entry(path=file.parent, **values)
+                entry = Entry(path=file.parent, **values)
             except (OSError, ValueError, TypeError, AttributeError):
                 continue
-            texts = (str(one.path), one.case, one.fingerprint, one.arm, one.config_hash)
-            if all(type(text) is str and text.isprintable() for text in texts) and type(one.seed) is int:
-                found.append(one)
-        return found
+            texts = (str(entry.path), entry.case, entry.fingerprint, entry.arm, entry.config_hash)
+            if all(type(text) is str and text.isprintable() for text in texts) and type(entry.seed) is int:
+                valid.append(entry)
+        return valid
 
     def representative(self, case: Case) -> Entry | None:
-        """Find the stored network of a case that has the best greedy return (section 4.3).
-
-        Networks with other layers than the paper's are skipped.
-        """
+        """Return the network stored for a case that has the best return, of those with the paper's layers."""
         stored = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
         usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
         return max(usable, key=lambda entry: entry.best_return, default=None)
 
-    def place(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
-        """Return the folder of an entry; it need not exist."""
+    def entry_folder(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
+        """Return the folder of an entry, which may not exist yet."""
         return self.folder / case.name / arm / f"seed={seed}-{config_hash}"
 
     def lock(self, case: Case, arm: str, seed: int, config_hash: str) -> FileLock:
         """Return the lock to hold while an entry is made, so that no other process makes the same entry.
 
-        Its file below `.locks` is never deleted: another process may be waiting for it.
+        The lock file is never deleted: another process may be waiting for it.
         """
         locks = self.folder / LOCKS
         locks.mkdir(parents=True, exist_ok=True)
@@ -119,20 +112,22 @@ class CaseBase:
         Raises:
             ConfigError: there is a link.
         """
-        places = (self.place(case, arm, seed, config_hash), self.folder / LOCKS, self.folder / PLANS)
-        for place in places:
-            if linked := links(place, self.folder):
+        entry = self.entry_folder(case, arm, seed, config_hash)
+        for folder in (entry, self.folder / LOCKS, self.folder / PLANS):
+            if linked := links(folder, self.folder):
                 raise ConfigError(
                     f"case_base: {linked[0]} is a link; allowed: only case_base= itself may be one"
                 )
 
     def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
-        """Find the entry of exactly this case and these settings; None if there is none."""
-        place = self.place(case, arm, seed, config_hash)
-        found = [e for e in self.entries() if e.path == place and e.fingerprint == case.fingerprint]
-        # A power cut can leave an empty file.
-        is_complete = found and found[0].policy.is_file() and found[0].policy.stat().st_size > 0
-        return found[0] if is_complete else None
+        """Return the entry of this case and these settings, or None."""
+        folder = self.entry_folder(case, arm, seed, config_hash)
+        for entry in self.entries():
+            if entry.path == folder and entry.fingerprint == case.fingerprint:
+                # A power cut can leave an empty file.
+                is_complete = entry.policy.is_file() and entry.policy.stat().st_size > 0
+                return entry if is_complete else None
+        return None
 
     def retain(
         self,
@@ -144,13 +139,13 @@ class CaseBase:
         run: Path,
         network: dict[str, Any] | None = None,
     ) -> Entry:
-        """Store the network of a finished run; an existing entry is kept, because it has the same network."""
-        place = self.place(case, arm, seed, config_hash)
-        entry = Entry(place, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
+        """Store the network of a finished run; keep an existing entry, because it has the same network."""
+        folder = self.entry_folder(case, arm, seed, config_hash)
+        entry = Entry(folder, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(case, arm, seed, config_hash):
             return entry
         self.refuse_links(case, arm, seed, config_hash)
-        draft = place.with_name(f".{place.name}.{secrets.token_hex(4)}")
+        draft = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
         for name in (POLICY, CONFIG):
             if (run / name).is_symlink():
                 # Through a link, a private file of this machine would be copied into the case base.
@@ -159,18 +154,18 @@ class CaseBase:
         try:
             for name in (POLICY, CONFIG):
                 shutil.copyfile(run / name, draft / name)
-            about = {key: value for key, value in asdict(entry).items() if key != "path"}
+            values = {key: value for key, value in asdict(entry).items() if key != "path"}
             with writing(draft / ENTRY):
-                (draft / ENTRY).write_text(json.dumps(about, indent=1, sort_keys=True))
+                (draft / ENTRY).write_text(json.dumps(values, indent=1, sort_keys=True))
             for path in (*(draft / name for name in (POLICY, CONFIG, ENTRY)), draft):
                 sync(path)
-            if place.exists() and not self.find(case, arm, seed, config_hash):
-                shutil.rmtree(place)
-            draft.rename(place)
-            sync(place.parent)
+            if folder.exists() and not self.find(case, arm, seed, config_hash):
+                shutil.rmtree(folder)
+            draft.rename(folder)
+            sync(folder.parent)
         except OSError:
             # Another process may have stored the same entry in the meantime.
-            if not (place / ENTRY).is_file():
+            if not (folder / ENTRY).is_file():
                 raise
         finally:
             shutil.rmtree(draft, ignore_errors=True)
@@ -178,7 +173,7 @@ class CaseBase:
 
 
 def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") -> list[Match]:
-    """Rank source cases by one of `MEASURES`, the most similar first; ties keep the order of `bases`."""
+    """Rank source cases by one of `MEASURES`, most similar first; ties keep the order of `bases`."""
     matches = [
         Match(
             base,
@@ -192,12 +187,9 @@ def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") 
 
 
 def recommend(base: Case, target: Case) -> Arm:
-    """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3).
-
-    At high similarity freeze three layers, which are better than four. At low similarity finetune only the
-    first layer, because the return falls with each further layer. These are the paper's findings; a study
-    measures whether they hold.
-    """
+    """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3)."""
     if similarity(base, target) >= HIGH_SIMILARITY:
+        # Three frozen layers are better than four.
         return Arm(Method.feature_extraction, 3)
+    # The return falls with each further layer.
     return Arm(Method.finetune, 1)

@@ -24,7 +24,7 @@ Weights = Mapping[str, Tensor]
 
 
 def copy_layers(network: DuelingNetwork, weights: Weights, arm: Arm) -> None:
-    """Copy the layers that the arm copies into `network`; `Agent` freezes them."""
+    """Copy the layers of an arm into `network`, without freezing them."""
     copied = network.conv_names[: arm.copied_layers(len(network.conv_names))]
     for key, parameter in network.named_parameters():
         if arm.copies_all or key.split(".")[0] in copied:
@@ -32,13 +32,13 @@ def copy_layers(network: DuelingNetwork, weights: Weights, arm: Arm) -> None:
 
 
 def permute_values(weights: Weights, generator: Generator) -> Weights:
-    """Shuffle the values within each weight and bias tensor: it keeps the scale, but no features."""
-    found = {}
+    """Shuffle the values within each weight and bias tensor, which keeps their scale but no features."""
+    permuted = {}
     for name in sorted(weights):
         value = weights[name]
         order = torch.randperm(value.numel(), generator=generator)
-        found[name] = value.flatten()[order].reshape(value.shape)
-    return found
+        permuted[name] = value.flatten()[order].reshape(value.shape)
+    return permuted
 
 
 def save_weights(
@@ -72,11 +72,10 @@ def open_safetensors(path: Path, key: str) -> Iterator[Any]:
 
 
 def saved_network(path: Path, key: str) -> Network:
-    """Read which layers the network in a file has; the paper's layers if the header describes none.
+    """Read which layers the network in a file has; without a description in the header, the paper's.
 
     Raises:
-        ConfigError: not a safetensors file, or the header describes no valid network, or not the one in the
-            file.
+        ConfigError: not a safetensors file, or the header does not describe the file's network.
     """
     with open_safetensors(path, key) as file:
         header = (file.metadata() or {}).get("ship_trl", "{}")
@@ -90,23 +89,20 @@ def saved_network(path: Path, key: str) -> Network:
         maps = shapes.get("conv1.weight", [0, 0])[1]
         for n, layer in enumerate(geometry(network), 1):
             if shapes.get(f"conv{n}.weight") != [layer.filters, maps, layer.kernel, layer.kernel]:
-                raise ConfigError(f"conv{n}.weight is of another shape")
+                raise ConfigError(f"conv{n}.weight has another shape")
             maps = layer.filters
         if shapes.get("shared.weight") != [network.hidden, maps]:
-            raise ConfigError("shared.weight is of another shape")
+            raise ConfigError("shared.weight has another shape")
     except (ValueError, TypeError, RecursionError, ConfigError) as error:
-        raise ConfigError(f"{key}: {path} is of no network that can be made ({error})") from None
+        raise ConfigError(f"{key}: {path}: its header does not describe its network ({error})") from None
     return network
 
 
 def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:
-    """Read weights that fit `network`, without unpickling anything.
-
-    Float16 weights are converted to float32.
+    """Read weights that fit `network`, as float32.
 
     Raises:
-        ConfigError: the file is missing, truncated or not safetensors, its network has other layers, or a
-            weight is not finite.
+        ConfigError: not a safetensors file, its network has other layers, or a weight is not finite.
     """
     wanted = network.state_dict()
     with open_safetensors(path, key) as file:
@@ -114,8 +110,8 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
         if plain(saved := saved_network(path, key)) != plain(network.config):
             layers = [f"conv={each.conv} hidden={each.hidden}" for each in (saved, network.config)]
-            raise ConfigError(f"{key}: {path} is of another network: {layers[0]}, allowed {layers[1]}")
-        problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
+            raise ConfigError(f"{key}: {path} has another network: {layers[0]}, allowed {layers[1]}")
+        problem = describe_mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
         if problem:
             raise ConfigError(f"{key}: {path} does not fit the network: {problem}")
         weights = {name: file.get_tensor(name) for name in sorted(names)}
@@ -127,7 +123,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
     return {name: value.float() for name, value in weights.items()}
 
 
-def _mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:
+def describe_mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:
     """Describe the first tensor whose name or shape differs; return an empty text if all fit."""
     for name in sorted(wanted.keys() | got.keys()):
         if name not in got:

@@ -1,6 +1,6 @@
-"""Gains of transfer between cases, as a study measured them. No torch.
+"""Read the gains of transfer between cases that a study measured. No torch.
 
-A study's report writes the table (`transfers.csv`). The table of the confirmatory study is bundled.
+A study's report writes them to `transfers.csv`. The table of the confirmatory study is bundled.
 """
 
 from __future__ import annotations
@@ -25,18 +25,11 @@ MAX_TABLE_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Transfer:
-    """How much an arm gains on a target from a source, compared with scratch with the same exploration.
+    """The gain of an arm on a target from a source, compared with scratch with the same exploration.
 
-    Fingerprints identify the cases independently of their names.
-
-    Attributes:
-        epsilon_start: starting epsilon of the transfer; None for the default. Sources were trained with the
-            default.
-        seeds: number of seeds.
-        gain: interquartile mean over the seeds of the difference of areas under the learning curve, as
-            scores.
-        low: lower end of its 95 % interval, which is simultaneous over all transfers to the target.
-        high: upper end of this interval.
+    `epsilon_start` is None for the default. `gain` is a difference of areas under the learning curve, as
+    scores: the interquartile mean over the seeds. `low` and `high` are its 95 % interval, which is
+    simultaneous over all transfers to the target.
     """
 
     source: str
@@ -57,7 +50,7 @@ class Transfer:
         transfer = f"{run} source={self.source} target={self.target} +arm={self.arm}"
         if self.epsilon_start is None:
             return [transfer]
-        # Train the source by its own command. The transfer would train it with the transfer's epsilon_start.
+        # Train the source with the default epsilon_start. The transfer would train it with its own.
         folder = "outputs/source"
         network = f'source_file="{folder}/{self.source}/scratch/seed=0/{POLICY}"'
         start = f"learn.epsilon_start={self.epsilon_start:g}"
@@ -74,18 +67,14 @@ def read_transfers(path: Path) -> list[Transfer]:
     Raises:
         ConfigError: it is not a table of transfers; the message names the option `--measured`.
     """
-    return read_table(path, COLUMNS, transfer, MAX_TABLE_BYTES, "--measured", f"a report's {TABLE}")
+    return read_table(path, COLUMNS, parse_transfer, MAX_TABLE_BYTES, "--measured", f"a report's {TABLE}")
 
 
-def transfer(row: dict[str, str]) -> Transfer:
-    """Convert the cells of a row to a transfer.
-
-    Raises:
-        ValueError: a cell is not valid.
-    """
-    # Names become part of a command that people paste into a shell.
-    names = [row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint")]
-    if not all(re.fullmatch(r"\w[\w.-]{0,99}", name) for name in names):
+def parse_transfer(row: dict[str, str]) -> Transfer:
+    """Convert the cells of a row; raise ValueError if one is invalid."""
+    texts = {name: row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint")}
+    # They become part of a command that people paste into a shell.
+    if not all(re.fullmatch(r"\w[\w.-]{0,99}", text) for text in texts.values()):
         raise ValueError("a case name or fingerprint has characters other than letters, digits, _ . -")
     for group in ("profile", "arm"):
         allowed = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
@@ -97,31 +86,27 @@ def transfer(row: dict[str, str]) -> Transfer:
     gain, low, high = (float(row[name]) for name in ("gain", "low", "high"))
     if not -math.inf < low <= gain <= high < math.inf:
         raise ValueError(f"gain is {gain:g}; allowed: from low ({low:g}) to high ({high:g})")
-    source, target, source_fingerprint, target_fingerprint = names
     return Transfer(
-        source,
-        target,
-        source_fingerprint,
-        target_fingerprint,
-        row["profile"],
-        row["arm"],
-        start,
-        int(row["seeds"]),
-        gain,
-        low,
-        high,
+        **texts,
+        profile=row["profile"],
+        arm=row["arm"],
+        epsilon_start=start,
+        seeds=int(row["seeds"]),
+        gain=gain,
+        low=low,
+        high=high,
     )
 
 
 def transfers_to(target: Case, known: Iterable[Transfer], cases: Iterable[Case]) -> list[Transfer]:
     """Select the transfers to a target from other `cases`, the largest lower bound first.
 
-    Cases are matched by fingerprint. The result has their names from `cases`.
+    Cases are matched by fingerprint, and renamed as in `cases`.
     """
     names = {case.fingerprint: case.name for case in cases if case.fingerprint != target.fingerprint}
-    found = [
+    selected = [
         replace(one, source=names[one.source_fingerprint], target=target.name)
         for one in known
         if one.target_fingerprint == target.fingerprint and one.source_fingerprint in names
     ]
-    return sorted(found, key=lambda one: (-one.low, -one.gain, one.source, one.arm))
+    return sorted(selected, key=lambda one: (-one.low, -one.gain, one.source, one.arm))

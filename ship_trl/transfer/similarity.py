@@ -1,4 +1,4 @@
-"""Similarity of two cases: equation 8 (with the rules of section 4.1) and equation 7. No torch."""
+"""Similarity of two cases (equation 8 and section 4.1) and their distance (equation 7). No torch."""
 
 from __future__ import annotations
 
@@ -19,36 +19,35 @@ NEW_DIRECTION = 0.4
 
 
 @dataclass(frozen=True)
-class Rule:
-    """One comparison of section 4.1: an attribute, and its weights in what is common and what differs."""
+class Comparison:
+    """One attribute of two cases, and its weights in what they share and in what differs (section 4.1)."""
 
-    what: str
+    attribute: str
     common: float
     different: float
 
 
-def rules(base: Case, target: Case) -> list[Rule]:
+def compare(base: Case, target: Case) -> list[Comparison]:
     """Compare two cases attribute by attribute (section 4.1).
 
     The paper's rules cover ships that only the target has. Our choice: ships that only the base has count
     with the same weights, as equation 8 suggests ("different or missing").
     """
     same = base.ideal_path == target.ideal_path
-    found = [Rule("ideal path", SAME_PATH, 0.0) if same else Rule("ideal path", 0.0, SAME_PATH)]
-    target_ships, base_ships = (
-        Counter(map(_ship, target.target_ships)),
-        Counter(map(_ship, base.target_ships)),
-    )
-    found += [Rule("common target ship", SAME_SHIP, 0.0)] * (target_ships & base_ships).total()
-    for what, extra, others in (
-        ("extra target ship", target_ships - base_ships, base.target_ships),
-        ("missing target ship", base_ships - target_ships, target.target_ships),
+    weights = (SAME_PATH, 0.0) if same else (0.0, SAME_PATH)
+    comparisons = [Comparison("ideal path", *weights)]
+    target_ships, base_ships = (Counter(map(_ship, case.target_ships)) for case in (target, base))
+    common_ships = (target_ships & base_ships).total()
+    comparisons += [Comparison("common target ship", SAME_SHIP, 0.0)] * common_ships
+    for attribute, extra, other_ships in (
+        ("extra target ship", target_ships - base_ships, base_ships),
+        ("missing target ship", base_ships - target_ships, target_ships),
     ):
-        known_directions = {ship.heading % 360.0 for ship in others}
+        known_directions = {heading for _, _, heading, _ in other_ships}
         for _, _, heading, _ in extra.elements():
             weight = KNOWN_DIRECTION if heading in known_directions else NEW_DIRECTION
-            found.append(Rule(what, 0.0, weight))
-    return found
+            comparisons.append(Comparison(attribute, 0.0, weight))
+    return comparisons
 
 
 def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
@@ -57,25 +56,25 @@ def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
 
 def describe_similarity(base: Case, target: Case) -> tuple[str, str]:
     """Describe what two cases share and how they differ, with weights, for example "1 ideal path" and "0"."""
-    found = rules(base, target)
-    common = " + ".join(f"{rule.common:g} {rule.what}" for rule in found if rule.common)
-    different = " + ".join(f"{rule.different:g} {rule.what}" for rule in found if rule.different)
+    comparisons = compare(base, target)
+    common = " + ".join(f"{one.common:g} {one.attribute}" for one in comparisons if one.common)
+    different = " + ".join(f"{one.different:g} {one.attribute}" for one in comparisons if one.different)
     return common or "0", different or "0"
 
 
 def similarity(base: Case, target: Case) -> float:
     """Compute equation 8, from 0 (nothing in common) to 1 (equal)."""
-    found = rules(base, target)
-    common = ALPHA * sum(rule.common for rule in found)
-    different = BETA * sum(rule.different for rule in found)
+    comparisons = compare(base, target)
+    common = ALPHA * sum(one.common for one in comparisons)
+    different = BETA * sum(one.different for one in comparisons)
     return common / (common + different)
 
 
 def characteristics(case: Case, world: World) -> dict[str, float]:
     """Compute the characteristics of equation 7, scaled to about 0 to 1; the paper leaves their choice open.
 
-    They are the number of target ships, the distance of the goal, and DCPA, TCPA and relative course of
-    the target ship with the smallest DCPA. Own ship is assumed to keep its course.
+    DCPA, TCPA and relative course are those of the target ship with the smallest DCPA, if own ship keeps its
+    course.
     """
     speed = max((v for v, turn in world.actions if turn == 0.0), default=world.actions[0][0])
     heading = math.radians(case.heading)
@@ -102,7 +101,7 @@ def characteristics(case: Case, world: World) -> dict[str, float]:
 
 
 def distance(base: Case, target: Case, world: World, weights: dict[str, float] | None = None) -> float:
-    """Compute equation 7, with squares as in a Euclidean distance; 0 means equal cases."""
+    """Compute equation 7 as a weighted Euclidean distance; 0 means equal cases."""
     a, b = characteristics(base, world), characteristics(target, world)
     weight = weights or dict.fromkeys(a, 1.0)
     return math.sqrt(sum(weight[name] * (a[name] - b[name]) ** 2 for name in a))
@@ -110,7 +109,7 @@ def distance(base: Case, target: Case, world: World, weights: dict[str, float] |
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of similarity of base and target; with `nearer`, smaller values are more similar."""
+    """A measure of similarity of base and target; if `nearer`, smaller values mean more similar."""
 
     value: Callable[[Case, Case, World], float]
     nearer: bool = False

@@ -69,7 +69,7 @@ class Projection:
 
 def relative_frame(own: Numbers, side: int) -> Projection:
     """Return the network's projection: own ship (x, y, heading) in the middle, its bow up."""
-    return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.WINDOW))
+    return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.VIEW_RADIUS))
 
 
 def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
@@ -138,8 +138,8 @@ def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -
     """Draw what never moves in the relative frame; unless it is `plain`, add rings of distance."""
     picture = pen.new_surface(side, side)
     picture.fill(scene.OUTSIDE)
-    middle, scale = (side / 2, side / 2), side / (2 * scene.WINDOW)
-    pen.circle(picture, scene.DISC, middle, scene.WINDOW * scale)
+    middle, scale = (side / 2, side / 2), side / (2 * scene.VIEW_RADIUS)
+    pen.circle(picture, scene.DISC, middle, scene.VIEW_RADIUS * scale)
     for radius in () if plain else RINGS:
         pen.circle(picture, GRID, middle, radius * scale, 1)
     for radius, colour in distances:
@@ -269,7 +269,7 @@ def draw_legend(
         (scene.GOAL_CIRCLE, "disc", expected),
         (scene.SAFE_CIRCLE, "disc", safe),
         (scene.LINE, "line", "to the goal"),
-        (TEXT, "", f"width {2 * scene.WINDOW:g} m") if plain else track,
+        (TEXT, "", f"width {2 * scene.VIEW_RADIUS:g} m") if plain else track,
         (CHOSEN, "", hulls),
     ]
     x, y = float(room.left), room.top + 0.95 * size

@@ -107,7 +107,7 @@ def measure(
     motion = Transition(case, world, torch.device("cpu"))
     after = motion(states[:-1], actions)
     goal, collision, truncated = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
-    away = motion.away(states)
+    away = motion.relative_positions(states)
     apart = torch.linalg.vector_norm(away, dim=-1)
     within = torch.cat((apart[:1], closest_approach(away[:-1], away[1:])))
     # Own ship has the speed of its last action; at the start that of its first one, or 0 without any.

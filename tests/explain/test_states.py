@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from ship_trl.explain.states import STATES_PER_EPISODE
-from ship_trl.sim.scene import WINDOW
+from ship_trl.sim.scene import VIEW_RADIUS
 from ship_trl.sim.transition import Transition
 from tests.explain.worlds import env_of, some_states
 
@@ -27,7 +27,7 @@ def test_the_seed_decides() -> None:
 def test_states_are_of_running_episodes() -> None:
     states, world = some_states(), env_of().world
     motion = Transition(env_of().case, world, torch.device("cpu"))
-    assert bool((motion.away(states.states).norm(dim=-1) > world.safe_distance).all())
+    assert bool((motion.relative_positions(states.states).norm(dim=-1) > world.safe_distance).all())
     assert bool((motion.goal_distance(states.states) > world.goal_distance).all())
     assert bool((states.states[:, 3] < world.max_steps).all())
     assert torch.equal(states.pixels, env_of().rasteriser(states.states))
@@ -44,7 +44,7 @@ def test_bearing_and_distance_give_back_the_goal() -> None:
     angle = np.arctan2(sin, cos) + heading
     goal = position + distance.values * np.stack((np.cos(angle), np.sin(angle)), 1)
     np.testing.assert_allclose(goal, np.broadcast_to(env_of().case.goal, goal.shape), atol=0.05)
-    shown = distance.values[:, 0] <= WINDOW
+    shown = distance.values[:, 0] <= VIEW_RADIUS
     assert (distance.visible == shown).all() and bearing.visible.all()
 
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-# A file that only a hostile file can make.
+# A file that exists only if a hostile file was executed.
 EXECUTED = "EXECUTED"
 # Values that no reader expects.
 ODD: tuple[Any, ...] = (
@@ -61,14 +61,10 @@ def flip(path: Path, rng: random.Random) -> str:
 def fill(path: Path, rng: random.Random) -> str:
     """Fill with noise, zeros, nothing, or the content twice."""
     data = path.read_bytes()
-    made = {
-        "noise": rng.randbytes(len(data)),
-        "zeros": bytes(len(data)),
-        "nothing": b"",
-        "it twice": data * 2,
-    }
-    kind = rng.choice(sorted(made))
-    replace(path, made[kind])
+    size = len(data)
+    fills = {"noise": rng.randbytes(size), "zeros": bytes(size), "nothing": b"", "it twice": data * 2}
+    kind = rng.choice(sorted(fills))
+    replace(path, fills[kind])
     return f"filled with {kind}"
 
 

@@ -1,14 +1,13 @@
-"""Fill the disk while a command writes: it ends with lines of ours, and loses nothing.
+"""Fill the disk while a command writes: it reports an error, and loses nothing.
 
-Either no file or folder can be made any more from some step on, or no file may grow past some size.
-Passed: the command ends with exit code 0 or as a refusal; what was there before is unchanged; no draft is
-left. The same command then has exit code 0, and leaves the bytes that it leaves without a fault.
+Either no file or folder can be made from some step on, or no file can grow past some size.
+Passed: the command ends with exit code 0 or as a refusal; older files are unchanged; no draft is left. The
+same command then ends with exit code 0, and leaves the same bytes as without a fault.
 """
 
 import itertools
 import random
 import resource
-import shutil
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -16,7 +15,7 @@ from tempfile import TemporaryDirectory, mkdtemp
 
 from tests.faults.changes import counted, full_at
 from tests.faults.samples import ALONE, RUN, STUDY, TRANSFER, copy_samples, marks
-from tests.faults.trial import DRAFT, Trial, contents, difference
+from tests.faults.trial import DRAFT, Trial, conclude, contents, difference
 from tests.forked import run
 
 COMMANDS = {
@@ -30,7 +29,7 @@ COMMANDS = {
     "cases": ("cases", "--target", "met"),
     "study": STUDY,
 }
-# What a command prints must fit.
+# Output of a command must fit.
 MIN_SIZE = 4096
 
 
@@ -74,14 +73,11 @@ def trial(name: str, what: str, fault: Callable[[], None], folder: Path) -> Tria
     ended = run(*words, folder=folder, before=fault)
     after = marks(folder)
     problems = [] if ended.code == 0 or ended.is_refusal else [f"not explained: {ended}"]
-    problems += [
-        f"{path} is lost" for path in before if after.get(path) != before[path] and "lock" not in path
-    ]
+    changed = [path for path in before if after.get(path) != before[path]]
+    problems += [f"{path} is lost" for path in changed if "lock" not in path]
     problems += [f"{path} is left behind" for path in after.keys() - before.keys() if DRAFT.search(path)]
     if ended.code != 0:
         ended = run(*words, folder=folder)
     problems += [f"then {ended}"] if ended.code != 0 else []
     problems += [f"then {found}"] if (found := difference(wanted, contents(folder))) else []
-    if not problems:
-        shutil.rmtree(folder)
-    return Trial(f"{folder}: {name}, {what}", "; ".join(problems))
+    return conclude(folder, f"{name}, {what}", problems)

@@ -1,7 +1,7 @@
 """Damage one file of the samples, and run a command that reads it.
 
-Passed: the command ends with exit code 0 or as a refusal, without a traceback, in time and with 3 GiB of
-memory; nothing that was there is lost but what the command replaces; no draft is left; nothing was executed.
+Passed: the command ends with exit code 0 or as a refusal, without a traceback, in time and within the memory
+limit; only files that the command replaces are lost; no draft is left; nothing was executed.
 """
 
 import itertools
@@ -16,16 +16,15 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from tests.faults.damage import DAMAGES, EXECUTED
+from tests.faults.judge import memory_limit
 from tests.faults.samples import ALONE, BASE, RUN, SOURCE, STOPPED, TRANSFER, copy_samples, marks
-from tests.faults.trial import DRAFT, Trial
+from tests.faults.trial import DRAFT, Trial, conclude
 from tests.forked import Ended, run
-
-MEMORY = 3 << 30
 
 
 @dataclass(frozen=True)
 class Command:
-    """The words of a command, the files it reads, and those it may replace; `removed` goes first."""
+    """The words of a command, the files it reads and may replace, and a folder to remove before it."""
 
     words: tuple[str, ...]
     reads: tuple[str, ...]
@@ -78,9 +77,7 @@ def limit(seconds: float) -> Callable[[], None]:
     """Limit a child's memory and processor time."""
 
     def install() -> None:
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-        size = pages * resource.getpagesize() + MEMORY
-        resource.setrlimit(resource.RLIMIT_AS, (size, size))
+        resource.setrlimit(resource.RLIMIT_AS, (memory_limit(), memory_limit()))
         resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
 
     return install
@@ -128,13 +125,11 @@ def trials(rng: random.Random, place: Path) -> Iterator[Trial]:
 
 def trial(name: str, rng: random.Random, folder: Path) -> Trial:
     """Damage one file that a command reads, and run it."""
-    said: list[str] = []
+    done: list[str] = []
 
     def damage(copy: Path) -> None:
         path = rng.choice(sorted(copy.glob(rng.choice(COMMANDS[name].reads))))
-        said.append(f"{path.relative_to(copy)} {rng.choice(DAMAGES)(path, rng)}")
+        done.append(f"{path.relative_to(copy)} {rng.choice(DAMAGES)(path, rng)}")
 
     ended, problem = read(name, folder, damage, 3 * usual_seconds(name) + 10)
-    if not problem:
-        shutil.rmtree(folder)
-    return Trial(f"{folder}: {name}: {said[0]}", f"{problem}: {ended}" if problem else "")
+    return conclude(folder, f"{name}: {done[0]}", [f"{problem}: {ended}"] if problem else [])

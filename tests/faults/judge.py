@@ -1,4 +1,4 @@
-"""Judge what became of an input: it is used with finite numbers, or refused in one line, in time."""
+"""Check that an input is used with finite numbers, or refused in one line, in time."""
 
 import contextlib
 import io
@@ -22,7 +22,7 @@ SECONDS, MEMORY, MAX_LINE = 30, 3 << 30, 2000
 
 
 def keys_of(schema: type) -> set[str]:
-    """Return every key of a configuration, those of groups with a prefix."""
+    """Return every key of a configuration; keys of groups have a prefix."""
 
     def keys(values: object, prefix: str) -> Iterator[str]:
         for key, value in values.items() if isinstance(values, dict) else ():
@@ -38,9 +38,15 @@ CASE_KEYS = keys_of(CaseFile) | keys_of(TargetShip) | {"target_ships", "not read
 KNOWN = RUN_KEYS | STUDY_KEYS | CASE_KEYS | {"overrides", "config", "arm", "pair", "sweep", "hydra"}
 
 
+def memory_limit() -> int:
+    """Return the size of this process in bytes when it has grown by `MEMORY`."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    return pages * resource.getpagesize() + MEMORY
+
+
 @contextlib.contextmanager
 def guarded(folder: Path) -> Iterator[io.StringIO]:
-    """Limit time and memory of the block, check that it leaves the folder as it was, and catch stderr."""
+    """Limit time and memory of the block, check that it leaves the folder unchanged, and catch stderr."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"not done within {SECONDS} s")
@@ -50,8 +56,7 @@ def guarded(folder: Path) -> Iterator[io.StringIO]:
 
     files, handler = listing(), signal.signal(signal.SIGALRM, stop)
     memory = resource.getrlimit(resource.RLIMIT_AS)
-    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, memory[1]))
+    resource.setrlimit(resource.RLIMIT_AS, (memory_limit(), memory[1]))
     signal.alarm(SECONDS)
     try:
         with contextlib.redirect_stderr(io.StringIO()) as err:
@@ -60,11 +65,11 @@ def guarded(folder: Path) -> Iterator[io.StringIO]:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, handler)
         resource.setrlimit(resource.RLIMIT_AS, memory)
-    assert listing() == files, f"files were left or changed: {listing() ^ files}"
+    assert listing() == files, f"files were added or changed: {listing() ^ files}"
 
 
 def check_line(line: str, typed: str = "") -> None:
-    """Check that a refusal is one line for people; it names a known key, or one that was typed."""
+    """Check that a refusal is one readable line, which names a known key or a typed one."""
     assert line.strip() and line.isprintable() and len(line) <= MAX_LINE, f"not one line: {line[:300]!r}"
     key, colon, what = re.sub(r"^\S+\.ya?ml: ", "", line).partition(":")
     names = {key.split("[")[0].strip(), re.split(r"[./@\[]", key)[0]}
@@ -80,6 +85,4 @@ def roll_out(case: Case, world: World, colour: bool = False) -> None:
     for _ in range(world.max_steps):
         action = torch.randint(len(world.actions), (2,), generator=generator)
         step, current = env.step_and_maybe_reset(current.set("action", action))
-        assert bool(
-            torch.isfinite(step["next", "state"]).all() & torch.isfinite(step["next", "reward"]).all()
-        )
+        assert all(bool(torch.isfinite(step["next", key]).all()) for key in ("state", "reward"))

@@ -1,15 +1,14 @@
-"""Kill a run or a study at any moment: the same command, given again, leaves what it would have left.
+"""Kill a run or a study at any moment: the same command, given again, completes it.
 
-A run is killed after a random time, or before a random step that changes its folder; a time alone would
-seldom fall between two of those. Of a study either all processes are killed, or its own, or its grid's.
-Passed: the command then ends with exit code 0, all files have the same bytes but for times, and no other
-file is left but a draft outside the folders of runs.
+A run is killed after a random time, or before a random step that changes its folder, because a random time
+seldom falls between two steps. For a study, all processes are killed, or its own, or those of its grid.
+Passed: the command then ends with exit code 0, all files have the same bytes except for times, and no other
+file is left except drafts outside the folders of runs.
 """
 
 import itertools
 import os
 import random
-import shutil
 import signal
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -18,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 from tests.faults.changes import counted, die_at
 from tests.faults.samples import ALONE, STUDY, TRANSFER, expected, new_folder, undisturbed
-from tests.faults.trial import Trial, contents, difference, drop_drafts
+from tests.faults.trial import Trial, conclude, contents, difference, drop_drafts
 from tests.forked import Child, Ended, run
 from tests.study.commands import descendants
 
@@ -82,22 +81,21 @@ def trial(
     how: tuple[Callable[..., tuple[Ended, str]], ...],
 ) -> Trial:
     """Kill a command again and again, then let it end, and compare what it leaves."""
-    said: list[str] = []
+    kills: list[str] = []
     ended = KILLED
     for _ in range(rng.randint(1, MAX_KILLS)):
         ended, when = rng.choice(how)(words, folder, rng)
         if ended.code != KILLED.code:
             break
-        said.append(when)
+        kills.append(when)
     problem = str(ended) if ended.code not in (0, KILLED.code) else finish(words, folder)
-    if not problem:
-        shutil.rmtree(folder)
-    return Trial(f"{folder}: {' '.join(words)}: killed at {', '.join(said)}", problem, len(said))
+    what = f"{' '.join(words)}: killed at {', '.join(kills)}"
+    return conclude(folder, what, [problem] if problem else [], len(kills))
 
 
 def finish(words: tuple[str, ...], folder: Path) -> str:
-    """Let a command end that was killed; return what is wrong with it or with what it leaves."""
+    """Run a killed command again; return what is wrong with it or with what it leaves."""
     ended = run(*words, folder=folder)
     if ended.code != 0 or "Traceback" in ended.err:
-        return f"it does not go on: {ended}"
+        return f"it does not resume: {ended}"
     return difference(expected(words), drop_drafts(contents(folder)))

@@ -1,4 +1,4 @@
-"""A few faults of every kind, always the same ones; `python -m tests.faults` makes as many as one likes."""
+"""A few fixed faults of every kind; `python -m tests.faults` makes more, at random."""
 
 import itertools
 import random
@@ -17,14 +17,14 @@ def passed(*trials: Trial) -> None:
     assert [f"{trial.what}: {trial.problem}" for trial in trials if trial.problem] == []
 
 
-def test_a_run_killed_between_any_two_steps_goes_on(tmp_path: Path) -> None:
+def test_a_run_killed_between_two_steps_resumes(tmp_path: Path) -> None:
     folder = samples.new_folder(tmp_path)
     for step in (2, 9, 16):
         assert forked.run(*samples.ALONE, folder=folder, before=die_at(step)).code == -9
     assert kills.finish(samples.ALONE, folder) == ""
 
 
-def test_two_commands_that_want_one_run_train_it_once(tmp_path: Path) -> None:
+def test_two_equal_commands_train_once(tmp_path: Path) -> None:
     passed(together.trial("the same run", 0.0, None, samples.new_folder(tmp_path)))
 
 

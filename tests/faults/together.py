@@ -1,19 +1,18 @@
-"""Start two commands at once that want the same run, or the same source of the case base.
+"""Start two commands at once that need the same run, or the same source of the case base.
 
-Passed: both end with exit code 0 (but one that was killed), and all files have the bytes that they have where
-one command follows the other. If none was killed, the source was trained once; of two equal commands one
+Passed: both end with exit code 0, unless one was killed, and all files have the same bytes as after one
+command following the other. Without a kill, the source was trained only once; of two equal commands one
 trained, and the other showed the finished run.
 """
 
 import itertools
 import random
-import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from tests.faults.samples import ALONE, SHORT, TRANSFER, expected, new_folder, undisturbed
-from tests.faults.trial import Trial, contents, difference, drop_drafts
+from tests.faults.trial import Trial, conclude, contents, difference, drop_drafts
 from tests.forked import Child, run
 
 OTHER = (*SHORT, "source=near", "target=met", "method=feature_extraction", "layers=2")
@@ -26,7 +25,7 @@ PAIRS = {
 
 
 def trials(rng: random.Random, place: Path) -> Iterator[Trial]:
-    """Start the second a moment later, and kill the first now and then."""
+    """Start the second command a moment later, and sometimes kill the first."""
     for number in itertools.count():
         seconds = undisturbed(TRANSFER)[1].seconds
         pause = rng.choice((0.0, rng.uniform(0, 0.2), rng.uniform(0, seconds)))
@@ -35,7 +34,7 @@ def trials(rng: random.Random, place: Path) -> Iterator[Trial]:
 
 
 def trial(name: str, pause: float, kill: float | None, folder: Path) -> Trial:
-    """Start two commands with a pause between them, and kill the first after so many seconds more."""
+    """Start two commands with a pause between them, and kill the first after `kill` seconds more."""
     first = Child(PAIRS[name][0], folder)
     time.sleep(pause)
     second = Child(PAIRS[name][1], folder)
@@ -52,7 +51,5 @@ def trial(name: str, pause: float, kill: float | None, folder: Path) -> Trial:
             problems.append(f"{shown} of two showed a finished run")
     if not problems and (found := difference(expected(*PAIRS[name]), drop_drafts(contents(folder)))):
         problems.append(found)
-    if not problems:
-        shutil.rmtree(folder)
-    what = f"{folder}: {name}, {pause:.2f} s apart" + (f", the first killed at {kill:.2f} s" if kill else "")
-    return Trial(what, "; ".join(problems))
+    what = f"{name}, {pause:.2f} s apart" + (f", the first killed at {kill:.2f} s" if kill else "")
+    return conclude(folder, what, problems)

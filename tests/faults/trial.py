@@ -3,6 +3,7 @@
 import json
 import random
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,13 @@ class Trial:
 
 # Yields trials without end; takes a random generator and an empty folder.
 Kind = Callable[[random.Random, Path], Iterator[Trial]]
+
+
+def conclude(folder: Path, what: str, problems: list[str], faults: int = 1) -> Trial:
+    """Return the trial that was made in a folder, which is kept only if there are problems."""
+    if not problems:
+        shutil.rmtree(folder)
+    return Trial(f"{folder}: {what}", "; ".join(problems), faults)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -58,16 +66,13 @@ def drop_times(data: bytes) -> bytes:
 
 def drop_drafts(found: dict[str, bytes]) -> dict[str, bytes]:
     """Leave out drafts outside the folders of runs: a kill may leave one, and nothing reads it."""
-    return {
-        name: data
-        for name, data in found.items()
-        if not DRAFT.search(name) or re.search(r"(^|/)seed=\d+/", name)
-    }
+    in_run = re.compile(r"(^|/)seed=\d+/")
+    return {name: data for name, data in found.items() if not DRAFT.search(name) or in_run.search(name)}
 
 
 def difference(wanted: dict[str, bytes], found: dict[str, bytes]) -> str:
     """Name up to four differences between two folders; return an empty text if there are none."""
-    words = [f"{name} is missing" for name in wanted.keys() - found.keys()]
-    words += [f"{name} is left behind" for name in found.keys() - wanted.keys()]
-    words += [f"{name} differs" for name in wanted.keys() & found.keys() if wanted[name] != found[name]]
-    return "; ".join(sorted(words)[:4])
+    differences = [f"{name} is missing" for name in wanted.keys() - found.keys()]
+    differences += [f"{name} is left behind" for name in found.keys() - wanted.keys()]
+    differences += [f"{name} differs" for name in wanted.keys() & found.keys() if wanted[name] != found[name]]
+    return "; ".join(sorted(differences)[:4])

@@ -1,4 +1,4 @@
-"""Files that matter are written beside and renamed."""
+"""Atomic writes, and files that cannot be read."""
 
 import os
 from pathlib import Path
@@ -47,7 +47,7 @@ def test_a_pipe_device_or_folder_is_refused_as_a_file(kind: str, tmp_path: Path)
     assert raised.value.filename == str(path)
 
 
-def test_json_that_lies_too_deep_is_an_error_of_its_value(tmp_path: Path) -> None:
+def test_json_nested_too_deep_is_a_value_error(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     path.write_text("[" * 200_000)
     with pytest.raises(ValueError, match="nested too deep"):

@@ -1,8 +1,7 @@
-"""Untrusted files: none is executed, none leads to another place, and each is refused in one line."""
+"""Untrusted files are not executed, name no other path, and are refused in one line."""
 
 import json
 import lzma
-import os
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -32,45 +31,37 @@ from ship_trl.study.records.tables import CURVES, KEPT, PLAN, RUNS, digest, read
 from ship_trl.transfer.casebase import CaseBase
 from ship_trl.transfer.layers import load_weights, saved_network
 from tests.a_result import a_result
+from tests.faults.damage import EXECUTED, Executes, hostile_files
 
-EXECUTED = Path("executed")
 KEY = "SHIP_TRL_A_SECRET"
 
 
-class Bomb:
-    """Makes a file when it is unpickled."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return os.mkdir, (str(EXECUTED.absolute()),)
-
-
 def pickled(path: Path, protocol: int = pickle.DEFAULT_PROTOCOL) -> None:
-    path.write_bytes(pickle.dumps(Bomb(), protocol))
+    path.write_bytes(pickle.dumps(Executes(), protocol))
 
 
-def as_text(path: Path) -> None:
-    """The oldest protocol, which is plain text."""
+def pickled_as_text(path: Path) -> None:
     pickled(path, 0)
 
 
-def packed(path: Path) -> None:
-    path.write_bytes(lzma.compress(pickle.dumps(Bomb())))
+def compressed(path: Path) -> None:
+    path.write_bytes(lzma.compress(pickle.dumps(Executes())))
 
 
-def by_torch(path: Path) -> None:
-    torch.save({"conv1.weight": Bomb()}, path)
+def saved_by_torch(path: Path) -> None:
+    torch.save({"conv1.weight": Executes()}, path)
 
 
-def tagged(path: Path) -> None:
-    path.write_text(f"start: !!python/object/apply:os.mkdir [{EXECUTED.absolute()}]\n")
+def yaml_call(path: Path) -> None:
+    path.write_bytes(hostile_files()["YAML tags"])
 
 
-def as_object(path: Path) -> None:
+def yaml_object(path: Path) -> None:
     path.write_text("!!python/object/new:type\nargs: [z, !!python/tuple [], {extend: !!python/name:exec }]\n")
 
 
 def tables_of(folder: Path) -> Any:
-    """Read a folder's tables, with right digests, which an attacker can write too."""
+    """Read a folder's tables after writing valid digests, as an attacker can."""
     for name in (RUNS, CURVES):
         (folder / name).touch()
     plan = {"settings": {}, "cases": {}, "jobs": [], KEPT: {n: digest(folder / n) for n in (RUNS, CURVES)}}
@@ -82,7 +73,7 @@ def a_network() -> DuelingNetwork:
     return DuelingNetwork(1, 7, Generator())
 
 
-# What reads a file from outside, by the name of the file.
+# Readers of untrusted files, with the name of the file.
 READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
     "weights": ("policy.safetensors", lambda path, world: load_weights(path, a_network(), "policy")),
     "layers of weights": ("policy.safetensors", lambda path, world: saved_network(path, "policy")),
@@ -99,7 +90,9 @@ READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
 }
 
 
-@pytest.mark.parametrize("write", [pickled, as_text, packed, by_torch, tagged, as_object])
+@pytest.mark.parametrize(
+    "write", [pickled, pickled_as_text, compressed, saved_by_torch, yaml_call, yaml_object]
+)
 @pytest.mark.parametrize("reader", READERS)
 def test_no_reader_executes_what_it_reads(
     reader: str, write: Callable[[Path], None], tmp_path: Path, world: World
@@ -108,41 +101,40 @@ def test_no_reader_executes_what_it_reads(
     write(tmp_path / name)
     with pytest.raises((ConfigError, ResultError, CurveError, CheckpointError)) as caught:
         read(tmp_path / name, world)
-    assert "\n" not in str(caught.value) and not EXECUTED.exists()
+    assert "\n" not in str(caught.value) and not Path(EXECUTED).exists()
 
 
-@pytest.mark.parametrize("write", [pickled, as_text, packed, tagged])
+@pytest.mark.parametrize("write", [pickled, pickled_as_text, compressed, yaml_call])
 def test_skipped_files_are_not_executed(
     write: Callable[[Path], None], tmp_path: Path, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Entries of a case base, and kept plans, which are searched for anew."""
+    """Invalid entries of a case base are skipped; invalid plans are searched for again."""
     case = load_case("1", world)
     entry = tmp_path / "base" / "1" / "scratch" / "seed=0-abc" / "entry.json"
     entry.parent.mkdir(parents=True)
     write(entry)
     assert CaseBase(tmp_path / "base").entries() == []
-    case.goal = [0.0, 500.0]  # of no plan that comes with the package
-    monkeypatch.setattr("ship_trl.sim.reference._known", {})
+    case.goal = [0.0, 500.0]  # there is no bundled plan for it
+    monkeypatch.setattr("ship_trl.sim.reference._cached_plans", {})
     plan = tmp_path / "plans" / plan_name(case, world)
     plan.parent.mkdir()
     write(plan)
     assert best_known(case, world, plan.parent).goal
-    assert json.loads(plan.read_text())["actions"] and not EXECUTED.exists()
+    assert json.loads(plan.read_text())["actions"] and not Path(EXECUTED).exists()
 
 
-def test_the_hostile_files_do_execute_elsewhere(tmp_path: Path) -> None:
-    """Else the tests above could not fail."""
+def test_unsafe_readers_execute_the_hostile_files(tmp_path: Path) -> None:
+    """Otherwise the tests above could not fail."""
     for write, read in (
         (pickled, lambda path: pickle.loads(path.read_bytes())),
-        (as_text, lambda path: pickle.loads(path.read_bytes())),
-        (packed, lambda path: pickle.loads(lzma.decompress(path.read_bytes()))),
-        (by_torch, lambda path: torch.load(path, weights_only=False)),
-        (tagged, lambda path: yaml.load(path.read_text(), Loader=yaml.UnsafeLoader)),
+        (pickled_as_text, lambda path: pickle.loads(path.read_bytes())),
+        (compressed, lambda path: pickle.loads(lzma.decompress(path.read_bytes()))),
+        (saved_by_torch, lambda path: torch.load(path, weights_only=False)),
+        (yaml_call, lambda path: yaml.load(path.read_text(), Loader=yaml.UnsafeLoader)),
     ):
         write(tmp_path / "file")
         read(tmp_path / "file")
-        assert EXECUTED.is_dir()
-        EXECUTED.rmdir()
+        Path(EXECUTED).unlink()
 
 
 ALIASES = "a: &a [1, 1]\n" + "".join(
@@ -245,7 +237,7 @@ def test_a_small_file_asks_for_no_large_network(tmp_path: Path) -> None:
     path = tmp_path / "policy.safetensors"
     save_file(tensors, path, metadata={"ship_trl": json.dumps({"network": {"conv": layers, "hidden": 1}})})
     assert path.stat().st_size < 1000
-    with pytest.raises(ConfigError, match=r"conv2\.weight is of another shape"):
+    with pytest.raises(ConfigError, match=r"conv2\.weight has another shape"):
         saved_network(path, "policy")
 
 

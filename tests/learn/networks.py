@@ -1,4 +1,4 @@
-"""Networks of other layers than the paper's, and what stock convolutions make of them."""
+"""Networks with other layers than the paper's, and their outputs by stock convolutions."""
 
 import torch
 import torch.nn.functional as F
@@ -11,12 +11,12 @@ from ship_trl.learn.network import DuelingNetwork
 NETWORKS = {
     "paper": load_network(),
     "five": load_network("five"),
-    # A first layer of three words, and two layers at the end that are linear.
+    # The first kernel is three words wide, and the last two layers are linear.
     "wide": Network([[8, 12, 4], [16, 4, 2], [12, 8, 1], [10, 1, 1]], 14),
-    # The first layer overlaps by more than a half, so that it is cut but no space-to-depth.
+    # Windows of the first layer overlap by more than half: no space-to-depth.
     "overlap": Network([[6, 16, 4], [8, 18, 1]], 10),
 }
-# Those that only whole pictures serve: other kernels, strides and sides, and a single layer.
+# Networks that the incremental backend does not support.
 ODD = {
     "odd": Network([[6, 7, 3], [8, 5, 2], [10, 11, 1]], 9),
     "halves": Network([[6, 6, 3], [8, 4, 2], [10, 12, 1]], 9),
@@ -25,7 +25,7 @@ ODD = {
 
 
 def network(name: str = "paper", channels: int = 1, frozen: int = 0, seed: int = 0) -> DuelingNetwork:
-    """A network whose biases hide no mistake, as those that begin with zero would."""
+    """Return a network with random biases, because zeros would hide mistakes."""
     generator = Generator().manual_seed(seed)
     made = DuelingNetwork(channels, 7, generator, (NETWORKS | ODD)[name])
     with torch.no_grad():
@@ -37,7 +37,7 @@ def network(name: str = "paper", channels: int = 1, frozen: int = 0, seed: int =
 
 
 def plain_forward(net: DuelingNetwork, pixels: Tensor) -> Tensor:
-    """Figure 3 layer by layer, with stock convolutions."""
+    """Compute figure 3 layer by layer, with stock convolutions."""
     x = pixels.float() / 255
     for conv in net.convs:
         x = F.relu(conv(x))

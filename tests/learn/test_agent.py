@@ -20,11 +20,6 @@ def agent(seed: int = 0, frozen: int = 0, **changes: object) -> Agent:
     return Agent(network, draw, 7, schedule(**changes), Generator().manual_seed(seed), frozen)
 
 
-def first(layers: int) -> tuple[str, ...]:
-    """Names of the first conv layers."""
-    return tuple(f"conv{n}" for n in range(1, layers + 1))
-
-
 def batch(size: int = 6) -> TensorDict:
     generator = Generator().manual_seed(5)
     state = torch.rand(size, 2, generator=generator) * 8 - 4
@@ -45,12 +40,6 @@ def batch(size: int = 6) -> TensorDict:
     )
 
 
-def drawn(data: TensorDict) -> TensorDict:
-    """A batch as the replay gives it."""
-    found: TensorDict = DrawPixels(draw)(data)
-    return found
-
-
 def act(learner: Agent, observation: Tensor, epsilon: float) -> Tensor:
     learner.policy.epsilon = epsilon
     given = TensorDict({learner.observation: observation}, [len(observation)])
@@ -58,18 +47,19 @@ def act(learner: Agent, observation: Tensor, epsilon: float) -> Tensor:
     return action
 
 
-def encoded(learner: Agent, data: TensorDict) -> TensorDict:
-    """A batch as the replay gives it: drawn, or what the frozen layers made of it."""
+def observed(learner: Agent, data: TensorDict) -> TensorDict:
+    """Return a batch as the replay does: with pixels, or with features of the frozen layers."""
     if learner.observation == "state":
-        return drawn(data)
-    given = data.exclude("state", ("next", "state"))
-    given["features"] = learner.encode(data["state"])
-    given["next", "features"] = learner.encode(data["next", "state"])
-    return given
+        pixels: TensorDict = DrawPixels(draw)(data)
+        return pixels
+    features = data.exclude("state", ("next", "state"))
+    features["features"] = learner.encode(data["state"])
+    features["next", "features"] = learner.encode(data["next", "state"])
+    return features
 
 
-def on_states(seed: int, frozen: int) -> Agent:
-    """An agent that keeps states however many layers are frozen."""
+def agent_on_states(seed: int, frozen: int) -> Agent:
+    """Return an agent whose replay stores states although layers are frozen."""
     network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
     network.linear_from = 5
     return Agent(network, draw, 7, schedule(), Generator().manual_seed(seed), frozen)
@@ -93,7 +83,7 @@ def test_loss_is_double_dqn_with_bootstrapped_truncation() -> None:
         target = copy.deepcopy(learner.network)
         for _ in range(3):  # after the first update online and target differ
             wanted = by_hand(learner.network, target, batch(), schedule(loss=Loss[loss]))
-            got = learner.update(drawn(batch()))
+            got = learner.update(observed(learner, batch()))
             torch.testing.assert_close(got, wanted.detach(), rtol=1e-5, atol=1e-7)
             with torch.no_grad():
                 for slow, fast in zip(target.parameters(), learner.network.parameters(), strict=True):
@@ -103,7 +93,7 @@ def test_loss_is_double_dqn_with_bootstrapped_truncation() -> None:
 def test_updates_reach_the_network_that_acts() -> None:
     learner = agent()
     before = [p.clone() for p in learner.network.parameters()]
-    learner.update(drawn(batch()))
+    learner.update(observed(learner, batch()))
     assert all(not torch.equal(a, b) for a, b in zip(before, learner.network.parameters(), strict=True))
 
 
@@ -111,7 +101,7 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
     learner = agent(frozen=2)
     before = {name: p.clone() for name, p in learner.network.named_parameters()}
     for _ in range(5):
-        learner.update(drawn(batch()))
+        learner.update(observed(learner, batch()))
     for name, parameter in learner.network.named_parameters():
         assert torch.equal(parameter, before[name]) == name.startswith(("conv1", "conv2"))
     trained = {p.data_ptr() for group in learner.optimiser.param_groups for p in group["params"]}
@@ -126,13 +116,13 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser() -> None:
 
 @pytest.mark.parametrize("frozen", [-1, 5])
 def test_no_more_layers_are_frozen_than_there_are(frozen: int) -> None:
-    with pytest.raises(ValueError, match="4 conv layers can be frozen at most"):
+    with pytest.raises(ValueError, match="layers to freeze: allowed: 0 to 4, got"):
         agent(frozen=frozen)
 
 
 @pytest.mark.parametrize("frozen", [0, 2, 3, 4])
-def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
-    # Grey all over, with biases: what the background gives is not zero, and changes with the weights.
+def test_actions_use_the_latest_weights(frozen: int) -> None:
+    # A grey background and biases: its activations are not zero, and change with the weights.
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     with torch.no_grad():
         for name, parameter in network.named_parameters():
@@ -142,8 +132,7 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
     grey.background = draw.background // 2 + 100  # type: ignore[attr-defined]
     learner = Agent(network, grey, 7, schedule(lr=0.01), Generator().manual_seed(2), frozen)  # type: ignore[arg-type]
     state = torch.rand(200, 2) * 8 - 4
-    data, chosen = batch(), []
-    data = encoded(learner, data)
+    data, chosen = observed(learner, batch()), []
     for _ in range(4):
         seen = learner.encode(state) if learner.observation == "features" else state
         chosen.append(act(learner, seen, 0.0))
@@ -153,20 +142,16 @@ def test_it_acts_by_what_it_has_just_learned(frozen: int) -> None:
     assert not torch.equal(chosen[0], chosen[-1])
 
 
-def test_it_is_judged_by_the_average_of_what_it_learned() -> None:
+def test_evaluations_use_the_average_of_the_online_network() -> None:
     learner = agent()
     slow = copy.deepcopy(learner.network)
     for _ in range(4):
-        learner.update(drawn(batch()))
+        learner.update(observed(learner, batch()))
         with torch.no_grad():
             for mine, fast in zip(slow.parameters(), learner.network.parameters(), strict=True):
                 mine.lerp_(fast, 0.05)
-    for mine, average, fast in zip(
-        slow.parameters(),
-        learner.target_network.state_dict().values(),
-        learner.network.parameters(),
-        strict=True,
-    ):
+    averages = learner.target_network.state_dict().values()
+    for mine, average, fast in zip(slow.parameters(), averages, learner.network.parameters(), strict=True):
         torch.testing.assert_close(average, mine)
         assert not torch.equal(average, fast) and not average.requires_grad
     state = torch.rand(5, 2)
@@ -190,9 +175,8 @@ def test_exploration_draws_from_its_own_generator() -> None:
 def test_epsilon_is_the_share_of_random_actions() -> None:
     learner = agent()
     state = torch.zeros(4000, 2)
-    greedy = learner.greedy(TensorDict({"state": state[:1]}, [1]))[
-        "action"
-    ]  # before an update both networks are the same
+    # Before an update both networks are equal.
+    greedy = learner.greedy(TensorDict({"state": state[:1]}, [1]))["action"]
     assert torch.equal(act(learner, state, 0.0), greedy.expand(4000))
     other = (act(learner, state, 0.5) != greedy).float().mean()
     assert abs(float(other) - 0.5 * 6 / 7) < 0.04
@@ -200,7 +184,7 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
 
 @pytest.mark.parametrize("frozen", [3, 4])
 @pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
-def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, precision: Precision) -> None:
+def test_features_are_the_activations_of_the_frozen_layers(frozen: int, precision: Precision) -> None:
     learner = agent(frozen=frozen, precision=precision)
     assert learner.observation == "features" and learner.frozen == frozen
     state = torch.rand(9, 2) * 8 - 4
@@ -210,28 +194,28 @@ def test_kept_features_are_what_the_frozen_layers_would_compute(frozen: int, pre
     for layer in learner.network.convs[:frozen]:
         x = torch.relu(torch.nn.functional.conv2d(x, layer.weight, layer.bias, layer.stride))
     wanted = x.permute(0, 2, 3, 1).flatten(1)
-    # Half a step of float16 and of bfloat16, and what sums in another order differ by.
+    # Half a step of float16 and of bfloat16, and the error of sums in another order.
     within = {Precision.fp32: 2**-11, Precision.bf16: 2**-8}[precision]
     assert ((kept.float() - wanted).abs() <= within * wanted + 1e-5 * wanted.max()).all()
 
 
-def test_features_beyond_half_precision_are_kept_as_its_largest_number() -> None:
+def test_features_are_clamped_to_half_precision() -> None:
     learner = agent(frozen=3)
     with torch.no_grad():
         learner.network.convs[2].weight.mul_(1e6)
-    data = encoded(learner, batch())
+    data = observed(learner, batch())
     assert data["features"].max() == torch.finfo(torch.float16).max
     assert learner.update(data).isfinite() and all(p.isfinite().all() for p in learner.network.parameters())
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("frozen", [3, 4])
-def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int, seed: int) -> None:
-    kept, dense = agent(seed, frozen), on_states(seed, frozen)
+def test_q_values_and_gradients_on_features_equal_those_on_states(frozen: int, seed: int) -> None:
+    kept, dense = agent(seed, frozen), agent_on_states(seed, frozen)
     assert (kept.observation, dense.observation) == ("features", "state")
     found = []
     for learner in (kept, dense):
-        data = encoded(learner, batch(32))
+        data = observed(learner, batch(32))
         (key,) = learner.loss.value_network_in_keys
         q = learner.network(data[key]).detach()
         learner.update(data)
@@ -248,7 +232,7 @@ def test_q_values_and_gradients_on_kept_features_are_those_on_states(frozen: int
 @pytest.mark.parametrize(
     ("name", "frozen"), [("paper", 0), ("five", 0), ("five", 3), ("five", 4), ("five", 5), ("wide", 3)]
 )
-def test_any_network_learns_the_same_by_both_backends(name: str, frozen: int) -> None:
+def test_any_network_learns_the_same_with_both_backends(name: str, frozen: int) -> None:
     found = []
     for backend in (BackendName.incremental, BackendName.dense):
         network, learn = networks.network(name), schedule(backend=backend)
@@ -256,10 +240,10 @@ def test_any_network_learns_the_same_by_both_backends(name: str, frozen: int) ->
         keeps = backend is BackendName.incremental and frozen >= {"paper": 3, "five": 4, "wide": 2}[name]
         assert learner.observation == ("features" if keeps else "state")
         before = {name: p.clone() for name, p in network.named_parameters()}
-        found.append([float(learner.update(encoded(learner, batch()))) for _ in range(3)])
+        found.append([float(learner.update(observed(learner, batch()))) for _ in range(3)])
         for key, parameter in network.named_parameters():
-            assert torch.equal(parameter, before[key]) == key.startswith(first(frozen)), key
-    # What is kept is rounded to half precision.
+            assert torch.equal(parameter, before[key]) == key.startswith(network.conv_names[:frozen]), key
+    # Features are rounded to half precision.
     assert found[0] == pytest.approx(found[1], rel=2e-3)
 
 

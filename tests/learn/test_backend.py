@@ -1,4 +1,4 @@
-"""Two ways of seeing, one function; and which precision computes."""
+"""Both backends compute the same function; the choice of backend and precision."""
 
 import pytest
 import torch
@@ -38,7 +38,7 @@ def test_fully_connected_layers_stay_float32_where_values_are_large() -> None:
     before = both(network, torch.bfloat16, frames)
     with torch.no_grad():
         network.value.bias.add_(1000.0)
-    # bfloat16 knows no number between 1000 and 1004.
+    # bfloat16 has no number between 1000 and 1004.
     for after, wanted in zip(both(network, torch.bfloat16, frames), before, strict=True):
         torch.testing.assert_close(after - 1000.0, wanted, atol=2e-4, rtol=0)
 
@@ -66,7 +66,7 @@ def test_auto_is_bfloat16_where_the_processor_multiplies_it(
 @pytest.mark.parametrize(
     ("precision", "wanted"), [("auto", torch.float32), ("fp32", torch.float32), ("bf16", torch.bfloat16)]
 )
-def test_switched_off_bfloat16_is_only_where_it_is_asked_for(
+def test_bfloat16_that_is_off_must_be_asked_for(
     precision: str, wanted: torch.dtype, device: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": True})
@@ -76,7 +76,7 @@ def test_switched_off_bfloat16_is_only_where_it_is_asked_for(
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, *ODD])
-def test_auto_computes_what_differs_where_it_can(name: str) -> None:
+def test_auto_is_incremental_where_supported(name: str) -> None:
     layers = geometry((NETWORKS | ODD)[name])
     for device, able in (("cpu", name in NETWORKS), ("cuda", False)):
         chosen = choose_backend(BackendName.auto, draw, torch.float32, torch.device(device), layers)

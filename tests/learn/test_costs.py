@@ -1,7 +1,6 @@
-"""What an update, a decision and a step cost, counted: these numbers know no clock and no neighbours.
+"""Count what an update, a decision and a step cost: unlike times, counts do not depend on the machine.
 
-A count may fall; one that rises has to be worth it. Limits are a few per cent above what was
-counted when they were set, so that another version of torch does not break them by a call or two.
+Limits are a few per cent above the counts when they were set, so that another version of torch passes.
 """
 
 from collections.abc import Callable
@@ -45,12 +44,17 @@ class Counting(TorchDispatchMode):
 
 
 def counted(action: Callable[[], object]) -> tuple[int, float, float]:
-    """Calls, megabytes copied, and floating point operations of matrix products in millions."""
-    # What is made once is made.
+    """Return calls, megabytes copied, and floating point operations of matrix products in millions."""
+    # The first call makes what later ones reuse.
     action()
     with Counting() as counting:
         action()
     return counting.calls, counting.copied / 1e6, counting.operations / 1e6
+
+
+def check_costs(action: Callable[[], object], limits: tuple[float, ...]) -> None:
+    costs = counted(action)
+    assert all(cost <= limit for cost, limit in zip(costs, limits, strict=True)), costs
 
 
 def ours(arm: str, precision: str = "bf16") -> Ours:
@@ -74,8 +78,7 @@ UPDATE = {
 def test_an_update(arm: str, precision: str) -> None:
     learner = ours(arm, precision)
     batch = learner.sample()
-    found = counted(lambda: learner.agent.update(batch))
-    assert all(got <= limit for got, limit in zip(found, UPDATE[arm, precision], strict=True)), found
+    check_costs(lambda: learner.agent.update(batch), UPDATE[arm, precision])
 
 
 def test_an_update_leaves_out_almost_half_the_operations() -> None:
@@ -95,8 +98,7 @@ def act(learner: Ours, observation: Tensor) -> None:
 def test_a_decision() -> None:
     learner = ours("scratch")
     observation = learner.sample()["state"][:1]
-    found = counted(lambda: act(learner, observation))
-    assert all(got <= limit for got, limit in zip(found, (25, 0.3, 7.0), strict=True)), found
+    check_costs(lambda: act(learner, observation), (25, 0.3, 7.0))
 
 
 def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
@@ -110,8 +112,7 @@ def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
 def test_a_step_of_the_environment(arm: str, limits: tuple[float, ...]) -> None:
     learner = ours(arm)
     current = learner.env.reset().set("action", torch.tensor([3]))
-    found = counted(lambda: learner.env.step_and_maybe_reset(current.clone()))
-    assert all(got <= limit for got, limit in zip(found, limits, strict=True)), found
+    check_costs(lambda: learner.env.step_and_maybe_reset(current.clone()), limits)
 
 
 def test_frozen_layers_are_computed_once_a_state() -> None:

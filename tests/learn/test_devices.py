@@ -1,7 +1,7 @@
-"""What would run on a GPU names its device everywhere: a tensor made without one would stay on the CPU.
+"""Code for the GPU names its device everywhere; no GPU is needed.
 
-No GPU is needed: here the default device is `meta`, whose tensors hold nothing, so that one made
-without a device cannot be mixed with the others, which are all on the CPU by name.
+The default device is `meta`, whose tensors hold no data. A tensor made without a device is on `meta`, and
+fails when it meets the others, which are on the CPU by name.
 """
 
 from collections.abc import Iterator
@@ -25,8 +25,8 @@ WORLD = load_world()
 
 
 @pytest.fixture
-def elsewhere() -> Iterator[None]:
-    """Tensors made without a device are useless."""
+def meta_device() -> Iterator[None]:
+    """Make `meta` the default device."""
     torch.set_default_device("meta")
     try:
         yield
@@ -35,19 +35,19 @@ def elsewhere() -> Iterator[None]:
 
 
 def as_on_a_gpu(env: ShipEnv) -> ShipEnv:
-    """The environment with the code that serves other devices."""
-    env._advance = env._transition
+    """Make an environment use the code for other devices."""
+    env._simulate = env._transition
     env.rasteriser.compiled = None
     return env
 
 
-def test_the_guard_notices_a_tensor_without_a_device(elsewhere: None) -> None:
+def test_the_guard_notices_a_tensor_without_a_device(meta_device: None) -> None:
     with pytest.raises(RuntimeError):
         _ = torch.zeros(3, device=CPU) + torch.zeros(3)
 
 
 @pytest.mark.parametrize("colour", [False, True])
-def test_simulator_and_rasteriser_name_their_device(elsewhere: None, colour: bool) -> None:
+def test_simulator_and_rasteriser_name_their_device(meta_device: None, colour: bool) -> None:
     env = as_on_a_gpu(ShipEnv(load_case("4", WORLD), WORLD, 3, from_pixels=True, colour=colour, device=CPU))
     current = env.reset()
     for _ in range(30):
@@ -59,11 +59,13 @@ def test_simulator_and_rasteriser_name_their_device(elsewhere: None, colour: boo
 
 
 @pytest.mark.parametrize("frozen", [0, 3])
-def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_learner_names_its_device(
+    meta_device: None, frozen: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(agent_module, "choose_backend", lambda *_: Dense())
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
     env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
-    judge = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
+    eval_env = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
     draw = Rasteriser(case, WORLD, device=CPU)
     draw.compiled = None
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
@@ -72,7 +74,7 @@ def test_the_learner_names_its_device(elsewhere: None, frozen: int, monkeypatch:
     agent = Agent(network, draw, 7, learn, generators[1], frozen)
     replay = agent.replay(learn, generators[2], CPU)
     before = network.shared.weight.clone()
-    events = list(train(env, judge, agent, replay, learn))
+    events = list(train(env, eval_env, agent, replay, learn))
     assert len([e for e in events if isinstance(e, Finished)]) == 4
     assert not torch.equal(network.shared.weight, before)
     assert {p.device for p in agent.target_network.parameters()} == {CPU}

@@ -1,4 +1,4 @@
-"""Returns before training over many draws: those of the same networks, one after another."""
+"""Returns of many draws at once equal those of the same networks, one after another."""
 
 import copy
 
@@ -16,7 +16,7 @@ from tests.learn.worlds import Corridor, draw
 DRAWS = 7
 
 
-# Of the paper's network and of five layers by windows, of the other by whole pictures.
+# The networks `paper` and `five` use the incremental backend, `odd` the dense one.
 @pytest.mark.parametrize(
     ("name", "copied"), [*(("paper", n) for n in range(5)), ("five", 3), ("five", 5), ("odd", 1), ("odd", 3)]
 )

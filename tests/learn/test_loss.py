@@ -1,4 +1,4 @@
-"""The loss is TorchRL's DQNLoss, to every digit, and reads what its replay holds."""
+"""The loss equals TorchRL's DQNLoss in every bit, and reads batches of its replay."""
 
 import copy
 from typing import Any
@@ -71,28 +71,28 @@ def batch(size: int = 12) -> TensorDict:
 
 @pytest.mark.parametrize("kind", list(Loss))
 @pytest.mark.parametrize("frozen", [0, 2])
-def test_loss_gradients_td_error_and_targets_are_those_of_torchrl(kind: Loss, frozen: int) -> None:
+def test_loss_gradients_td_error_and_targets_equal_torchrls(kind: Loss, frozen: int) -> None:
     found = []
     for make in (lambda a: DoubleDQNLoss(a, kind=kind, gamma=0.9), lambda a: reference(a, kind)):
         loss, data = make(actor(frozen)), batch()
-        target, told = SoftUpdate(loss, tau=0.1), []
+        target, values = SoftUpdate(loss, tau=0.1), []
         optimiser = torch.optim.SGD([p for p in loss.parameters() if p.requires_grad], lr=0.001)
         for _ in range(3):  # after the first step online and target network differ
             value = loss(data)["loss"]
             optimiser.zero_grad()
             value.backward()
-            told += [value.detach(), data["td_error"].flatten().clone()]
-            told += [p.grad.clone() for p in loss.parameters() if p.grad is not None]
+            values += [value.detach(), data["td_error"].flatten().clone()]
+            values += [p.grad.clone() for p in loss.parameters() if p.grad is not None]
             optimiser.step()
             target.step()
-        told += list(loss.target_value_network_params.flatten_keys(".").values())
-        found.append(told)
+        values += list(loss.target_value_network_params.flatten_keys(".").values())
+        found.append(values)
     assert len(found[0]) == len(found[1]) == 3 * (2 + 14 - 2 * frozen) + 14
     for mine, other in zip(*found, strict=True):
         assert torch.equal(mine, other)
 
 
-def test_hubers_threshold_is_that_of_large_errors() -> None:
+def test_hubers_threshold_separates_large_errors() -> None:
     data, value_network = batch(), actor()
     data["next", "reward"] *= 100
     made(value_network)(data)
@@ -105,7 +105,7 @@ def test_hubers_threshold_is_that_of_large_errors() -> None:
         assert (error > threshold).any()
 
 
-def test_keys_are_those_of_torchrl() -> None:
+def test_keys_equal_torchrls() -> None:
     mine, other = made(actor()), reference(actor(), Loss.l2)
     assert set(mine.in_keys) == set(other.in_keys) and mine.out_keys == other.out_keys
     data = batch()
@@ -164,9 +164,8 @@ def test_changed_weights_invalidate_the_cache(update: Any, frozen: int, dtype: t
 
 
 def test_torchrls_loss_reads_our_replay() -> None:
-    memory = StateReplay(
-        50, 0.01, Generator().manual_seed(0), torch.device("cpu"), transform=DrawPixels(draw)
-    )
+    generator, device = Generator().manual_seed(0), torch.device("cpu")
+    memory = StateReplay(50, 0.01, generator, device, transform=DrawPixels(draw))
     given = batch(40).exclude("pixels", ("next", "pixels"))
     given["state"], given["next", "state"] = torch.rand(2, 40, 2) * 8 - 4
     memory.extend(given)
@@ -178,7 +177,7 @@ def test_torchrls_loss_reads_our_replay() -> None:
 
 @pytest.mark.parametrize("frozen", [0, 2])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_a_loss_that_is_loaded_computes_with_what_was_loaded(frozen: int, dtype: torch.dtype) -> None:
+def test_a_loaded_loss_computes_with_the_loaded_weights(frozen: int, dtype: torch.dtype) -> None:
     value_network, other = actor(frozen), made(actor(frozen))
     value_network[0].module.backend = Incremental(draw.background, dtype, PAPER)
     loss, pixels = made(value_network), batch()["pixels"]
@@ -188,10 +187,8 @@ def test_a_loss_that_is_loaded_computes_with_what_was_loaded(frozen: int, dtype:
             parameter.mul_(1.5)
         loss.network(pixels), loss.target_network(pixels), few.actions(pixels)
         loss.load_state_dict(other.state_dict())
-        for mine, theirs in (
-            (loss.network, other.network),
-            (loss.target_network, other.target_network),
-        ):
+        pairs = ((loss.network, other.network), (loss.target_network, other.target_network))
+        for mine, theirs in pairs:
             wanted = theirs(pixels)
             assert (mine(pixels) - wanted).abs().max() < 0.03 * wanted.abs().max()
         assert torch.equal(few.actions(pixels), other.network(pixels).argmax(-1))
@@ -211,7 +208,7 @@ def test_a_loss_is_cast_whole_and_its_updater_follows() -> None:
         copy.deepcopy(loss)
 
 
-def test_any_network_can_be_learned_by_it() -> None:
+def test_it_trains_any_network() -> None:
     perceptron = torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.ReLU(), torch.nn.Linear(8, 7))
     loss = DoubleDQNLoss(QValueActor(perceptron, in_keys=["state"], action_space="categorical"), gamma=0.9)
     target = ForeachSoftUpdate(loss, tau=0.1)

@@ -1,4 +1,4 @@
-"""The network, and the fast forms that must be the same function."""
+"""The network, and its fast forms, which must compute the same function."""
 
 import pytest
 import torch
@@ -9,10 +9,6 @@ from tests.learn import networks
 from tests.learn.networks import NETWORKS, ODD, plain_forward
 
 
-def network(seed: int = 0, channels: int = 1) -> DuelingNetwork:
-    return DuelingNetwork(channels, 7, Generator().manual_seed(seed))
-
-
 def pixels(batch: int, channels: int = 1) -> Tensor:
     return torch.randint(
         0, 256, (batch, channels, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(1)
@@ -20,7 +16,7 @@ def pixels(batch: int, channels: int = 1) -> Tensor:
 
 
 def test_layers_are_those_of_section_3_5() -> None:
-    net = network()
+    net = networks.network()
     shapes = {name: tuple(getattr(net, name).weight.shape) for name in net.conv_names}
     assert shapes == {
         "conv1": (32, 1, 8, 8),
@@ -37,7 +33,7 @@ def test_layers_are_those_of_section_3_5() -> None:
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, *ODD])
-def test_fast_forward_is_the_plain_one(name: str) -> None:
+def test_the_fast_forward_equals_the_plain_one(name: str) -> None:
     for channels in (1, 3):
         net = networks.network(name, channels)
         images = pixels(5, channels)
@@ -45,19 +41,19 @@ def test_fast_forward_is_the_plain_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, *ODD])
-def test_gradients_are_the_plain_ones(name: str) -> None:
+def test_gradients_equal_the_plain_ones(name: str) -> None:
     net = networks.network(name)
     images = pixels(3)
     weights = list(net.parameters())
     fast = torch.autograd.grad(net(images).square().sum(), weights)
     slow = torch.autograd.grad(plain_forward(net, images).square().sum(), weights)
     for got, wanted in zip(fast, slow, strict=True):
-        # Sums in another order: their rounding is one of the largest entries, not of the small ones.
+        # Sums in another order: rounding is relative to the largest entries.
         torch.testing.assert_close(got, wanted, rtol=1e-4, atol=1e-5 * float(wanted.abs().max()))
 
 
 def test_advantages_are_centred() -> None:
-    net = network()
+    net = networks.network()
     with torch.no_grad():
         net.value.weight.zero_()
         net.value.bias.fill_(2.0)
@@ -65,12 +61,12 @@ def test_advantages_are_centred() -> None:
 
 
 def test_leading_dimensions_are_kept() -> None:
-    net, images = network(), pixels(6)
+    net, images = networks.network(), pixels(6)
     torch.testing.assert_close(net(images.reshape(2, 3, 1, 84, 84)), net(images).reshape(2, 3, 7))
 
 
 def test_initial_weights_come_from_the_generator() -> None:
-    first, again, other = network(3), network(3), network(4)
+    first, again, other = (DuelingNetwork(1, 7, Generator().manual_seed(seed)) for seed in (3, 3, 4))
     for name, weight in first.named_parameters():
         assert torch.equal(weight, dict(again.named_parameters())[name])
         if name.endswith("weight"):

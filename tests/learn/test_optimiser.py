@@ -1,4 +1,4 @@
-"""Adam on filters that lie channels last is torch's own."""
+"""Adam on channels-last filters equals torch's own."""
 
 import copy
 

@@ -19,7 +19,7 @@ def test_greedy_takes_the_action_of_the_highest_q_value() -> None:
     assert torch.equal(found["chosen_action_value"], found["action_value"].amax(-1, keepdim=True))
 
 
-def test_the_network_is_asked_for_greedy_rows_only() -> None:
+def test_q_values_are_computed_for_greedy_rows_only() -> None:
     asked: list[int] = []
 
     def best(observation: torch.Tensor) -> torch.Tensor:
@@ -35,7 +35,7 @@ def test_the_network_is_asked_for_greedy_rows_only() -> None:
 
 
 def test_a_rollout_of_many_is_a_rollout_of_each() -> None:
-    # Each ship holds a course of its own, so that they end at different times.
+    # Each row keeps its own direction, so that episodes end at different times.
     def holding(courses: list[int]) -> object:
         def policy(step: TensorDictBase) -> TensorDictBase:
             # Back and forth until the third second, then one course.

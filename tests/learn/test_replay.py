@@ -1,4 +1,6 @@
-"""Replay of states: what goes in comes out, from its own generator."""
+"""Replay of states: samples are whole transitions, drawn from its own generator."""
+
+from typing import Any
 
 import torch
 from tensordict import TensorDict
@@ -30,8 +32,8 @@ def steps(first: int, count: int) -> TensorDict:
     )
 
 
-def replay(capacity: int = 100, seed: int = 0) -> StateReplay:
-    return StateReplay(capacity, 0.01, Generator().manual_seed(seed), torch.device("cpu"))
+def replay(capacity: int = 100, seed: int = 0, **options: Any) -> StateReplay:
+    return StateReplay(capacity, 0.01, Generator().manual_seed(seed), torch.device("cpu"), **options)
 
 
 def test_samples_are_whole_transitions() -> None:
@@ -47,7 +49,7 @@ def test_samples_are_whole_transitions() -> None:
     assert torch.equal(batch["next", "terminated"][:, 0], number % 3 == 0)
 
 
-def test_the_oldest_is_forgotten_first() -> None:
+def test_new_transitions_overwrite_the_oldest() -> None:
     memory = replay(capacity=10)
     for first in range(0, 24, 4):
         memory.extend(steps(first, 4))
@@ -56,8 +58,8 @@ def test_the_oldest_is_forgotten_first() -> None:
     assert seen == set(range(14, 24))
 
 
-def test_another_entry_can_be_what_is_observed() -> None:
-    memory = StateReplay(20, 0.01, Generator().manual_seed(0), torch.device("cpu"), observation="features")
+def test_the_observation_can_be_another_key() -> None:
+    memory = replay(observation="features")
     given = steps(0, 4)
     given["features"], given["next", "features"] = torch.rand(4, 200), torch.rand(4, 200)
     memory.extend(given)
@@ -69,7 +71,7 @@ def test_another_entry_can_be_what_is_observed() -> None:
 def test_storage_holds_no_pixels() -> None:
     memory = replay(capacity=50_000)
     memory.extend(steps(0, 4))
-    assert len(memory) == 4  # and so they are stored
+    assert len(memory) == 4  # `len` writes pending steps
     stored = memory.storage.state_dict()["rows"]
     size = sum(value.numel() * value.element_size() for value in stored.values())
     assert size < 16 * 2**20
@@ -86,16 +88,14 @@ def test_draws_come_from_its_own_generator() -> None:
     assert not torch.equal(batches[0], batches[2])
 
 
-def test_reward_of_the_given_steps_is_left_alone() -> None:
+def test_the_reward_of_the_given_steps_stays_unscaled() -> None:
     given = steps(0, 4)
     replay().extend(given)
     assert torch.equal(given["next", "reward"][:, 0], torch.arange(4) * 100.0)
 
 
 def test_pixels_are_drawn_beside_the_states_of_a_batch() -> None:
-    memory = StateReplay(
-        50, 0.01, Generator().manual_seed(0), torch.device("cpu"), transform=DrawPixels(draw)
-    )
+    memory = replay(transform=DrawPixels(draw))
     memory.extend(steps(0, 40))
     batch = memory.sample(16)
     assert torch.equal(batch["pixels"], draw(batch["state"]))
@@ -103,7 +103,7 @@ def test_pixels_are_drawn_beside_the_states_of_a_batch() -> None:
     assert "pixels" not in memory.storage[0]
 
 
-def test_a_storage_is_that_of_torchrl() -> None:
+def test_the_storage_equals_torchrls() -> None:
     given = steps(0, 40).exclude("unwanted", ("next", "truncated"))
     found = []
     for storage in (TransitionStorage(30, torch.device("cpu")), LazyTensorStorage(30)):
@@ -116,7 +116,7 @@ def test_a_storage_is_that_of_torchrl() -> None:
         buffer.extend(given[:25])
         part = buffer.sample()
         buffer.add(given[25])
-        buffer.extend(given[26:])  # and the first ten are forgotten
+        buffer.extend(given[26:])  # overwrites the first ten
         found.append((part, buffer.sample(), len(buffer)))
     for mine, other in zip(*found, strict=True):
         assert mine == other if isinstance(mine, int) else bool((mine == other).all())

@@ -1,4 +1,4 @@
-"""The loop, on a world that is not the simulator."""
+"""The training loop, in a world that is not the simulator."""
 
 import itertools
 import math
@@ -10,18 +10,24 @@ from hypothesis import strategies as st
 from tensordict import TensorDictBase
 from torch import Generator
 
+from ship_trl.config.types import Learn
 from ship_trl.learn.agent import Agent
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import rollout
 from ship_trl.learn.train import DivergedError, Evaluated, Finished, epsilon_at, learning_rate_at, train
 from tests.learn.worlds import Corridor, draw, schedule
 
 
-def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], Agent]:
-    learn = schedule(**changes)
+def make_agent(learn: Learn, seed: int = 0) -> tuple[Agent, StateReplay]:
     generators = [Generator().manual_seed(seed * 10 + k) for k in range(3)]
     agent = Agent(DuelingNetwork(1, 3, generators[0]), draw, 3, learn, generators[1])
-    memory = agent.replay(learn, generators[2], torch.device("cpu"))
+    return agent, agent.replay(learn, generators[2], torch.device("cpu"))
+
+
+def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], Agent]:
+    learn = schedule(**changes)
+    agent, memory = make_agent(learn, seed)
     return list(train(Corridor(learn.num_envs), Corridor(1), agent, memory, learn)), agent
 
 
@@ -47,11 +53,9 @@ def test_evaluations_come_before_after_and_between() -> None:
     assert [e.episode for e in found if isinstance(e, Evaluated)] == [0, 10, 20, 25]
 
 
-def test_one_update_for_every_so_many_steps() -> None:
+def test_one_update_every_update_every_steps() -> None:
     learn = schedule()
-    generator = Generator().manual_seed(0)
-    agent = Agent(DuelingNetwork(1, 3, generator), draw, 3, learn, generator)
-    memory = agent.replay(learn, generator, torch.device("cpu"))
+    agent, memory = make_agent(learn)
     count, steps = 0, 0
     update = agent.update
 
@@ -77,11 +81,9 @@ def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
     assert lengths[0] != lengths[1]
 
 
-def test_a_loss_that_is_not_finite_ends_it_with_its_step() -> None:
+def test_a_loss_that_is_not_finite_is_reported_with_its_step() -> None:
     learn = schedule()
-    generator = Generator().manual_seed(0)
-    agent = Agent(DuelingNetwork(1, 3, generator), draw, 3, learn, generator)
-    memory = agent.replay(learn, generator, torch.device("cpu"))
+    agent, memory = make_agent(learn)
     update, losses = agent.update, itertools.count(1)
 
     def diverging(batch: TensorDictBase) -> torch.Tensor:

@@ -1,4 +1,4 @@
-"""A world of one number, so that the learner is tested without the simulator."""
+"""A one-dimensional world, to test the learner without the simulator."""
 
 from typing import Any
 
@@ -51,7 +51,7 @@ class Corridor(EnvBase):
 
 
 class Bars:
-    """A bar whose place tells the position: [..., 2] to uint8 [..., 1, 84, 84]."""
+    """Draws the position as a bar: [..., 2] to uint8 [..., 1, 84, 84]."""
 
     background = torch.zeros(1, 84, 84, dtype=torch.uint8)
 
@@ -66,7 +66,7 @@ draw = Bars()
 
 
 def schedule(**changes: Any) -> Learn:
-    """Hyperparameters of a short training."""
+    """Return hyperparameters of a short training."""
     values: dict[str, Any] = {
         "episodes": 30,
         "num_envs": 3,

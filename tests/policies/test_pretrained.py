@@ -1,4 +1,4 @@
-"""The networks that come with the package are what their manifest says, and runs begin with them."""
+"""The bundled networks match their manifest, and runs can start from them."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ WORLD = load_world()
 SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "learn.jumpstart_draws=0")
 
 
-def test_there_is_one_for_each_shipped_case_and_it_is_the_manifests() -> None:
+def test_each_bundled_case_has_a_network_that_matches_the_manifest() -> None:
     cases = {path.stem for path in (conf_dir() / "case").glob("*.yaml")}
     assert {one.case for one in pretrained.networks()} == cases
     for one in pretrained.networks():
@@ -42,7 +42,7 @@ def test_every_score_is_reached(capsys: pytest.CaptureFixture[str]) -> None:
         assert (share, outcome, length) == (f"{one.of_best_known:.0%}", one.outcome, str(one.length))
 
 
-def test_a_score_that_is_not_reached_is_refused(
+def test_a_score_that_is_not_reached_is_reported(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     manifest = pretrained.read()
@@ -63,7 +63,7 @@ def test_the_best_run_of_each_case_was_chosen() -> None:
     for one in pretrained.networks():
         of_case = [run for run in runs if run["case"] == one.case]
         assert [run["seed"] for run in of_case] == list(range(100, 105))
-        # Of equals the first.
+        # On ties, `max` keeps the first.
         best = max(of_case, key=lambda run: run["best_return"])
         assert (best["seed"], best["config_hash"]) == (one.seed, one.config_hash)
         assert one.episode_return == pytest.approx(best["best_return"], abs=1e-3)
@@ -100,9 +100,8 @@ def test_an_own_case_has_no_pretrained_network() -> None:
 
 
 def test_a_changed_bundled_case_is_evaluated_without_claim(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     changed = tmp_path / "conf/case/4.yaml"
     changed.parent.mkdir(parents=True)
     changed.write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))

@@ -1,5 +1,6 @@
-"""Case files: the shipped ones, a user's own, and every way to get one wrong."""
+"""Case files: the bundled ones, a user's own, and invalid ones."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -7,10 +8,10 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.sim.cases import MAX_TARGET_SHIPS, case_names, load_case, shadowing_case
+from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, case_names, load_case, shadowing_case
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
-SHIPPED = [*PAPER, "ship"]
+BUNDLED = [*PAPER, "ship"]
 SHIP = "  - {x: 100.0, y: 300.0, heading: 180.0, speed: 15.0}\n"
 GOOD = f"""\
 start: [0.0, 0.0]
@@ -19,6 +20,18 @@ goal: [0.0, 600.0]
 ideal_path: straight
 target_ships:
 {SHIP}"""
+
+
+def load_text(text: str | bytes, folder: Path, world: World) -> Case:
+    """Load a case from a file `mine.yaml` with this content."""
+    path = folder / "mine.yaml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return load_case(str(path), world)
+
+
+def with_value(key: str, value: str) -> str:
+    """Return the good file with another value of a key at its top level."""
+    return re.sub(rf"^{key}: .*$", f"{key}: {value}", GOOD, flags=re.MULTILINE)
 
 
 def without(field: str) -> str:
@@ -30,31 +43,31 @@ def with_ship(**changes: str) -> str:
     return GOOD.replace(SHIP, "  - {" + ", ".join(f"{k}: {v}" for k, v in ship.items() if v) + "}\n")
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_case_loads(name: str, world: World) -> None:
+@pytest.mark.parametrize("name", BUNDLED)
+def test_every_bundled_case_loads(name: str, world: World) -> None:
     case = load_case(name, world)
     assert case.name == name and case.ideal_path
     assert (case.start, case.heading, case.goal) == ([0.0, 0.0], 90.0, [0.0, 600.0])
     assert all(ship.speed == 15.0 for ship in case.target_ships)
 
 
-def test_the_shipped_cases_are_those_of_the_paper(world: World) -> None:
+def test_the_bundled_cases_are_those_of_the_paper(world: World) -> None:
     ships = {name: load_case(name, world).target_ships for name in PAPER}
     assert [len(ships[name]) for name in PAPER] == [0, 1, 1, 2, 1, 2, 2]
-    # The second of each pair is the first and one target ship more.
+    # The target of each pair is its source with one more target ship.
     for fewer, more in (("1", "2"), ("3", "4"), ("5", "6"), ("2", "new")):
         assert ships[more][:-1] == ships[fewer]
-    # Ours: the ship of case 2 on the way of case 3.
+    # Our own case: the ships of cases 2 and 3.
     assert load_case("ship", world).target_ships == [*ships["2"], *ships["3"]]
-    assert {path.stem for path in (conf_dir() / "case").glob("*.yaml")} == set(SHIPPED)
+    assert {path.stem for path in (conf_dir() / "case").glob("*.yaml")} == set(BUNDLED)
 
 
-def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: World) -> None:
+def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, world: World) -> None:
     case = load_case("2", world)
     copy = tmp_path / "mine.yaml"
     copy.write_text((conf_dir() / "case" / "2.yaml").read_text())
     assert load_case(str(copy), world).fingerprint == case.fingerprint
-    assert len({load_case(name, world).fingerprint for name in SHIPPED}) == len(SHIPPED)
+    assert len({load_case(name, world).fingerprint for name in BUNDLED}) == len(BUNDLED)
 
 
 @pytest.mark.parametrize(
@@ -68,59 +81,51 @@ def test_the_fingerprint_is_of_the_values_not_the_name(tmp_path: Path, world: Wo
         (with_ship(speed=""), "target_ships[0].speed"),
         (GOOD + "depth: 20.0\n", "depth"),
         (with_ship(colour="3.0"), "target_ships[0].colour"),
-        (GOOD.replace("heading: 90.0", "heading: .nan", 1), "heading"),
-        (GOOD.replace("start: [0.0, 0.0]", "start: [.nan, 0.0]"), "start[0]"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, .inf]"), "goal[1]"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 1.0e+300]"), "goal[1]"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, [600.0]]"), "goal[1]"),
-        (GOOD.replace("heading: 90.0", "heading: 1" + "0" * 400, 1), "heading: must be at most"),
+        (with_value("heading", ".nan"), "heading"),
+        (with_value("start", "[.nan, 0.0]"), "start[0]"),
+        (with_value("goal", "[0.0, .inf]"), "goal[1]"),
+        (with_value("goal", "[0.0, 1.0e+300]"), "goal[1]"),
+        (with_value("goal", "[0.0, [600.0]]"), "goal[1]"),
+        (with_value("heading", "1" + "0" * 400), "heading: must be at most"),
         (with_ship(x="-.inf"), "target_ships[0].x"),
         (with_ship(heading=".nan"), "target_ships[0].heading"),
         (with_ship(speed=".inf"), "target_ships[0].speed"),
-        (GOOD.replace("heading: 90.0", "heading: north", 1), "heading"),
-        (GOOD.replace("start: [0.0, 0.0]", "start: [0.0, left]"), "start[1]"),
-        (GOOD.replace("start: [0.0, 0.0]", "start: 0.0"), "start"),
-        (GOOD.replace("start: [0.0, 0.0]", "start: [0.0]"), "start"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 600.0, 5.0]"), "goal"),
+        (with_value("heading", "north"), "heading"),
+        (with_value("start", "[0.0, left]"), "start[1]"),
+        (with_value("start", "0.0"), "start"),
+        (with_value("start", "[0.0]"), "start"),
+        (with_value("goal", "[0.0, 600.0, 5.0]"), "goal"),
         (with_ship(y="ahead"), "target_ships[0].y"),
         (GOOD.replace(SHIP, "  - 5\n"), "target_ships[0]"),
         (GOOD.replace("target_ships:\n" + SHIP, "target_ships: none\n"), "target_ships"),
         (with_ship(speed="-1.0"), "target_ships[0].speed"),
         (with_ship(x="10.0", y="43.0", heading="0.0"), "target_ships[0]"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 0.0]"), "goal"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 60.0]"), "goal"),
-        (GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
+        (with_value("goal", "[0.0, 0.0]"), "goal"),
+        (with_value("goal", "[0.0, 60.0]"), "goal"),
+        (with_value("goal", "[0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
         (GOOD + SHIP * MAX_TARGET_SHIPS, "target_ships"),
         (GOOD + "name: other\n", "name"),
-        (GOOD.replace("heading: 90.0", "heading: ???", 1), "heading"),
-        (GOOD.replace("heading: 90.0", "heading: null", 1), "heading: must be a finite number, got null"),
-        (
-            GOOD.replace("target_ships:\n" + SHIP, "target_ships:\n"),
-            "target_ships: must be a list, as [A,B] or [], got null",
-        ),
-        (GOOD.replace("heading: 90.0", "heading: true", 1), "heading"),
+        (with_value("heading", "???"), "heading"),
+        (with_value("heading", "null"), "heading: must be a finite number, got null"),
+        (GOOD.replace(SHIP, ""), "target_ships: must be a list, as [A,B] or [], got null"),
+        (with_value("heading", "true"), "heading"),
         (GOOD.replace(SHIP, SHIP + "  - {x: 1.0}\n"), "target_ships[1].y"),
         (GOOD.replace(SHIP, "  - ???\n"), "target_ships[0]"),
-        (GOOD.replace("start: [0.0, 0.0]", "start: [{}, 0.0]"), "start[0]: must be a finite number, got {}"),
-        (
-            GOOD.replace("goal: [0.0, 600.0]", "goal: {0: 0.0, 1: 600.0}"),
-            "goal: must be a list, as [A,B] or [], got {0: 0.0",
-        ),
+        (with_value("start", "[{}, 0.0]"), "start[0]: must be a finite number, got {}"),
+        (with_value("goal", "{0: 0.0, 1: 600.0}"), "goal: must be a list, as [A,B] or [], got {0: 0.0"),
         (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
         (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: start,"),
         (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],
 )
-def test_a_bad_value_is_refused_by_file_and_field(
+def test_a_bad_value_is_refused_with_file_and_field(
     text: str, field: str, tmp_path: Path, world: World
 ) -> None:
     assert text != GOOD
-    path = tmp_path / "mine.yaml"
-    path.write_text(text)
     with pytest.raises(ConfigError) as error:
-        load_case(str(path), world)
+        load_text(text, tmp_path, world)
     message = str(error.value)
-    assert message.startswith(f"{path}: {field}") and "\n" not in message
+    assert message.startswith(f"{tmp_path / 'mine.yaml'}: {field}") and "\n" not in message
 
 
 @pytest.mark.parametrize(
@@ -139,11 +144,10 @@ def test_a_bad_value_is_refused_by_file_and_field(
     ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
 )
 def test_a_file_that_is_no_case_is_refused(content: bytes, tmp_path: Path, world: World) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_bytes(content)
     with pytest.raises(ConfigError) as error:
-        load_case(str(path), world)
-    assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
+        load_text(content, tmp_path, world)
+    message = str(error.value)
+    assert message.startswith(f"{tmp_path / 'mine.yaml'}: ") and "\n" not in message
 
 
 @pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", "no/such/folder/mine.yaml", "", "."])
@@ -170,9 +174,7 @@ def test_a_users_case_by_path(ending: str, tmp_path: Path, world: World) -> None
 
 
 def test_whole_numbers_are_accepted(tmp_path: Path, world: World) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(GOOD.replace(".0", ""))
-    case = load_case(str(path), world)
+    case = load_text(GOOD.replace(".0", ""), tmp_path, world)
     assert case.goal == [0.0, 600.0] and isinstance(case.target_ships[0].speed, float)
 
 
@@ -180,28 +182,24 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     folder = tmp_path / "conf" / "case"
     folder.mkdir(parents=True)
     (folder / "mine.yaml").write_text(GOOD)
-    # The working directory's cases come before the shipped ones.
+    # The working directory's cases come before the bundled ones.
     (folder / "1.yaml").write_text(GOOD)
     (folder / "2.yaml").write_text((conf_dir() / "case" / "2.yaml").read_text())
-    assert case_names() == sorted([*SHIPPED, "mine"])
+    assert case_names() == sorted([*BUNDLED, "mine"])
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
-    # It is told of a case that is another one than the shipped one of its name.
-    taken = {name for name in case_names() if shadowing_case(name)}
-    assert taken == {"1"} and shadowing_case("1") == Path("conf/case/1.yaml")
+    # A case that differs from the bundled one of its name is reported.
+    shadowed = {name for name in case_names() if shadowing_case(name)}
+    assert shadowed == {"1"} and shadowing_case("1") == Path("conf/case/1.yaml")
 
 
 def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:
-    path = tmp_path / "mine.yaml"
     # 60 steps of a second at 15 m/s, and 60 m from the goal is near enough.
-    path.write_text(GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 960.0]"))
-    assert load_case(str(path), world).goal == [0.0, 960.0]
-    path.write_text(GOOD.replace("goal: [0.0, 600.0]", "goal: [0.0, 961.0]"))
+    assert load_text(with_value("goal", "[0.0, 960.0]"), tmp_path, world).goal == [0.0, 960.0]
     with pytest.raises(ConfigError, match=r"901 m .* 60 steps \(world.max_steps\) of 1 s at up to 15 m/s"):
-        load_case(str(path), world)
+        load_text(with_value("goal", "[0.0, 961.0]"), tmp_path, world)
 
 
 def test_a_ship_may_start_at_the_safe_distance(tmp_path: Path, world: World) -> None:
-    path = tmp_path / "mine.yaml"
-    path.write_text(with_ship(x="27.0", y="36.0"))
-    assert load_case(str(path), world).target_ships[0].x == 27.0
+    case = load_text(with_ship(x="27.0", y="36.0"), tmp_path, world)
+    assert case.target_ships[0].x == 27.0

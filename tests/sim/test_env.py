@@ -1,4 +1,4 @@
-"""The environment: outcomes of the bundled cases, ends of episodes, TorchRL's rules."""
+"""The environment: outcomes of the bundled cases, ends of episodes, checks of TorchRL."""
 
 import math
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def ends(step: TensorDictBase) -> dict[str, bool]:
 
 GOAL = {"goal": True, "collision": False, "terminated": True, "truncated": False, "done": True}
 COLLISION = GOAL | {"goal": False, "collision": True}
-TIME = {"goal": False, "collision": False, "terminated": False, "truncated": True, "done": True}
+TIMEOUT = {"goal": False, "collision": False, "terminated": False, "truncated": True, "done": True}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -91,17 +91,17 @@ def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: flo
 
 def test_turning_in_circles_is_truncated_not_terminated(world: World) -> None:
     episode = repeat_action(ShipEnv(load_case("1", world), world), 0)
-    assert len(episode) == 60 and ends(episode[-1]) == TIME
+    assert len(episode) == 60 and ends(episode[-1]) == TIMEOUT
     assert float(episode[-1]["reward"]) > -20
 
 
-@pytest.mark.parametrize(("limit", "outcome"), [(36, GOAL), (35, TIME)])
+@pytest.mark.parametrize(("limit", "outcome"), [(36, GOAL), (35, TIMEOUT)])
 def test_an_end_in_the_last_step_is_no_truncation(limit: int, outcome: dict[str, bool], world: World) -> None:
     episode = repeat_action(ShipEnv(load_case("1", world), replace(world, max_steps=limit)), 3)
     assert len(episode) == limit and ends(episode[-1]) == outcome
 
 
-def test_the_collision_wins_over_the_goal(world: World, make_case: MakeCase) -> None:
+def test_a_collision_takes_precedence_over_the_goal(world: World, make_case: MakeCase) -> None:
     # The ship is 42 m away when own ship comes within 60 m of the goal, and 54 m one step before.
     episode = repeat_action(ShipEnv(make_case((30.0, 570.0, 0.0, 0.0)), world), 3)
     assert len(episode) == 36 and ends(episode[-1]) == COLLISION
@@ -133,7 +133,7 @@ def test_a_partial_reset_rewrites_only_the_rows_asked_for(world: World) -> None:
         assert torch.equal(fresh[key][[0, 2]], kept[key][[0, 2]]), key
 
 
-def test_stepping_and_resetting_equals_torchrls_own(world: World) -> None:
+def test_stepping_and_resetting_equals_torchrls(world: World) -> None:
     env = ShipEnv(load_case("4", world), world, 8, from_pixels=True)
     generator = torch.Generator().manual_seed(3)
     ours, stock = env.reset(), env.reset()
@@ -144,14 +144,14 @@ def test_stepping_and_resetting_equals_torchrls_own(world: World) -> None:
         other, stock = EnvBase.step_and_maybe_reset(env, stock.set("action", action.clone()))
         ended += int(one["next", "done"].sum())
         for left, right in ((one, other), (ours, stock)):
-            # TorchRL also zeroes the old action of the rows that start afresh; a policy overwrites it.
+            # TorchRL also zeroes the action of the rows that are reset; a policy overwrites it.
             keys = set(right.keys(True, True)) - {"action"}
             assert keys <= set(left.keys(True, True))
             assert all(torch.equal(left[key], right[key]) for key in keys)
     assert ended > 8
 
 
-def test_the_finished_step_keeps_its_own_end(world: World) -> None:
+def test_the_last_step_keeps_its_final_state(world: World) -> None:
     env = ShipEnv(load_case("3", world), world, 2, from_pixels=True)
     step = env.reset()
     for _ in range(19):
@@ -163,7 +163,7 @@ def test_the_finished_step_keeps_its_own_end(world: World) -> None:
     assert math.isinf(float(step["dcpa"][0])) and float(done["next", "dcpa"][0]) < 45
 
 
-def test_every_step_has_memory_of_its_own(world: World) -> None:
+def test_steps_do_not_share_memory(world: World) -> None:
     env = ShipEnv(load_case("6", world), world, 2, from_pixels=True)
     step, steps, copies = env.reset(), [], []
     for action in (0, 3, 6, 3):

@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from ship_trl.sim.geometry import (
-    angle_off_bow,
-    closest_approach,
-    predicted_approach,
-    unit_vector,
-    wrap_angle,
-)
+from ship_trl.sim.geometry import angle_off_bow, closest_approach, predicted_approach, unit_vector, wrap_angle
 
 angles = st.floats(-50.0, 50.0)
 metres = st.floats(-1000.0, 1000.0)
@@ -31,8 +25,8 @@ def turned(point: Tensor, by: float) -> Tensor:
     return exact(x * math.cos(by) - y * math.sin(by), x * math.sin(by) + y * math.cos(by))
 
 
-def apart(one: float, other: float) -> float:
-    """Return the absolute difference of two angles, the shorter way round."""
+def angle_between(one: float, other: float) -> float:
+    """Return the smaller absolute difference of two angles."""
     return abs(math.remainder(one - other, 2 * math.pi))
 
 
@@ -40,7 +34,7 @@ def apart(one: float, other: float) -> float:
 def test_wrapped_angles_are_congruent_and_in_range(angle: float) -> None:
     wrapped = float(wrap_angle(exact(angle)))
     assert -math.pi <= wrapped <= math.pi
-    assert apart(wrapped, angle) < 1e-9
+    assert angle_between(wrapped, angle) < 1e-9
 
 
 def test_half_a_turn_wraps_to_its_negative() -> None:
@@ -48,7 +42,7 @@ def test_half_a_turn_wraps_to_its_negative() -> None:
 
 
 @given(points, points)
-def test_closest_approach_is_the_least_over_the_way(
+def test_closest_approach_is_the_least_along_the_segment(
     start: tuple[float, float], end: tuple[float, float]
 ) -> None:
     a, b = exact(*start), exact(*end)
@@ -56,12 +50,12 @@ def test_closest_approach_is_the_least_over_the_way(
     assert least <= min(float(a.norm()), float(b.norm())) + 1e-9
     share = torch.linspace(0, 1, 2001, dtype=torch.float64)[:, None]
     sampled = float((a + share * (b - a)).norm(dim=-1).min())
-    # Between two samples the distance changes by no more than half the way between them.
+    # Between two samples the distance changes by at most half their spacing.
     assert -1e-9 <= sampled - least <= float((b - a).norm()) / 4000 + 1e-9
 
 
 @given(points, points, angles)
-def test_closest_approach_ignores_direction_and_order(
+def test_closest_approach_is_invariant_under_rotation_and_reversal(
     start: tuple[float, float], end: tuple[float, float], by: float
 ) -> None:
     a, b = exact(*start), exact(*end)
@@ -70,7 +64,7 @@ def test_closest_approach_ignores_direction_and_order(
     assert float(closest_approach(turned(a, by), turned(b, by))) == pytest.approx(least, abs=1e-6)
 
 
-def test_a_ship_that_lies_still_is_as_near_as_it_is() -> None:
+def test_the_closest_approach_of_a_ship_at_rest_is_its_distance() -> None:
     still = exact(3.0, 4.0)
     assert float(closest_approach(still, still)) == 5.0
 
@@ -82,9 +76,9 @@ def test_the_angle_off_the_bow_moves_with_the_world(
     position = exact(*own)
     point = position + far * unit_vector(exact(sight))[0]
     off = float(angle_off_bow(position, exact(heading)[0], point))
-    assert apart(off, sight - heading) < 1e-6
+    assert angle_between(off, sight - heading) < 1e-6
     moved = turned(position, by) + exact(*shift), turned(point, by) + exact(*shift)
-    assert apart(float(angle_off_bow(moved[0], exact(heading + by)[0], moved[1])), off) < 1e-6
+    assert angle_between(float(angle_off_bow(moved[0], exact(heading + by)[0], moved[1])), off) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -99,34 +93,35 @@ def test_port_is_positive(point: tuple[float, float], degrees: float) -> None:
 def test_unit_vectors_point_along_the_heading(heading: float) -> None:
     x, y = unit_vector(exact(heading))[0].tolist()
     assert math.hypot(x, y) == pytest.approx(1.0)
-    assert apart(math.atan2(y, x), heading) < 1e-9
+    assert angle_between(math.atan2(y, x), heading) < 1e-9
 
 
 @given(points, speeds, angles, st.floats(-500.0, 500.0))
 def test_no_ship_comes_nearer_than_the_predicted_approach(
-    away: tuple[float, float], speed: float, course: float, time: float
+    offset: tuple[float, float], speed: float, course: float, time: float
 ) -> None:
-    place, way = exact(*away), speed * unit_vector(exact(course)[0])
-    dcpa, tcpa = predicted_approach(place, way)
-    assert float(dcpa) <= float((place + time * way).norm()) + 1e-6
-    assert float((place + tcpa * way).norm()) == pytest.approx(float(dcpa), abs=1e-6)
+    position, velocity = exact(*offset), speed * unit_vector(exact(course)[0])
+    dcpa, tcpa = predicted_approach(position, velocity)
+    assert float(dcpa) <= float((position + time * velocity).norm()) + 1e-6
+    assert float((position + tcpa * velocity).norm()) == pytest.approx(float(dcpa), abs=1e-6)
 
 
 @given(points, speeds, angles, angles)
-def test_the_predicted_approach_knows_no_direction(
-    away: tuple[float, float], speed: float, course: float, by: float
+def test_the_predicted_approach_is_invariant_under_rotation(
+    offset: tuple[float, float], speed: float, course: float, by: float
 ) -> None:
-    place, way = exact(*away), speed * unit_vector(exact(course)[0])
-    straight = predicted_approach(place, way)
-    for one, other in zip(straight, predicted_approach(turned(place, by), turned(way, by)), strict=True):
+    position, velocity = exact(*offset), speed * unit_vector(exact(course)[0])
+    straight = predicted_approach(position, velocity)
+    rotated = predicted_approach(turned(position, by), turned(velocity, by))
+    for one, other in zip(straight, rotated, strict=True):
         assert float(one) == pytest.approx(float(other), abs=1e-5)
 
 
 def test_the_predicted_approach_of_ships_worked_out_by_hand() -> None:
-    away = exact(100.0, -30.0, 40.0, -100.0, 30.0, 40.0).reshape(3, 2)
+    position = exact(100.0, -30.0, 40.0, -100.0, 30.0, 40.0).reshape(3, 2)
     velocity = exact(-10.0, 0.0, 0.0, 10.0, 0.0, 0.0).reshape(3, 2)
-    dcpa, tcpa = predicted_approach(away, velocity)
-    # One comes from ahead, one from abeam, one lies still.
+    dcpa, tcpa = predicted_approach(position, velocity)
+    # One comes from ahead, one from abeam, one is at rest.
     assert dcpa.tolist() == [30.0, 40.0, 50.0] and tcpa.tolist() == [10.0, 10.0, 0.0]
-    _, passed = predicted_approach(away, -velocity)
+    _, passed = predicted_approach(position, -velocity)
     assert passed.tolist() == [-10.0, -10.0, 0.0]

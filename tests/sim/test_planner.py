@@ -22,15 +22,11 @@ BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new
 
 
 def run_plan(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
-    """Roll out a plan in the environment.
-
-    Returns:
-        The return, whether the episode ends with the last action, and whether it ends at the goal.
-    """
+    """Roll out a plan; return its return, and whether the episode has ended and the goal is reached."""
     env = ShipEnv(case, world)
     step, total = env.reset(), 0.0
     for index, action in enumerate(plan.actions):
-        assert not bool(step["done"]), f"over before action {index}"
+        assert not bool(step["done"]), f"ended before action {index}"
         step = env.step(step.set("action", torch.tensor([action])))["next"]
         total += float(step["reward"])
     return total, bool(step["done"]), bool(step["goal"])
@@ -117,7 +113,7 @@ TERMS: dict[str, Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]] = {
 
 
 @pytest.mark.parametrize("term", TERMS)
-def test_no_episode_pays_more_than_its_bound(
+def test_no_episode_gains_more_than_its_bound(
     term: str, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def own(constants: tuple[float, ...], *arguments: Tensor) -> Tensor:
@@ -129,29 +125,29 @@ def test_no_episode_pays_more_than_its_bound(
     case = load_case("4", world)
     step, generator = Transition(case, world, CPU), torch.Generator().manual_seed(0)
     bound, count = ValueBound(step), 3000
-    # The best known plan, and others with more and more random actions.
+    # The best known plan, with increasingly many random actions.
     best = torch.tensor(best_plan(case, world, beam=500).actions)
-    stray = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
-    wild = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
-    plan = torch.where(stray, wild, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))
+    is_random = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
+    random_actions = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
+    plan = torch.where(is_random, random_actions, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))
     state, running = step.start.expand(count, -1), torch.ones(count, dtype=torch.bool)
-    paid, hoped = [], []
+    rewards, bounds = [], []
     for time in range(60):
         after = step(state, plan[:, time])
         is_far = step.goal_distance(state) > 2 * world.goal_distance
-        hoped.append(torch.where(running & is_far, bound(state), torch.inf))
-        paid.append(after.reward * running)
+        bounds.append(torch.where(running & is_far, bound(state), torch.inf))
+        rewards.append(after.reward * running)
         running = running & ~(after.goal | after.collision | after.truncated)
         state = after.state
-    to_come = torch.stack(paid).flip(0).cumsum(0).flip(0)
-    assert (to_come - torch.stack(hoped)).max() <= bound.max_error
+    to_come = torch.stack(rewards).flip(0).cumsum(0).flip(0)
+    assert (to_come - torch.stack(bounds)).max() <= bound.max_error
     assert not running.any()
 
 
 def test_the_passing_distance_of_steady_courses(world: World, make_case: MakeCase) -> None:
     state = torch.tensor([[0.0, 0.0, torch.pi / 2, 0.0]])
     crossing = Transition(make_case((-300.0, 290.0, 0.0, 15.0)), world, CPU)
-    # Abreast of each other they are sqrt(2) x 5 m apart.
+    # When abreast, they are sqrt(2) x 5 m apart.
     assert float(passing_distance(state, crossing)) == pytest.approx(5 * 2**0.5, abs=1e-3)
     for harmless in (make_case((0.0, -100.0, -90.0, 15.0)), make_case((500.0, 0.0, 0.0, 1.0)), make_case()):
         assert float(passing_distance(state, Transition(harmless, world, CPU))) == pytest.approx(60.0)

@@ -23,7 +23,7 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         found.append(case.name)
         return best_plan(case, world, beam=50)
 
-    monkeypatch.setattr(reference, "_known", {})
+    monkeypatch.setattr(reference, "_cached_plans", {})
     monkeypatch.setattr(reference, "BUNDLED_PLANS", Path("nothing"))
     monkeypatch.setattr(reference, "best_plan", counted)
     return found
@@ -33,7 +33,7 @@ def test_a_plan_is_searched_for_once(searches: list[str], tmp_path: Path) -> Non
     case = load_case("2", WORLD)
     first = reference.best_known(case, WORLD, tmp_path / "plans")
     assert reference.best_known(case, WORLD) == first and searches == ["2"]
-    reference._known.clear()
+    reference._cached_plans.clear()
     assert reference.best_known(case, WORLD, tmp_path / "plans") == first and searches == ["2"]
     reference.best_known(load_case("1", WORLD), WORLD, tmp_path / "plans")
     assert searches == ["2", "1"]
@@ -59,7 +59,7 @@ def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Pat
     first = reference.best_known(case, WORLD, tmp_path)
     (path,) = tmp_path.iterdir()
     path.write_text(text)
-    reference._known.clear()
+    reference._cached_plans.clear()
     assert reference.best_known(case, WORLD, tmp_path) == first and searches == ["2", "2"]
     assert json.loads(path.read_text())["actions"] == first.actions
 
@@ -69,7 +69,7 @@ def test_every_bundled_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> Non
     names = {reference.plan_name(case, WORLD) for case in cases}
     # If this fails, run `python -m ship_trl.sim.reference`.
     assert {path.name for path in reference.BUNDLED_PLANS.iterdir()} == names
-    monkeypatch.setattr(reference, "_known", {})
+    monkeypatch.setattr(reference, "_cached_plans", {})
     monkeypatch.delattr(reference, "best_plan")
     kept = {case.name: reference.best_known(case, WORLD) for case in cases}
     monkeypatch.undo()

@@ -13,8 +13,8 @@ from torch import Tensor
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.render import Rasteriser
-from tests.sim import brute
 from tests.sim.moving import moved_case, moved_state
+from tests.sim.pictures import supersampled
 
 WORLD = load_world()
 CASES = {name: load_case(name, WORLD) for name in ("1", "4", "6")}
@@ -35,7 +35,7 @@ def with_ship(x: float, y: float, heading: float) -> Case:
     return replace(CASES["1"], target_ships=[TargetShip(x, y, heading, 0.0)])
 
 
-def seen(case: Case, state: Tensor, colour: bool = False) -> Tensor:
+def draw(case: Case, state: Tensor, colour: bool = False) -> Tensor:
     """Return the picture as integers [C, 84, 84]."""
     return Rasteriser(case, WORLD, colour=colour)(state)[0].int()
 
@@ -52,10 +52,10 @@ def pixel_of(state: Tensor, x: float, y: float) -> tuple[float, float]:
 @pytest.mark.parametrize("shape", [(), (1,), (5,), (2, 3)])
 def test_the_picture_is_uint8_of_the_states_shape(shape: tuple[int, ...]) -> None:
     state = torch.rand(*shape, 4) * 10
-    for draw, channels in ((DRAW["6"], 1), (COLOUR["6"], 3)):
-        pixels = draw(state)
+    for rasteriser, channels in ((DRAW["6"], 1), (COLOUR["6"], 3)):
+        pixels = rasteriser(state)
         assert pixels.shape == (*shape, channels, 84, 84) and pixels.dtype == torch.uint8
-        assert draw.spec(torch.Size(shape)).is_in(pixels)
+        assert rasteriser.spec(torch.Size(shape)).is_in(pixels)
 
 
 @given(st.lists(states, min_size=1, max_size=6), st.sampled_from(["1", "4", "6"]))
@@ -71,8 +71,8 @@ def test_only_relative_places_are_seen(
 ) -> None:
     here = at(*state)
     there = moved_state(here, degrees, shift)
-    other = seen(moved_case(CASES["6"], degrees, shift), there)
-    assert int((seen(CASES["6"], here) - other).abs().max()) <= 2
+    other = draw(moved_case(CASES["6"], degrees, shift), there)
+    assert int((draw(CASES["6"], here) - other).abs().max()) <= 2
 
 
 @given(states)
@@ -87,7 +87,7 @@ def test_a_ship_changes_only_the_pixels_around_it(
     state: tuple[float, ...], ship: tuple[float, float, float]
 ) -> None:
     here = at(*state)
-    rows, columns = (seen(with_ship(*ship), here) != seen(CASES["1"], here))[0].nonzero().unbind(-1)
+    rows, columns = (draw(with_ship(*ship), here) != draw(CASES["1"], here))[0].nonzero().unbind(-1)
     row, column = pixel_of(here, *ship[:2])
     distance = torch.hypot(rows + 0.5 - row, columns + 0.5 - column)
     # The blur reaches farthest off the sharp bow.
@@ -99,7 +99,7 @@ def test_a_ship_changes_only_the_pixels_around_it(
 def test_the_line_changes_only_the_pixels_along_it(state: tuple[float, ...]) -> None:
     here = at(*state)
     background = DRAW["1"]._draw_background(WORLD).reshape(84, 84).add(0.5).int()
-    rows, columns = (seen(CASES["1"], here)[0] != background).nonzero().unbind(-1)
+    rows, columns = (draw(CASES["1"], here)[0] != background).nonzero().unbind(-1)
     row, column = pixel_of(here, *CASES["1"].goal)
     length = math.hypot(row - 42, column - 42)
     down, right = (row - 42) / length, (column - 42) / length
@@ -112,13 +112,13 @@ def test_the_line_changes_only_the_pixels_along_it(state: tuple[float, ...]) -> 
 
 
 def test_own_ship_on_the_goal_is_drawn() -> None:
-    on, beside = (seen(CASES["4"], at(x, 600.0, AHEAD, 40.0)) for x in (0.0, -0.01))
+    on, beside = (draw(CASES["4"], at(x, 600.0, AHEAD, 40.0)) for x in (0.0, -0.01))
     assert int((on - beside).abs().max()) <= 2
 
 
 @pytest.mark.parametrize("distance", [100.0, 250.0, 330.0, 475.0, 600.0])
 def test_the_lines_length_is_the_goals_distance(distance: float) -> None:
-    picture = seen(CASES["1"], at(0.0, 600.0 - distance, AHEAD, 0.0))[0]
+    picture = draw(CASES["1"], at(0.0, 600.0 - distance, AHEAD, 0.0))[0]
     disc, line = (
         sum(a * b for a, b in zip(c, scene.LUMINANCE, strict=True)) for c in (scene.DISC, scene.LINE)
     )
@@ -131,23 +131,23 @@ def test_the_lines_length_is_the_goals_distance(distance: float) -> None:
 @given(st.floats(-180, 180), st.sampled_from([(200.0, 200.0), (-250.0, 100.0), (300.0, -150.0)]))
 def test_bow_and_stern_are_told_apart(heading: float, place: tuple[float, float]) -> None:
     here = at(0.0, 0.0, AHEAD, 0.0)
-    change = seen(with_ship(*place, heading), here) - seen(with_ship(*place, heading + 180), here)
+    change = draw(with_ship(*place, heading), here) - draw(with_ship(*place, heading + 180), here)
     assert int(change.abs().max()) > 60 and int(change.abs().sum()) > 400
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(1.05, 3.0))
 def test_a_ship_outside_is_not_seen(direction: float, far: float) -> None:
-    radius = far * math.hypot(scene.WINDOW + scene.TARGET_LENGTH, scene.WINDOW)
+    radius = far * math.hypot(scene.VIEW_RADIUS + scene.TARGET_LENGTH, scene.VIEW_RADIUS)
     ship = with_ship(radius * math.cos(direction), radius * math.sin(direction), 20.0)
     here = at(0.0, 0.0, AHEAD, 0.0)
-    assert torch.equal(seen(ship, here), seen(CASES["1"], here))
+    assert torch.equal(draw(ship, here), draw(CASES["1"], here))
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-3, 3), st.floats(-3, 3))
 def test_a_ship_is_six_pixels_long(heading: float, x: float, y: float) -> None:
     here = at(0.0, 0.0, AHEAD, 0.0)
     ship = with_ship(300 + x * 10, 200 + y * 10, math.degrees(heading))
-    share = (seen(ship, here, colour=True)[1] - scene.DISC[1]) / (scene.TARGET[1] - scene.DISC[1])
+    share = (draw(ship, here, colour=True)[1] - scene.DISC[1]) / (scene.TARGET[1] - scene.DISC[1])
     rows, columns = (share > 0.5).nonzero().unbind(-1)
     ahead = columns * math.cos(heading) - rows * math.sin(heading)
     assert float(ahead.max() - ahead.min()) + 1 >= 6
@@ -161,7 +161,7 @@ def test_a_fifth_of_a_pixel_is_seen(direction: float) -> None:
     step = 0.2 / scene.PIXELS_PER_METRE
     here = at(0.0, 0.0, AHEAD, 0.0)
     moved = with_ship(250 + step * math.cos(direction), 250 + step * math.sin(direction), 30.0)
-    change = (seen(moved, here) - seen(with_ship(250, 250, 30.0), here)).abs()
+    change = (draw(moved, here) - draw(with_ship(250, 250, 30.0), here)).abs()
     assert int(change.max()) >= 8
 
 
@@ -175,10 +175,9 @@ def test_a_fifth_of_a_pixel_is_seen(direction: float) -> None:
         ("6", (150.0, 420.0, 3.0, 30.0)),
     ],
 )
-def test_the_picture_is_the_one_drawn_the_slow_way(name: str, state: tuple[float, ...]) -> None:
-    error = np.abs(
-        COLOUR[name](at(*state))[0].permute(1, 2, 0).numpy() - brute.picture(CASES[name], WORLD, list(state))
-    )
+def test_the_picture_equals_supersampling(name: str, state: tuple[float, ...]) -> None:
+    picture = COLOUR[name](at(*state))[0].permute(1, 2, 0).numpy()
+    error = np.abs(picture - supersampled(CASES[name], WORLD, list(state)))
     # Edges are blurred a little differently; a shape a pixel off would show more.
     assert error.mean() < 0.6 and np.quantile(error, 0.999) < 60
 
@@ -188,12 +187,9 @@ def test_the_picture_is_the_one_drawn_the_slow_way(name: str, state: tuple[float
 )
 def test_a_ship_cut_by_the_edge_is_drawn_right(place: tuple[float, float]) -> None:
     here, case = (0.0, 0.0, AHEAD, 0.0), with_ship(*place, 25.0)
-    ship = (
-        (seen(case, at(*here), colour=True) - seen(CASES["1"], at(*here), colour=True))
-        .permute(1, 2, 0)
-        .numpy()
-    )
-    slow = brute.picture(case, WORLD, list(here)) - brute.picture(CASES["1"], WORLD, list(here))
+    ship = draw(case, at(*here), colour=True) - draw(CASES["1"], at(*here), colour=True)
+    slow = supersampled(case, WORLD, list(here)) - supersampled(CASES["1"], WORLD, list(here))
     assert np.abs(slow).max() > 50
     # The blurred edges differ; a patch drawn a pixel off would differ by all of the ship.
-    assert np.abs(ship - slow).max() < 80 and np.abs(ship - slow).sum() < 0.25 * np.abs(slow).sum()
+    error = np.abs(ship.permute(1, 2, 0).numpy() - slow)
+    assert error.max() < 80 and error.sum() < 0.25 * np.abs(slow).sum()

@@ -1,4 +1,4 @@
-"""Equations 4 to 6, against plain Python."""
+"""Equations 4 to 6, compared with plain Python."""
 
 import math
 
@@ -25,7 +25,7 @@ def reward(distance: float, theta: float, reached: bool, collided: bool) -> floa
 
 
 @given(distances, thetas, st.booleans(), st.booleans())
-def test_every_term_that_applies_is_paid(
+def test_every_term_that_applies_is_added(
     distance: float, theta: float, reached: bool, collided: bool
 ) -> None:
     by_hand = (200.0 if reached else 0.0) - (200.0 if collided else 0.0)
@@ -38,12 +38,12 @@ def test_every_weight_is_used_where_it_belongs() -> None:
     distance, theta = torch.tensor([23.0] * 3), torch.deg2rad(torch.tensor([29.0] * 3))
     reached, collided = torch.tensor([0.0, 1.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
     shaping = 11 * -17 * 23 + 13 * -19 * 29
-    paid = step_reward(reward_constants(weights), distance, theta, reached, collided, *ALONE).tolist()
-    assert paid == pytest.approx([shaping, shaping + 5 * 2, shaping + 7 * -3])
+    rewards = step_reward(reward_constants(weights), distance, theta, reached, collided, *ALONE).tolist()
+    assert rewards == pytest.approx([shaping, shaping + 5 * 2, shaping + 7 * -3])
 
 
 @given(distances, thetas)
-def test_port_and_starboard_cost_alike(distance: float, theta: float) -> None:
+def test_port_and_starboard_cost_the_same(distance: float, theta: float) -> None:
     assert reward(distance, theta, False, False) == reward(distance, -theta, False, False)
 
 

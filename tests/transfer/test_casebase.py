@@ -16,79 +16,69 @@ from ship_trl.transfer.similarity import MEASURES, Measure
 
 
 @pytest.fixture
-def finished(tmp_path: Path) -> Path:
-    folder = tmp_path / "run"
-    folder.mkdir()
-    (folder / "policy.safetensors").write_bytes(b"weights")
-    (folder / "config.yaml").write_text("seed: 0\n")
-    return folder
-
-
-@pytest.fixture
 def case(world: World) -> Case:
     return load_case("2", world)
 
 
-def test_what_is_retained_is_found(tmp_path: Path, finished: Path, case: Case) -> None:
-    base = CaseBase(tmp_path / "base")
+@pytest.fixture
+def base(tmp_path: Path) -> CaseBase:
+    return CaseBase(tmp_path / "base")
+
+
+def test_what_is_retained_is_found(base: CaseBase, finished_run: Path, case: Case) -> None:
     assert base.entries() == [] and base.find(case, "scratch", 0, "abc") is None
-    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 80.0}}, finished)
+    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 80.0}}, finished_run)
     found = base.find(case, "scratch", 0, "abc")
     assert found == stored and found.policy.read_bytes() == b"weights"
     assert found.scores["best"]["return"] == 80.0
     assert sorted(p.name for p in found.path.iterdir()) == ["config.yaml", "entry.json", "policy.safetensors"]
 
 
-def test_scores_may_be_missing_and_layers_are_kept(tmp_path: Path, finished: Path, case: Case) -> None:
-    base, layers = CaseBase(tmp_path / "base"), plain(load_network("five"))
+def test_scores_may_be_missing_and_layers_are_kept(base: CaseBase, finished_run: Path, case: Case) -> None:
+    layers = plain(load_network("five"))
     known: list[dict[str, Any]] = [{}, {"best": None}, {"best": {"return": 70.0}}]
     for seed, scores in enumerate(known):
-        base.retain(case, "scratch", seed, "abc", scores, finished, layers)
+        base.retain(case, "scratch", seed, "abc", scores, finished_run, layers)
     assert [one.best_return for one in base.entries()] == [-math.inf, -math.inf, 70.0]
     assert all(one.network == layers for one in base.entries())
 
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])
 def test_another_arm_seed_or_config_hash_is_not_found(
-    tmp_path: Path, finished: Path, case: Case, other: tuple[str, int, str]
+    base: CaseBase, finished_run: Path, case: Case, other: tuple[str, int, str]
 ) -> None:
-    base = CaseBase(tmp_path / "base")
-    base.retain(case, "scratch", 0, "abc", {}, finished)
+    base.retain(case, "scratch", 0, "abc", {}, finished_run)
     assert base.find(case, *other) is None
 
 
-def test_a_case_that_changed_is_not_found(tmp_path: Path, finished: Path, case: Case) -> None:
-    base = CaseBase(tmp_path / "base")
-    base.retain(case, "scratch", 0, "abc", {}, finished)
+def test_a_case_that_changed_is_not_found(base: CaseBase, finished_run: Path, case: Case) -> None:
+    base.retain(case, "scratch", 0, "abc", {}, finished_run)
     case.target_ships[0].x += 1.0
     assert base.find(case, "scratch", 0, "abc") is None
 
 
-def test_an_entry_already_there_stays(tmp_path: Path, finished: Path, case: Case) -> None:
-    base = CaseBase(tmp_path / "base")
-    base.retain(case, "scratch", 0, "abc", {}, finished)
-    (finished / "policy.safetensors").write_bytes(b"other")
-    entry = base.retain(case, "scratch", 0, "abc", {}, finished)
+def test_an_entry_already_there_stays(base: CaseBase, finished_run: Path, case: Case) -> None:
+    base.retain(case, "scratch", 0, "abc", {}, finished_run)
+    (finished_run / "policy.safetensors").write_bytes(b"other")
+    entry = base.retain(case, "scratch", 0, "abc", {}, finished_run)
     assert entry.policy.read_bytes() == b"weights"
 
 
-def test_half_an_entry_is_passed_over_and_replaced(tmp_path: Path, finished: Path, case: Case) -> None:
-    base = CaseBase(tmp_path / "base")
-    place = base.place(case, "scratch", 0, "abc")
+def test_half_an_entry_is_passed_over_and_replaced(base: CaseBase, finished_run: Path, case: Case) -> None:
+    place = base.entry_folder(case, "scratch", 0, "abc")
     place.mkdir(parents=True)
     (place / "entry.json").write_text('{"case": ')
     assert base.entries() == [] and base.find(case, "scratch", 0, "abc") is None
-    base.retain(case, "scratch", 0, "abc", {}, finished)
+    base.retain(case, "scratch", 0, "abc", {}, finished_run)
     assert base.find(case, "scratch", 0, "abc") is not None
 
 
-def test_a_failed_retention_leaves_nothing(tmp_path: Path, finished: Path, case: Case) -> None:
-    base = CaseBase(tmp_path / "base")
-    (finished / "policy.safetensors").unlink()
+def test_a_failed_retention_leaves_nothing(base: CaseBase, finished_run: Path, case: Case) -> None:
+    (finished_run / "policy.safetensors").unlink()
     with pytest.raises(FileNotFoundError):
-        base.retain(case, "scratch", 0, "abc", {}, finished)
+        base.retain(case, "scratch", 0, "abc", {}, finished_run)
     assert base.entries() == []
-    assert not [p for p in (tmp_path / "base").rglob("*") if p.is_file()]
+    assert not [p for p in base.folder.rglob("*") if p.is_file()]
 
 
 def test_ranking_by_similarity_and_by_distance(world: World) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from safetensors.torch import save_file
-from torch import Generator
+from torch import Generator, Tensor
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
@@ -20,6 +20,11 @@ FIVE = load_network("five")
 
 def network(seed: int, channels: int = 1, config: Network | None = None) -> DuelingNetwork:
     return DuelingNetwork(channels, 7, Generator().manual_seed(seed), config)
+
+
+def tensors_of(net: DuelingNetwork) -> dict[str, Tensor]:
+    """Return a network's weights as safetensors stores them."""
+    return {key: value.contiguous() for key, value in net.state_dict().items()}
 
 
 @pytest.fixture
@@ -91,31 +96,29 @@ def test_a_truncated_file_is_refused(saved: Path) -> None:
 
 def test_another_architecture_is_refused(saved: Path, tmp_path: Path) -> None:
     assert "conv1.weight has shape (32, 1, 8, 8), allowed (32, 3, 8, 8)" in refused(saved, channels=3)
-    tensors = {key: value.contiguous() for key, value in network(0).state_dict().items()}
-    path = tmp_path / "other.safetensors"
+    tensors, path = tensors_of(network(0)), tmp_path / "other.safetensors"
     save_file({key: value for key, value in tensors.items() if key != "value.bias"}, path)
     assert "value.bias is missing" in refused(path)
     save_file(tensors | {"extra": torch.zeros(1)}, path)
     assert "extra is not part of the network" in refused(path)
 
 
-def test_weights_that_are_not_numbers_are_refused(tmp_path: Path) -> None:
-    tensors = {key: value.contiguous() for key, value in network(0).state_dict().items()}
-    path = tmp_path / "nan.safetensors"
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    tensors, path = tensors_of(network(0)), tmp_path / "nan.safetensors"
     save_file(tensors | {"value.bias": torch.tensor([float("nan")])}, path)
     assert "value.bias must hold finite" in refused(path)
     save_file(tensors | {"value.bias": torch.zeros(1, dtype=torch.float64)}, path)
     assert "value.bias must hold finite torch.float32" in refused(path)
 
 
-def test_a_file_says_which_network_its_weights_are_of(saved: Path, tmp_path: Path) -> None:
+def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     assert saved_network(saved, "policy") == load_network()
     path = tmp_path / "five.safetensors"
     save_weights(path, network(1, config=FIVE), {"episode": 3})
     assert saved_network(path, "policy") == FIVE
-    assert "is of another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
-    # A file that was written before there were others is of the paper's.
-    save_file({key: value.contiguous() for key, value in network(0).state_dict().items()}, path)
+    assert "has another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
+    # Older files do not describe their network: it is the paper's.
+    save_file(tensors_of(network(0)), path)
     assert saved_network(path, "policy") == load_network()
 
 
@@ -124,37 +127,32 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     save_weights(path, network(1, config=Network(conv, 9)), {})
     other = network(0, config=Network([[8, 8, 4], [8, 15, 4], [8, 2, 1]], 9))
     with pytest.raises(
-        ConfigError, match=r"of another network: conv=.*\[8, 15, 3\].*allowed conv=.*\[8, 15, 4\]"
+        ConfigError, match=r"has another network: conv=.*\[8, 15, 3\].*allowed conv=.*\[8, 15, 4\]"
     ):
         load_weights(path, other)
 
 
 @pytest.mark.parametrize(
-    ("header", "said"),
+    ("header", "reason"),
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
         ('{"network": 3}', "network: must be a group of conv, hidden, got 3"),
-        (
-            '{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}',
-            "got '${oc.env:HOME}'",
-        ),
+        ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "got '${oc.env:HOME}'"),
         ('{"network": {"conv": [[32, 8, 4]]}}', "missing"),
-        (
-            '{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}',
-            "network.hidden: must be a whole",
-        ),
+        ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "network.hidden: must be a whole"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),
-        (json.dumps({"network": plain(FIVE)}), "conv4.weight is of another shape"),
-        (json.dumps({"network": {**plain(load_network()), "hidden": 100}}), "shared.weight is of another"),
+        (json.dumps({"network": plain(FIVE)}), "conv4.weight has another shape"),
+        (json.dumps({"network": {**plain(load_network()), "hidden": 100}}), "shared.weight has another"),
     ],
 )
-def test_a_header_that_says_what_is_not_so_is_refused(header: str, said: str, tmp_path: Path) -> None:
+def test_a_header_that_does_not_describe_its_network_is_refused(
+    header: str, reason: str, tmp_path: Path
+) -> None:
     path = tmp_path / "policy.safetensors"
-    tensors = {key: value.contiguous() for key, value in network(0).state_dict().items()}
-    save_file(tensors, path, metadata={"ship_trl": header})
+    save_file(tensors_of(network(0)), path, metadata={"ship_trl": header})
     with pytest.raises(ConfigError) as caught:
         saved_network(path, "policy")
     message = str(caught.value)
-    assert message.startswith(f"policy: {path} is of no network that can be made (") and "\n" not in message
-    assert said in message
+    assert message.startswith(f"policy: {path}: its header does not describe its network (")
+    assert reason in message and "\n" not in message

@@ -1,4 +1,4 @@
-"""The table of what transfers gained, which is untrusted."""
+"""The table of measured transfers is untrusted."""
 
 import shlex
 from pathlib import Path
@@ -20,13 +20,13 @@ def write(path: Path, *rows: tuple[str, ...]) -> Path:
     return path
 
 
-def test_a_row_is_a_transfer_and_the_command_that_does_it(tmp_path: Path) -> None:
+def test_a_row_is_a_transfer_with_the_command_that_repeats_it(tmp_path: Path) -> None:
     (found,) = read_transfers(write(tmp_path / "t.csv", ROW))
     assert (found.gain, found.low, found.seeds, found.epsilon_start) == (0.05, 0.03, 15, None)
     assert found.commands() == ["python -m ship_trl profile=quick source=3 target=4 +arm=FT3"]
 
 
-def test_a_source_learns_with_the_usual_exploration(tmp_path: Path) -> None:
+def test_a_source_is_trained_with_the_default_exploration(tmp_path: Path) -> None:
     row = ("2", "new", "abc", "def", "smoke", "FTW", "0.1", "15", "0.05", "0.03", "0.07")
     (found,) = read_transfers(write(tmp_path / "t.csv", row))
     for command in found.commands():
@@ -68,14 +68,14 @@ def test_a_bad_row_is_refused_in_a_line(row: tuple[str, ...], tmp_path: Path) ->
 def test_no_table_is_refused_in_a_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--measured: .*none.csv cannot be read"):
         read_transfers(tmp_path / "none.csv")
-    # Without a row it would else be a table in which no transfer was measured.
+    # Another table without rows must not pass as one without transfers.
     path = tmp_path / "claims.csv"
     path.write_text("claim,verdict\n")
     with pytest.raises(ConfigError, match=r"--measured: .*claims.csv is not a report's transfers.csv"):
         read_transfers(path)
 
 
-def test_a_case_is_known_by_what_it_is_and_not_by_its_name(world: World) -> None:
+def test_cases_are_matched_by_fingerprint_not_by_name(world: World) -> None:
     cases = [load_case(name, world) for name in ("2", "3", "4")]
     own = {case.name: case.fingerprint for case in cases}
 
@@ -83,10 +83,6 @@ def test_a_case_is_known_by_what_it_is_and_not_by_its_name(world: World) -> None
         return Transfer("x", "y", source, target, "quick", "FT3", None, 15, low + 0.1, low, low + 0.2)
 
     worse, better = known(own["3"], own["4"], 0.1), known(own["2"], own["4"], 0.2)
-    others = [
-        known(own["3"], "another", 0.3),
-        known("another", own["4"], 0.4),
-        known(own["4"], own["4"], 0.5),
-    ]
-    found = transfers_to(cases[2], [worse, *others, better], cases)
+    irrelevant = [known(*pair, 0.3) for pair in ((own["3"], "x"), ("x", own["4"]), (own["4"], own["4"]))]
+    found = transfers_to(cases[2], [worse, *irrelevant, better], cases)
     assert [(one.source, one.target, one.low) for one in found] == [("2", "4", 0.2), ("3", "4", 0.1)]

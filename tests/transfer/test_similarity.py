@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.config.types import World
-from ship_trl.sim.cases import Case, TargetShip, case_names, load_case
-from ship_trl.transfer.similarity import distance, rules, similarity
+from ship_trl.sim.cases import Case, TargetShip, case_names, load_case, load_world
+from ship_trl.transfer.similarity import characteristics, compare, distance, similarity
 
+WORLD = load_world()
+BUNDLED = {name: load_case(name, WORLD) for name in case_names()}
 ships = st.builds(
     TargetShip,
     x=st.sampled_from([-300.0, 300.0]),
@@ -27,27 +28,20 @@ cases = st.builds(
 )
 
 
-def shipped(world: World) -> dict[str, Case]:
-    return {name: load_case(name, world) for name in case_names()}
-
-
 @pytest.mark.parametrize(("base", "target", "value"), [("1", "2", 0.83), ("3", "4", 0.45), ("5", "6", 0.42)])
-def test_table_2(world: World, base: str, target: str, value: float) -> None:
-    found = shipped(world)
-    assert round(similarity(found[base], found[target]), 2) == value
+def test_table_2(base: str, target: str, value: float) -> None:
+    assert round(similarity(BUNDLED[base], BUNDLED[target]), 2) == value
 
 
-def test_each_rule_adds_what_section_4_1_says(world: World) -> None:
-    found = shipped(world)
-    steps = {(r.what, r.common, r.different) for r in rules(found["3"], found["4"])}
-    assert steps == {("ideal path", 0, 1), ("common target ship", 0.5, 0), ("extra target ship", 0, 0.2)}
-    steps = {(r.what, r.common, r.different) for r in rules(found["1"], found["2"])}
-    assert steps == {("ideal path", 1, 0), ("extra target ship", 0, 0.4)}
+def test_comparisons_have_the_weights_of_section_4_1() -> None:
+    weights = {(one.attribute, one.common, one.different) for one in compare(BUNDLED["3"], BUNDLED["4"])}
+    assert weights == {("ideal path", 0, 1), ("common target ship", 0.5, 0), ("extra target ship", 0, 0.2)}
+    weights = {(one.attribute, one.common, one.different) for one in compare(BUNDLED["1"], BUNDLED["2"])}
+    assert weights == {("ideal path", 1, 0), ("extra target ship", 0, 0.4)}
 
 
-def test_case_2_is_the_best_source_for_the_new_case(world: World) -> None:
-    found = shipped(world)
-    values = {name: similarity(found[name], found["new"]) for name in "123456"}
+def test_case_2_is_the_best_source_for_the_new_case() -> None:
+    values = {name: similarity(BUNDLED[name], BUNDLED["new"]) for name in "123456"}
     assert max(values, key=lambda name: values[name]) == "2"
 
 
@@ -59,37 +53,25 @@ def test_similarity_is_a_share_and_the_same_both_ways(a: Case, b: Case) -> None:
 
 
 @given(a=cases, extra=ships)
-def test_an_extra_ship_makes_less_alike(a: Case, extra: TargetShip) -> None:
+def test_an_extra_ship_lowers_the_similarity(a: Case, extra: TargetShip) -> None:
     more = dataclasses.replace(a, target_ships=[*a.target_ships, extra])
     assert similarity(a, more) < 1.0
 
 
 @given(a=cases, b=cases, c=cases)
 def test_distance_is_a_metric(a: Case, b: Case, c: Case) -> None:
-    from tests.conftest import paper_world
-
-    world = paper_world()
-    assert distance(a, a, world) == 0.0
-    assert distance(a, b, world) == pytest.approx(distance(b, a, world))
-    assert distance(a, c, world) <= distance(a, b, world) + distance(b, c, world) + 1e-9
+    assert distance(a, a, WORLD) == 0.0
+    assert distance(a, b, WORLD) == pytest.approx(distance(b, a, WORLD))
+    assert distance(a, c, WORLD) <= distance(a, b, WORLD) + distance(b, c, WORLD) + 1e-9
 
 
-def test_weights_of_equation_7_count(world: World) -> None:
-    found = shipped(world)
-    names = (
-        "target ships",
-        "goal distance",
-        "danger",
-        "tcpa",
-        "relative course east",
-        "relative course north",
-    )
-    only = dict.fromkeys(names, 0.0) | {"target ships": 16.0}
-    assert distance(found["1"], found["4"], world, only) == pytest.approx(2.0)
+def test_equation_7_uses_its_weights() -> None:
+    weights = dict.fromkeys(characteristics(BUNDLED["1"], WORLD), 0.0) | {"target ships": 16.0}
+    assert distance(BUNDLED["1"], BUNDLED["4"], WORLD, weights) == pytest.approx(2.0)
 
 
-def test_headings_are_compared_round_the_circle(world: World) -> None:
-    case = load_case("3", world)
+def test_headings_are_compared_modulo_360_degrees() -> None:
+    case = BUNDLED["3"]
     ship = case.target_ships[0]
     turned = dataclasses.replace(case, target_ships=[dataclasses.replace(ship, heading=ship.heading - 360)])
     assert similarity(case, turned) == 1.0

@@ -3,11 +3,11 @@
 Most pixels never change: water, disc, circles, own ship. A window that shows only these has the same
 activation in every frame, so it is computed once per batch. A layer's activations are stored as rows: first
 one for each window of the background, then one for each window of a frame that differs. An index maps windows
-to rows, and a layer is one matrix product over gathered rows. The result is exact for any background; an
-unsuitable one only saves no work.
+to rows, and a layer is one matrix product over gathered rows. The result is exact for any background, but
+only a similar one saves work.
 
-`Incremental` is for learning. `inference.CachedInference` is for acting on a few frames. It caches the
-background's rows, which would be most of the work there.
+`Incremental` is for learning. `inference.CachedInference` is for acting on a few frames: there the
+background's rows would be most of the work, so it caches them.
 """
 
 from __future__ import annotations
@@ -21,17 +21,13 @@ from torch.autograd.function import once_differentiable
 
 from ship_trl.config.network import Geometry
 from ship_trl.learn.fast import incremental_kernels as kernels
-from ship_trl.learn.fast.changes import version
-from ship_trl.learn.fast.cutter import Cutter, Rows, as_numpy
+from ship_trl.learn.fast.weights_version import weights_version
+from ship_trl.learn.fast.windows import Rows, WindowExtractor, as_numpy
 from ship_trl.learn.network import DuelingNetwork
 
 
 def as_matrix(weight: Tensor) -> Tensor:
-    """View filters [O, C, H, W] as a matrix [O, H W C].
-
-    Raises:
-        RuntimeError: the filters are not channels last, so a view is impossible.
-    """
+    """View channels-last filters [O, C, H, W] as a matrix [O, H W C]."""
     return weight.permute(0, 2, 3, 1).view(len(weight), -1)
 
 
@@ -41,17 +37,17 @@ def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Ten
     Shapes: rows [R, C], index int32 [T, K] (None: rows are windows already), weight [O, K C],
     bias [O]; returns [T, K C] and [T, O].
     """
-    windows = (
-        rows if index is None else rows.index_select(0, index.view(-1)).view(len(index), weight.shape[1])
-    )
+    windows = rows
+    if index is not None:
+        windows = rows.index_select(0, index.view(-1)).view(len(index), weight.shape[1])
     return windows, torch.addmm(bias, windows, weight.t()).relu_()
 
 
 class GatheredLayer(torch.autograd.Function):
     """A conv layer on gathered rows, in the rows' precision; gradients of weights are float32.
 
-    Shapes: rows [R, C], index int32 [T, K] or None, weight float32 [O, C, H, W] channels last, bias
-    float32 [O]; then the same weights in the rows' precision, matrix [O, K C] and bias [O]. Returns [T, O].
+    Shapes: rows [R, C]; index int32 [T, K] or None; weight float32 [O, C, H, W] channels last and its bias
+    float32 [O]; the same weights in the rows' precision, matrix [O, K C] and bias [O]. Returns [T, O].
     """
 
     @staticmethod
@@ -105,22 +101,16 @@ class WeightCopies:
         self.layers = list(zip(self._copies[::2], self._copies[1::2], strict=True))
 
     def refresh(self, weights: list[Tensor], frozen: int) -> None:
-        """Copy the weights that may have changed since the last call.
-
-        Args:
-            weights: the weights that the constructor got.
-            frozen: number of layers that never learn.
-        """
+        """Update the copies of weights that may have changed; the first `frozen` layers never learn."""
         if self._copies[0].dtype is torch.float32:
             return
         learning = weights[2 * frozen :]
-        now = [version(weights[: 2 * frozen], learning=False), version(learning)]
+        now = [weights_version(weights[: 2 * frozen], learning=False), weights_version(learning)]
         if learning and not learning[0].requires_grad:
             # A target network is updated through `data`, which changes no version.
             self._versions[1] = ()
-        for part, before, after in zip(
-            (slice(2 * frozen), slice(2 * frozen, None)), self._versions, now, strict=True
-        ):
+        parts = slice(2 * frozen), slice(2 * frozen, None)
+        for part, before, after in zip(parts, self._versions, now, strict=True):
             if before != after and self._own[part]:
                 torch._foreach_copy_(self._copies[part], self._own[part])
         self._versions = now
@@ -134,13 +124,13 @@ class Incremental:
 
     Args:
         background: frame that most frames resemble, uint8 [C, 84, 84].
-        dtype: of the conv layers; weights and their gradients stay float32.
-        geometry: of the conv layers of all networks that use it; `supports_incremental` must be true for it.
+        dtype: precision of the conv layers; weights and their gradients stay float32.
+        geometry: conv layers of all networks that use it; `supports_incremental` must be true for them.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
         self.dtype, self.geometry = dtype, geometry
-        self._cut = Cutter(background, dtype, geometry)
+        self._extract = WindowExtractor(background, dtype, geometry)
         self._cached: tuple[Tensor, tuple[int, ...], Rows] | None = None
         self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
 
@@ -164,32 +154,35 @@ class Incremental:
         """
         if network.geometry != self.geometry:
             raise ValueError("network: its conv layers differ from those of this backend")
-        return self._remaining(network, self._frozen_rows(network, pixels))
+        return self._compute_remaining(network, self._compute_frozen(network, pixels))
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
         left = len(self.geometry) - network.frozen
         if left == 0:
             return frozen_features.float()
-        return self._remaining(network, Rows(frozen_features.to(self.dtype), (None,) * left))
+        return self._compute_remaining(network, Rows(frozen_features.to(self.dtype), (None,) * left))
 
-    def _frozen_rows(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
-        """Cut frames into windows and compute the frozen layers, or return the cached result."""
+    def _compute_frozen(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
+        """Extract windows and compute the frozen layers, or return the cached result."""
         frozen = [conv.weight for conv in network.convs[: network.frozen]]
-        # Identity and version: replaced or modified weights make the cache stale.
-        state = (*version([pixels, *frozen], learning=False), *(weight.data_ptr() for weight in frozen))
-        if self._cached is None or self._cached[0] is not pixels or self._cached[1] != state:
+        # Replaced or modified weights make the cache stale.
+        token = (
+            *weights_version([pixels, *frozen], learning=False),
+            *(weight.data_ptr() for weight in frozen),
+        )
+        if self._cached is None or self._cached[0] is not pixels or self._cached[1] != token:
             with torch.no_grad():
-                rows = self._advance(network, self._cut(pixels), network.frozen)
-            self._cached = (pixels, state, rows)
+                rows = self._compute_layers(network, self._extract(pixels), network.frozen)
+            self._cached = (pixels, token, rows)
         return self._cached[2]
 
-    def _remaining(self, network: DuelingNetwork, rows: Rows) -> Tensor:
+    def _compute_remaining(self, network: DuelingNetwork, rows: Rows) -> Tensor:
         """Compute all remaining layers."""
         # The fully connected layers compute in float32, because Q-values of actions differ only slightly.
-        return self._advance(network, rows, len(rows.indices)).values.float()
+        return self._compute_layers(network, rows, len(rows.indices)).values.float()
 
-    def _advance(self, network: DuelingNetwork, rows: Rows, layers: int) -> Rows:
+    def _compute_layers(self, network: DuelingNetwork, rows: Rows, layers: int) -> Rows:
         """Compute the next `layers` conv layers, with gradients where torch records them."""
         if layers == 0:
             return rows

@@ -1,4 +1,4 @@
-"""Compiled loops of `cutter` and `incremental`: find windows that differ, and index their rows."""
+"""Compiled loops of `windows` and `incremental`: find windows that differ, and index their rows."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ Array = np.ndarray[Any, Any]
 
 @compiled()
 def number_windows(touched: Array, table: Array) -> int:
-    """Assign a row number to each window, and return the number of rows.
+    """Write the row number of each window into `table`, int32 [B, S * S], and return the number of rows.
 
-    Untouched windows share the background's rows, which come first. Touched windows get new rows.
-
-    Shapes: touched bool [B, S, S]; table int32 [B, S * S], the row number of each window, is written.
+    Untouched windows share the background's rows, which come first. Windows in `touched`, bool [B, S, S], get
+    new rows.
     """
     batch, side = touched.shape[0], touched.shape[1]
     count = side * side
@@ -35,10 +34,9 @@ def number_windows(touched: Array, table: Array) -> int:
 
 @compiled()
 def mark_blocks(words: Array, background: Array, blocks: Array) -> None:
-    """Mark the 4 x 4 pixel blocks of a frame that differ from the background.
+    """Write into `blocks` which 4 x 4 pixel blocks of a frame differ from the background; 0 means equal.
 
-    Shapes: words int32 [C, H, H / 4], the pixels four at a time, and background the same;
-    blocks int32 [H / 4, H / 4] is written: 0 where nothing differs.
+    Shapes: blocks int32 [H / 4, H / 4]; words and background int32 [C, H, H / 4], four pixels each.
     """
     channels, width = words.shape[0], words.shape[2]
     blocks[:] = 0
@@ -53,15 +51,14 @@ def mark_blocks(words: Array, background: Array, blocks: Array) -> None:
 def compile_mark_pixels(kernel: int, stride: int) -> Loop:
     """Compile `mark_pixels` for windows of `kernel` words that are `stride` words apart.
 
-    It is compiled for each size, because loops of constant length are twice as fast.
+    Loops of constant length are twice as fast.
     """
 
     @compiled()
     def mark_pixels(words: Array, background: Array, touched: Array) -> None:
-        """Mark the windows of the first layer with a pixel that differs from the background.
+        """Write into `touched` which windows of conv1 have a pixel that differs from the background.
 
-        Shapes: words int32 [B, C, H, H / 4], the pixels four at a time; background the same without B;
-        touched bool [B, S, S] is written.
+        Shapes: touched bool [B, S, S]; words int32 [B, C, H, H / 4], four pixels each; background without B.
         """
         batch, side, width = touched.shape[0], touched.shape[1], words.shape[3]
         blocks = np.empty((width, width), np.int32)
@@ -80,7 +77,7 @@ def compile_mark_pixels(kernel: int, stride: int) -> Loop:
 
 @compiled()
 def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None:
-    """Mark the windows that include a touched position of the layer below: bool [B, S, S] to [B, T, T]."""
+    """Write into `touched`, bool [B, T, T], which windows include a touched position of `below` [B, S, S]."""
     batch, side = touched.shape[0], touched.shape[1]
     for b in range(batch):
         for y in range(side):
@@ -93,15 +90,15 @@ def mark_windows(below: Array, kernel: int, stride: int, touched: Array) -> None
 
 
 @cache
-def compile_cut_pixels(kernel: int, stride: int) -> Loop:
-    """Compile `cut_pixels` for windows of `kernel` pixels that are `stride` apart."""
+def compile_copy_windows(kernel: int, stride: int) -> Loop:
+    """Compile `copy_windows` for windows of `kernel` pixels that are `stride` apart."""
 
     @compiled()
-    def cut_pixels(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
-        """Copy the touched windows of the first layer into `rows`; `rows[0]` has row number `base`.
+    def copy_windows(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
+        """Copy the touched windows of conv1 into `rows`; `rows[0]` has row number `base`.
 
-        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], one for each pixel level;
-        rows [R, kernel * kernel * C] is written, in the order row, column, channel.
+        Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], one for each pixel level; rows
+        [R, kernel * kernel * C], in the order row, column, channel.
         """
         batch, channels = pixels.shape[:2]
         for b in range(batch):
@@ -117,7 +114,7 @@ def compile_cut_pixels(kernel: int, stride: int) -> Loop:
                             for j in range(kernel):
                                 window[j * channels + c] = values[line[j]]
 
-    return cut_pixels
+    return copy_windows
 
 
 @compiled()
@@ -131,10 +128,10 @@ def index_windows(
     index: Array,
     base: int,
 ) -> None:
-    """Write, for each row of a layer, the row numbers of the layer below that its window covers.
+    """Write into `index`, for each row of a layer, the row numbers of the layer below that its window covers.
 
-    Shapes: below [B, S * S] and table [B, T * T], row numbers in the layer below and in this one;
-    index int32 [R, K * K] is written; `index[0]` is for row number `base`.
+    Shapes: below [B, S * S] and table [B, T * T], row numbers in the layer below and in this one; index
+    int32 [R, K * K], where `index[0]` is for row number `base`.
     """
     # Frame -1 is the background. Its row numbers are the positions of its windows.
     for b in range(-1 if base == 0 else 0, table.shape[0]):

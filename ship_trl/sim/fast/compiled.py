@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -11,6 +9,7 @@ from torch import Tensor
 from ship_trl.sim import scene
 from ship_trl.sim.fast import draw_kernels, step_kernel
 from ship_trl.sim.fast.step_kernel import Array
+from ship_trl.sim.geometry import polygon_edges
 from ship_trl.sim.reward import POSITION_TOLERANCE, reward_constants, write_rewards
 from ship_trl.sim.transition import Outcome, Transition
 
@@ -24,9 +23,6 @@ class CompiledStep:
     """`Transition` as a compiled loop on the CPU.
 
     `step(state, action)` maps float32 [N, 4] and int64 [N] to an `Outcome`.
-
-    Args:
-        reference: the simulation step to compile, on the CPU.
     """
 
     def __init__(self, reference: Transition) -> None:
@@ -59,11 +55,7 @@ class CompiledStep:
         write_rewards(action, self._actions, self._reward_constants, to_goal, flags, min_distance, reward)
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
-        """Take one action with each ship: states float32 [N, 4], action indices int64 [N].
-
-        Raises:
-            IndexError: action index out of range.
-        """
+        """Take one action with each ship, as `step_into`; return the results as an `Outcome`."""
         count = state.shape[0]
         after, floats = torch.empty(count, 4, device="cpu"), torch.empty(2, count, device="cpu")
         flags = torch.empty(3, count, dtype=torch.bool, device="cpu")
@@ -79,13 +71,9 @@ class CompiledDrawing:
 
     `drawing(state)` maps floats [N, 4] to uint8 [N, C, 84 * 84].
 
-    Args:
-        transition: the case's simulation step, with goal and target ships.
-        course: headings of the target ships in radians, [K].
-        outline: corners of a target ship in pixels, counter-clockwise, [E, 2].
-        line_ink: colour of the line to the goal, [C].
-        ship_ink: colour of the target ships, [C].
-        background: the picture without line and target ships, float [C, 84 * 84].
+    Shapes of the arguments: course [K], headings of the target ships in radians; outline [E, 2], corners of a
+    target ship in pixels, counter-clockwise; line_ink and ship_ink [C], colours; background [C, 84 * 84], the
+    picture without line and target ships, in floats.
     """
 
     def __init__(
@@ -97,19 +85,13 @@ class CompiledDrawing:
         ship_ink: Tensor,
         background: Tensor,
     ) -> None:
-        corners = outline.tolist()
-        edges = []
-        for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
-            length = math.hypot(bx - ax, by - ay)
-            x, y = (by - ay) / length, (ax - bx) / length
-            edges.append(float32_array(x, y, x * ax + y * ay))
         self._shape = background.shape
         self._constants = (
             transition.goal.numpy(),
             transition.ship_start.numpy(),
             transition.ship_velocity.numpy(),
             course.numpy(),
-            np.stack(edges),
+            np.asarray(polygon_edges(outline), np.float32),
             float32_array(transition.world.dt, scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2),
             scene.patch_size(),
             scene.SIZE,
@@ -120,19 +102,11 @@ class CompiledDrawing:
         )
 
     def draw_into(self, state: Array, pictures: Array) -> None:
-        """Draw states float32 [N, 4] into `pictures`, uint8 [N, C, 84 * 84].
-
-        Raises:
-            ValueError: a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
-        """
+        """Draw states float32 [N, 4] into `pictures`, uint8 [N, C, 84 * 84]; raise as `draw_kernels.draw`."""
         draw_kernels.draw(state, *self._constants, pictures)
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Draw states float [N, 4]; return uint8 [N, C, 84 * 84].
-
-        Raises:
-            ValueError: a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
-        """
+        """Draw states float [N, 4]; return uint8 [N, C, 84 * 84]; raise as `draw_kernels.draw`."""
         pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8, device="cpu")
         self.draw_into(state.detach().float().contiguous().numpy(), pictures.numpy())
         return pictures

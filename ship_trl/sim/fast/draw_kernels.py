@@ -1,32 +1,26 @@
-"""The network's picture as a compiled loop for the CPU.
+"""`render.Rasteriser.reference` as a compiled loop for the CPU; tests compare the two.
 
-It draws what `render.Rasteriser.reference` draws in torch. Tests compare the two; the torch code is the
-reference and runs on the GPU. Only the strip along the line and the squares around target ships are
-computed, and without branches: a mispredicted branch costs as much as a dozen pixels.
+Only the strip along the line and the squares around target ships are computed. Their loops have no branches:
+a mispredicted branch costs as much as a dozen pixels.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numba import float32
 
 from ship_trl.jit import RELAXED, compiled
-
-Array = np.ndarray[Any, Any]
-# float32 in compiled code; the types of Python and NumPy differ there.
-Number = Any
+from ship_trl.sim.fast.step_kernel import ONE, ZERO, Array, Number
 
 # Lets the compiler assume that no value is NaN, so that `min` and `max` are single instructions. `draw`
-# refuses NaN.
+# rejects NaN.
 NO_NAN = RELAXED | {"nnan"}
 # Bound of |x| + |y| + |heading| + |time|, in metres, radians and seconds. Above it, squares overflow
 # float32, and pixel indices would point outside the picture's memory.
 MAX_STATE_SUM = np.float32(1e9)
-# A Python float would turn every sum into float64.
-ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+HALF = np.float32(0.5)
 # Metres. A shorter line has no direction, because its squares underflow.
 MIN_GOAL_DISTANCE = np.float32(1e-4)
 # Width in pixels of the strip that holds the line: at 45 degrees the line covers 2.83 pixels.
@@ -35,7 +29,7 @@ STRIP_WIDTH = 3
 
 @compiled(RELAXED)
 def copy(source: Array, target: Array) -> None:
-    """Copy `source` to `target`; the loop compiles to a block copy, which assigning the array does not."""
+    """Copy `source` to `target`; unlike an array assignment, this loop compiles to a block copy."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 
@@ -44,21 +38,14 @@ def copy(source: Array, target: Array) -> None:
 def cover_line(
     dx: Number, dy: Number, reach: Number, size: int, cover: Array, pixels: Array
 ) -> tuple[int, int]:
-    """Compute how much of each pixel the line from the middle to (dx, dy) covers.
+    """Compute the coverage of pixels by the line from the middle to (dx, dy): right and up, in pixels.
 
-    This is `Rasteriser._draw_line` for one state. The line lies in a strip. The loop walks along its longer
-    axis; each row of the strip crosses that axis.
+    This is `Rasteriser._draw_line` for one state. A strip holds the line. The loop walks along the line's
+    longer axis; each row of the strip crosses that axis. Coverage is zero `reach` pixels from the line.
 
-    Args:
-        dx: pixels from the middle to the line's end, to the right.
-        dy: pixels from the middle to the line's end, upwards.
-        reach: distance from the line's axis at which coverage becomes zero, in pixels.
-        size: width and height of the picture in pixels.
-        cover: coverage of the pixels of each row, float32 [STRIP_WIDTH, size / 2]; written.
-        pixels: flat index of each row's first pixel, int32 [size / 2]; written.
-
-    Returns:
-        The number of rows, and the difference of the flat indices of two neighbours in a row.
+    Write the coverage of each row's pixels into `cover`, float32 [STRIP_WIDTH, size / 2], and the flat index
+    of each row's first pixel into `pixels`, int32 [size / 2]. Return the number of rows, and the difference
+    of the flat indices of two neighbours in a row.
     """
     if dx == 0 and dy == 0:  # at the goal
         dx = float32(1e-6)
@@ -90,9 +77,9 @@ def cover_line(
 def blend_line(
     image: Array, picture: Array, background: Array, ink: Array, cover: Array, pixels: Array, pixel_step: int
 ) -> None:
-    """Blend `ink` [C] over the background, with the coverage and pixels that `cover_line` wrote.
+    """Blend `ink` [C] over the background [C, P], with the coverage and pixels of `cover_line`.
 
-    Shapes: image float, picture uint8 and background float [C, P]; the first two are written.
+    Write the result into `image` in floats and `picture` in uint8, both [C, P].
     """
     for c in range(image.shape[0]):
         for k in range(pixels.shape[0]):
@@ -118,23 +105,13 @@ def blend_ship(
     row: Array,
     cover: Array,
 ) -> int:
-    """Blend a ship over the picture; see `Rasteriser._draw_ships`.
+    """Blend a ship of colour `ink` [C] over `image` (floats) and `picture` (uint8), both [C, P].
 
-    Args:
-        image: the picture in floats [C, P]; written.
-        picture: the picture uint8 [C, P]; written.
-        ink: colour of the ship, [C].
-        cx: pixels from the picture's left edge to the ship's middle.
-        cy: pixels from the picture's upper edge to the ship's middle.
-        heading: heading in the picture in radians, counter-clockwise from the right.
-        edges: normal and offset of each edge of the outline in pixels, [E, 3].
-        size: width and height of the picture in pixels.
-        column: column of each pixel of a square of W x W pixels around the ship, [W * W].
-        row: row of each of these pixels, [W * W].
-        cover: scratch memory for their coverage, [W * W].
+    This is `Rasteriser._draw_ships` for one ship. (cx, cy) is its middle in pixels from the left and upper
+    edges, `heading` is counter-clockwise from the right, and `edges` [E, 3] is from `polygon_edges`. Only a
+    square of W x W pixels is drawn: `column` and `row` [W * W] of its pixels, `cover` scratch memory.
 
-    Returns:
-        The flat index of the square's first pixel, or -1 if the ship is outside the picture.
+    Return the flat index of the square's first pixel, or -1 if the ship is outside the picture.
     """
     patch = math.floor(math.sqrt(float32(cover.shape[0])) + HALF)
     if cx < -patch or cy < -patch or cx > size + patch or cy > size + patch:
@@ -170,8 +147,7 @@ def restore_background(
 ) -> None:
     """Copy `background` to `image`, both [C, P], along the line and in the squares of the target ships.
 
-    `pixels` and `pixel_step` are from `cover_line`. `squares` [K] holds what `blend_ship` returned for each
-    target ship, and `patch` is the squares' width in pixels.
+    `pixels` and `pixel_step` are from `cover_line`, `squares` [K] from `blend_ship`, which are `patch` wide.
     """
     for c in range(image.shape[0]):
         for k in range(pixels.shape[0]):
@@ -200,23 +176,13 @@ def draw(
     background_picture: Array,
     pictures: Array,
 ) -> None:
-    """Draw N states into `pictures`; this is `render.Rasteriser` on the CPU.
+    """Draw N states, float32 [N, 4], into `pictures`, uint8 [N, C, P].
 
-    Args:
-        states: float32 [N, 4].
-        goal: position of the goal in metres, [2].
-        ships: initial positions of the target ships in metres, [K, 2].
-        velocity: velocities of the target ships in m/s, [K, 2].
-        course: headings of the target ships in radians, [K].
-        edges: normal and offset of each edge of a ship's outline in pixels, [E, 3].
-        scales: length of a step (s), pixels per metre, and `reach` of `cover_line` (pixels), [3].
-        patch: width in pixels of the square around a ship.
-        size: width and height of the picture in pixels.
-        line_ink: colour of the line to the goal, [C].
-        ship_ink: colour of the target ships, [C].
-        background: the picture without line and target ships, float32 [C, P].
-        background_picture: the same picture, uint8 [C, P].
-        pictures: uint8 [N, C, P]; written.
+    Inputs, float32 unless said otherwise: goal [2] (m); target ships at the start: ships [K, 2] (m),
+    velocity [K, 2] (m/s), course [K] (rad); edges [E, 3] from `polygon_edges`, in pixels; scales [3]: length
+    of a step (s), pixels per metre, `reach` of `cover_line` (pixels); patch and size, widths in pixels of the
+    square around a ship and of the picture; line_ink and ship_ink [C]; background [C, P], the picture without
+    line and target ships; background_picture, the same in uint8.
 
     Raises:
         ValueError: a state is not finite, or larger than `MAX_STATE_SUM`.

@@ -1,7 +1,6 @@
-"""One simulation step as a compiled loop for the CPU.
+"""`transition.Transition` as a compiled loop for the CPU; tests compare the two.
 
-It computes what `transition.Transition` computes in torch, but without torch's overhead per operator, which
-dominates in small batches. Tests compare the two; the torch code is the reference and runs on the GPU.
+It avoids torch's overhead per operator, which dominates in small batches.
 """
 
 from __future__ import annotations
@@ -24,10 +23,7 @@ ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
 @compiled(RELAXED)
 def closest_approach(ax: Number, ay: Number, bx: Number, by: Number) -> Number:
-    """Return the least distance from the origin to a point that moves from a to b.
-
-    This is `geometry.closest_approach` for one point.
-    """
+    """Return the least distance from the origin to a point that moves from a to b, as in `geometry`."""
     tx, ty = bx - ax, by - ay
     length2 = tx * tx + ty * ty
     share = float32(0.0)
@@ -52,14 +48,13 @@ def step(
 ) -> None:
     """Take one action with each of N ships, and write the results into the last four arguments.
 
-    This is `transition.Transition` without the rewards, which `reward.write_rewards` computes.
+    The rewards are computed in `reward.write_rewards`.
 
-    Shapes, float32 unless said otherwise:
-        Inputs: state [N, 4]; action int64 [N]; actions [A, 2] (m/s, rad/s); goal [2] (m); ships (m) and
-        velocity (m/s) of the target ships at the start, [K, 2]; limits [4]: dt (s), safe distance (m), goal
-        distance (m), maximum of steps.
-        Outputs: after [N, 4]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
-        bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
+    Inputs, float32 unless said otherwise: state [N, 4]; action int64 [N]; actions [A, 2] (m/s, rad/s);
+    goal [2] (m); ships (m) and velocity (m/s) of the target ships at the start, [K, 2]; limits [4]: dt (s),
+    safe distance (m), goal distance (m), maximum of steps.
+    Outputs: after [N, 4]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
+    bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
 
     Raises:
         IndexError: action index out of range.

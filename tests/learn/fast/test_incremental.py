@@ -1,4 +1,4 @@
-"""The conv layers on what differs from a background are the conv layers."""
+"""The incremental backend computes the same function as stock convolutions."""
 
 import copy
 from itertools import pairwise
@@ -11,17 +11,19 @@ from hypothesis import strategies as st
 from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
-from ship_trl.learn.fast.cutter import Cutter, rounded
 from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.fast.inference import CachedInference
+from ship_trl.learn.fast.windows import Rows, WindowExtractor, round_up
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD, network, plain_forward
 
 PAPER = geometry(NETWORKS["paper"])
+# Windows of the first three layers of the paper's network.
+WINDOWS = (20 * 20, 9 * 9, 7 * 7)
 
 
 def scene(batch: int, channels: int, patches: int, seed: int) -> tuple[Tensor, Tensor]:
-    """A background of noise, and frames that differ from it in some patches."""
+    """Return a background of noise, and frames that differ from it in some patches."""
     generator = Generator().manual_seed(seed)
     noise = lambda *shape: torch.randint(256, shape, generator=generator, dtype=torch.uint8)  # noqa: E731
     background = noise(channels, 84, 84)
@@ -34,13 +36,18 @@ def scene(batch: int, channels: int, patches: int, seed: int) -> tuple[Tensor, T
     return background, frames
 
 
+def row_counts(rows: Rows) -> tuple[int, ...]:
+    """Return the numbers of rows of the first three layers."""
+    return len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None)
+
+
 def gradients(net: DuelingNetwork, q: Tensor) -> dict[str, Tensor]:
     (q * torch.linspace(-1, 1, q.numel()).view_as(q)).sum().backward()
     return {name: p.grad for name, p in net.named_parameters() if p.grad is not None}
 
 
 def incremental(net: DuelingNetwork, frames: Tensor, background: Tensor, dtype: torch.dtype) -> Any:
-    """Q-values and gradients by windows."""
+    """Return Q-values and gradients of the incremental backend."""
     net.backend = Incremental(background, dtype, net.geometry)
     q = net(frames)
     return q.detach(), gradients(net, q)
@@ -74,7 +81,7 @@ def test_incremental_equals_the_network_and_its_gradient(
 def test_the_background_changes_the_work_and_not_the_result() -> None:
     background, frames = scene(3, 1, 2, 0)
     net, wrong = network(), torch.zeros_like(background)
-    right, dense = (Cutter(still, torch.float32, PAPER)(frames) for still in (background, wrong))
+    right, dense = (WindowExtractor(still, torch.float32, PAPER)(frames) for still in (background, wrong))
     assert len(right.values) < len(dense.values)
     found = [incremental(net, frames, picture, torch.float32)[0] for picture in (background, wrong)]
     torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
@@ -82,10 +89,8 @@ def test_the_background_changes_the_work_and_not_the_result() -> None:
 
 def test_frames_equal_to_the_background_add_no_rows() -> None:
     background, frames = scene(5, 1, 0, 0)
-    rows = Cutter(background, torch.float32, PAPER)(frames)
-    places = (20 * 20, 9 * 9, 7 * 7)
-    counts = (len(rows.values), *(len(index) for index in rows.indices[1:3] if index is not None))
-    assert counts == tuple(rounded(p) for p in places)
+    rows = WindowExtractor(background, torch.float32, PAPER)(frames)
+    assert row_counts(rows) == tuple(round_up(count) for count in WINDOWS)
 
 
 def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
@@ -128,7 +133,7 @@ def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: i
     assert all(not torch.equal(one, other) for one, other in pairwise(found))
 
 
-def test_networks_of_other_frozen_layers_may_share_it() -> None:
+def test_networks_with_different_frozen_layers_may_share_it() -> None:
     background, frames = scene(2, 1, 2, 1)
     nets = [network(frozen=2, seed=seed) for seed in (0, 1)]
     backend = Incremental(background, torch.float32, nets[0].geometry)
@@ -138,7 +143,7 @@ def test_networks_of_other_frozen_layers_may_share_it() -> None:
         torch.testing.assert_close(net(frames), wanted, rtol=1e-4, atol=1e-5)
 
 
-def test_weights_of_another_memory_layout_are_refused() -> None:
+def test_weights_in_another_memory_layout_are_refused() -> None:
     background, frames = scene(1, 1, 1, 0)
     net = network()
     net.convs[1].weight.data = net.convs[1].weight.data.contiguous()
@@ -163,13 +168,13 @@ def test_cached_inference_decides_like_the_network(
     frozen = min(frozen, len(NETWORKS[name].conv))
     net = network(name, channels, frozen)
     inference = CachedInference(net, background, frozen)
-    for change in (1.0, -1.3):  # what was remembered must be forgotten when weights change
+    for change in (1.0, -1.3):  # the cache becomes stale when weights change
         with torch.no_grad():
             for parameter in net.parameters():
                 if parameter.requires_grad:
                     parameter.mul_(change)
         assert torch.equal(inference.actions(frames), net(frames).argmax(-1))
-        # No more rows than places that differ, and no frame depends on its neighbours.
+        # No frame depends on the others of its batch.
         one_by_one = torch.cat([inference.actions(frame.unsqueeze(0)) for frame in frames])
         assert torch.equal(one_by_one, net(frames).argmax(-1))
     if frozen >= net.linear_from:
@@ -181,24 +186,19 @@ def test_cached_inference_decides_like_the_network(
 
 def test_cached_inference_computes_only_what_differs() -> None:
     background, frames = scene(1, 1, 2, 5)
-    cut = Cutter(background, torch.float32, PAPER)
-    whole, few = cut(frames), cut(frames, background=False)
-    places = (20 * 20, 9 * 9, 7 * 7)
-    counts = [len(few.values), *(len(index) for index in few.indices[1:3] if index is not None)]
-    full = [len(whole.values), *(len(index) for index in whole.indices[1:3] if index is not None)]
-    for count, all_rows, place in zip(counts, full, places, strict=True):
-        assert 0 < count <= all_rows - place + 8
-    nothing = cut(background.unsqueeze(0), background=False)
-    assert len(nothing.values) == 0
+    extract = WindowExtractor(background, torch.float32, PAPER)
+    counts = [row_counts(extract(frames, background=with_background)) for with_background in (True, False)]
+    for with_background, without, windows in zip(*counts, WINDOWS, strict=True):
+        assert 0 < without <= with_background - windows + 8
+    assert len(extract(background[None], background=False).values) == 0
     net = network()
-    assert torch.equal(
-        CachedInference(net, background, 0).actions(background[None]), net(background[None]).argmax(-1)
-    )
+    actions = CachedInference(net, background, 0).actions(background[None])
+    assert torch.equal(actions, net(background[None]).argmax(-1))
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_layers_that_the_incremental_backend_cannot_cut_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="cut by words"):
+def test_layers_that_the_incremental_backend_does_not_support_are_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="kernel and stride in multiples of 4"):
         Incremental(torch.zeros(1, 84, 84, dtype=torch.uint8), torch.float32, geometry(ODD[name]))
 
 

@@ -1,4 +1,4 @@
-"""Cut frames into the windows that differ from a background, for `incremental` and `inference`."""
+"""Extract the windows of frames that differ from a background, for `incremental` and `inference`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Tensor
 from ship_trl.config.network import WORD, Geometry, linear_from, supports_incremental
 from ship_trl.learn.fast import incremental_kernels as kernels
 
-# Row counts are rounded up: oneDNN prepares a matrix product for each new shape, so few shapes are faster.
+# Row counts are rounded up to these multiples: oneDNN prepares a matrix product for each new shape.
 ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
 
 
@@ -21,25 +21,25 @@ class Rows(NamedTuple):
     Attributes:
         values: activations, or windows of pixels, [R, C].
         indices: for each remaining conv layer, the rows in each of its T windows, int32 [T, K]; None if the
-            rows are the windows. Row numbers start with the background's rows, even if `values` has none.
+            rows are the windows. Row numbers count the background's rows first, even if `values` lacks them.
     """
 
     values: Tensor
     indices: tuple[Tensor | None, ...]
 
 
-class Cutter:
-    """Cuts frames into windows: uint8 [B, C, 84, 84] to the `Rows` of conv1.
+class WindowExtractor:
+    """Extracts the windows of conv1 that differ from a background: uint8 [B, C, 84, 84] to `Rows`.
 
-    Args:
-        background: frame that most frames resemble, uint8 [C, 84, 84].
-        dtype: of the windows; their values are 0 to 1.
-        geometry: of the network's conv layers; `supports_incremental` must be true for it.
+    `background` is uint8 [C, 84, 84]. Values of windows are 0 to 1, in precision `dtype`.
     """
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
         if not supports_incremental(geometry):
-            raise ValueError(f"geometry: the first of several layers must be cut by words, got {geometry}")
+            raise ValueError(
+                f"geometry: needs two conv layers, the first with kernel and stride in multiples of {WORD}, "
+                f"got {geometry}"
+            )
         self.dtype = dtype
         # Layers whose windows are rows. After them each frame is one row, so the others are linear layers.
         self.layers = geometry[: linear_from(geometry)]
@@ -47,7 +47,7 @@ class Cutter:
         self.sides = [layer.side for layer in self.layers]
         _, kernel, stride, _ = geometry[0]
         self._mark_pixels = kernels.compile_mark_pixels(kernel // WORD, stride // WORD)
-        self._cut_pixels = kernels.compile_cut_pixels(kernel, stride)
+        self._copy_windows = kernels.compile_copy_windows(kernel, stride)
         background = background.contiguous()
         self.background_words = background.view(torch.int32).numpy()
         self.levels = as_numpy((torch.arange(256) / 255.0).to(dtype))
@@ -56,12 +56,7 @@ class Cutter:
         self.background_windows = (windows / 255.0).to(dtype)
 
     def __call__(self, frames: Tensor, background: bool = True) -> Rows:
-        """Cut out the windows that differ from the background.
-
-        Args:
-            frames: uint8 [B, C, 84, 84].
-            background: whether the windows of the background come first.
-        """
+        """Extract the windows that differ; with `background`, its own windows come first."""
         batch, sides = frames.shape[0], self.sides
         frames = frames.contiguous()
         touched = [np.empty((batch, side, side), np.bool_) for side in sides]
@@ -73,19 +68,19 @@ class Cutter:
         for n, (_, kernel, stride, _) in enumerate(self.layers[1:], 1):
             kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
             rows.append(kernels.number_windows(touched[n], tables[n]))
-        windows = torch.zeros(rounded(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
+        windows = torch.zeros(round_up(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
         if background:
             windows[: len(self.background_windows)] = self.background_windows
-        self._cut_pixels(frames.numpy(), tables[0], sides[0], self.levels, as_numpy(windows), base[0])
+        self._copy_windows(frames.numpy(), tables[0], sides[0], self.levels, as_numpy(windows), base[0])
         indices: list[Tensor | None] = [None]
         for n, (_, kernel, stride, below) in enumerate(self.layers[1:], 1):
-            index = np.zeros((rounded(rows[n] - base[n]), kernel * kernel), np.int32)
+            index = np.zeros((round_up(rows[n] - base[n]), kernel * kernel), np.int32)
             kernels.index_windows(tables[n - 1], below, tables[n], sides[n], kernel, stride, index, base[n])
             indices.append(torch.from_numpy(index))
         return Rows(windows, (*indices, torch.from_numpy(tables[-1]), *[None] * (self.linear - 1)))
 
 
-def rounded(rows: int) -> int:
+def round_up(rows: int) -> int:
     """Round a row count up to a multiple of `ROUND_ROWS`; no index refers to the added zero rows."""
     step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
     return -(-rows // step) * step

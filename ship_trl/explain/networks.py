@@ -60,7 +60,7 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
         _, network = load_with_network(entry.policy, env)
         if found and plain(network.config) != plain(found[0].network.config):
             raise ConfigError(
-                f"policy: {entry.policy} is of another network than {entries[0].policy}; "
+                f"policy: {entry.policy} has other layers than {entries[0].policy}; "
                 "allowed: networks of the same layers"
             )
         settings = (result.pair, result.arm, result.target) if result else None

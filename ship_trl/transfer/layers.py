@@ -95,7 +95,7 @@ def saved_network(path: Path, key: str) -> Network:
         if shapes.get("shared.weight") != [network.hidden, maps]:
             raise ConfigError("shared.weight is of another shape")
     except (ValueError, TypeError, RecursionError, ConfigError) as error:
-        raise ConfigError(f"{key}: {path} is of no network that can be made ({error})") from None
+        raise ConfigError(f"{key}: {path} has impossible layers ({error})") from None
     return network
 
 
@@ -114,7 +114,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
         if plain(saved := saved_network(path, key)) != plain(network.config):
             layers = [f"conv={each.conv} hidden={each.hidden}" for each in (saved, network.config)]
-            raise ConfigError(f"{key}: {path} is of another network: {layers[0]}, allowed {layers[1]}")
+            raise ConfigError(f"{key}: {path} has other layers: {layers[0]}, allowed {layers[1]}")
         problem = _mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
         if problem:
             raise ConfigError(f"{key}: {path} does not fit the network: {problem}")

@@ -146,7 +146,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
             "is of case 2 and 1 scratch seed 0, best of case 1; allowed: one, given as target=CASE",
         ),
         ("RUN target=1,2", "allowed: one, given as target=CASE"),
-        ("RUN FIVE target=2", "is of another network than"),
+        ("RUN FIVE target=2", "has other layers than"),
         ("RUN WORLD target=2", "are of different worlds or colours"),
         ("RUN target=2 --output TAKEN", "TAKEN: File exists"),
     ],

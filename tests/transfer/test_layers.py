@@ -113,7 +113,7 @@ def test_a_file_says_which_network_its_weights_are_of(saved: Path, tmp_path: Pat
     path = tmp_path / "five.safetensors"
     save_weights(path, network(1, config=FIVE), {"episode": 3})
     assert saved_network(path, "policy") == FIVE
-    assert "is of another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
+    assert "has other layers: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
     # A file that was written before there were others is of the paper's.
     save_file({key: value.contiguous() for key, value in network(0).state_dict().items()}, path)
     assert saved_network(path, "policy") == load_network()
@@ -124,7 +124,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     save_weights(path, network(1, config=Network(conv, 9)), {})
     other = network(0, config=Network([[8, 8, 4], [8, 15, 4], [8, 2, 1]], 9))
     with pytest.raises(
-        ConfigError, match=r"of another network: conv=.*\[8, 15, 3\].*allowed conv=.*\[8, 15, 4\]"
+        ConfigError, match=r"has other layers: conv=.*\[8, 15, 3\].*allowed conv=.*\[8, 15, 4\]"
     ):
         load_weights(path, other)
 
@@ -156,5 +156,5 @@ def test_a_header_that_says_what_is_not_so_is_refused(header: str, said: str, tm
     with pytest.raises(ConfigError) as caught:
         saved_network(path, "policy")
     message = str(caught.value)
-    assert message.startswith(f"policy: {path} is of no network that can be made (") and "\n" not in message
+    assert message.startswith(f"policy: {path} has impossible layers (") and "\n" not in message
     assert said in message

@@ -39,7 +39,8 @@ class Cutter:
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
         if not supports_incremental(geometry):
-            raise ValueError(f"geometry: the first of several layers must be cut by words, got {geometry}")
+            allowed = "several layers; the first one's kernel and stride must be multiples of four"
+            raise ValueError(f"geometry: must have {allowed}, got {geometry}")
         self.dtype = dtype
         # Layers whose windows are rows. After them each frame is one row, so the others are linear layers.
         self.layers = geometry[: linear_from(geometry)]

@@ -44,14 +44,13 @@ Count = Annotated[int, limit(1, MAX_COUNT)]
 Share = Annotated[float, limit(0, 1)]
 PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
-FolderName = Annotated[
-    str,
-    Rule("the name of a folder", lambda name: is_path(name) and "/" not in name and name not in (".", "..")),
-]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
 Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
 PathName = Annotated[
     str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
+]
+FolderName = Annotated[
+    PathName, Rule("the name of a folder", lambda name: "/" not in name and name not in (".", ".."))
 ]
 Device = Annotated[
     str, Rule("cpu or cuda", lambda name: re.fullmatch(r"cpu|cuda(:\d{1,3})?", name, re.ASCII) is not None)

@@ -76,7 +76,7 @@ def compose_run(config: DictConfig, number: int, words: Sequence[str]) -> DictCo
     before, known.cfg = known.cfg, None
     try:
         known.set_config(values)
-        task = OmegaConf.masked_copy(values, [key for key in values if key != "hydra"])
+        task = OmegaConf.masked_copy(values, [str(key) for key in values if key != "hydra"])
         OmegaConf.resolve(task)
         return task
     finally:

@@ -1,4 +1,4 @@
-"""`python -m ship_trl play`: refusals, and a line where there is no screen."""
+"""`python -m ship_trl play`: refusals, and its message where there is no screen."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""`python -m ship_trl watch`: its words, and what it says where there is no screen."""
+"""`python -m ship_trl watch`: its arguments, and its message where there is no screen."""
 
 from pathlib import Path
 

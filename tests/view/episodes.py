@@ -1,4 +1,4 @@
-"""What the tests of pictures show: episodes of given actions with made-up Q-values, and fast policies."""
+"""Episodes for tests of pictures, with given actions and made-up Q-values, and helpers to draw them."""
 
 from collections.abc import Sequence
 

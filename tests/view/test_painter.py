@@ -1,4 +1,4 @@
-"""The people's picture is the network's, drawn large; in both frames, and with what is added for people."""
+"""The picture for people is the network's, drawn large, in both frames and with additions."""
 
 from collections.abc import Callable
 

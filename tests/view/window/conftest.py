@@ -1,4 +1,4 @@
-"""A window of SDL's that shows nothing, for every test of this folder."""
+"""An SDL window that shows nothing, for every test in this folder."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""A person at the helm: real events of SDL's, the world's own steps, episodes that are kept."""
+"""Steering a ship: real SDL events, the steps of the world, and kept episodes."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A real window of SDL's, real events in its queue, and the pictures that follow."""
+"""Watching policies: a real SDL window, real events in its queue, and the pictures that follow."""
 
 from pathlib import Path
 

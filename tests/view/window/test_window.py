@@ -24,8 +24,8 @@ PROGRAMS = ("Xvfb", "xdotool")
 PATIENCE = 90.0
 
 
-class Still(Window):
-    """A window of a given number of steps of one second, which draws nothing."""
+class StubWindow(Window):
+    """A window with a given number of steps of one second."""
 
     status = ""
     steps = 0
@@ -40,12 +40,12 @@ class Still(Window):
         return False
 
 
-def state(player: Still) -> tuple[float, bool]:
+def state(player: StubWindow) -> tuple[float, bool]:
     return player.position, player.is_running
 
 
 def test_it_runs_at_its_speed_and_stops_at_the_end() -> None:
-    player = Still(steps=10, speed=2.5)
+    player = StubWindow(steps=10, speed=2.5)
     player.advance(1.0)
     assert state(player) == (2.5, True)
     # From between two steps, back is to the one that began last.
@@ -62,18 +62,16 @@ def test_it_runs_at_its_speed_and_stops_at_the_end() -> None:
 
 
 def test_speed_has_levels() -> None:
-    player = Still(steps=3)
-    for _ in SPEEDS:
-        player.change_speed(1)
+    player = StubWindow(steps=3)
+    player.change_speed(99)
     assert player.speed == SPEEDS[-1]
-    for _ in range(2 * len(SPEEDS)):
-        player.change_speed(-1)
+    player.change_speed(-99)
     assert player.speed == SPEEDS[0]
 
 
 @given(st.lists(st.sampled_from(["pause", "step", "back", "restart", "wait", "seek"])))
-def test_it_never_leaves_the_episode_and_stands_on_whole_steps(keys: list[str]) -> None:
-    player = Still(steps=4)
+def test_it_never_leaves_the_episode_and_pauses_on_whole_steps(keys: list[str]) -> None:
+    player = StubWindow(steps=4)
     does = {
         "pause": player.pause,
         "step": lambda: player.step(1),

@@ -1,4 +1,4 @@
-"""Figures of the page: charts of probes, CKA and erased things, filters, and saliency maps."""
+"""Figures of the page: charts of probes, CKA and erased things, and saliency maps."""
 
 from __future__ import annotations
 
@@ -140,42 +140,12 @@ def draw_erased(measured: Measured) -> Figure:
     return figure
 
 
-def tile(maps: Floats, columns: int) -> Floats:
-    """Arrange maps [M, S, S] in a grid, with empty lines between them."""
-    rows = -(-len(maps) // columns)
-    spaced = np.full((rows * columns, maps.shape[1] + 1, maps.shape[2] + 1), np.nan)
-    spaced[: len(maps), :-1, :-1] = maps
-    grid = spaced.reshape(rows, columns, *spaced.shape[1:])
-    return grid.swapaxes(1, 2).reshape(rows * spaced.shape[1], -1)
-
-
 def show(axis: Axes, values: Floats, colours: Any, low: float, high: float) -> AxesImage:
     """Show an image without ticks and frame, with colours between two values."""
     axis.set_xticks([])
     axis.set_yticks([])
     axis.spines[:].set_visible(False)
     return axis.imshow(values, cmap=colours, vmin=low, vmax=high, interpolation="nearest")
-
-
-def draw_filters(measured: Measured) -> Figure:
-    """Draw the filters of conv1 of the explained network, its source and an untrained network."""
-    roles = (Role.explained, Role.source, Role.untrained)
-    by_role = {one.role: one for one in measured.networks}
-    networks = [by_role[role] for role in roles if role in by_role]
-    weights = [
-        one.network.get_parameter("conv1.weight").detach().double().mean(1).numpy() for one in networks
-    ]
-    columns = 8 if len(weights[0]) > 16 else 4
-    figure = new_figure(11.6 / len(networks) * -(-len(weights[0]) // columns) / columns + 1.0)
-    axes = figure.subplots(1, len(networks), squeeze=False, gridspec_kw={"wspace": 0.06})[0]
-    # One scale for all, so that strengths can be compared.
-    limit = max(float(np.abs(each).max()) for each in weights)
-    for axis, one, each in zip(axes, networks, weights, strict=True):
-        image = show(axis, tile(each, columns), SIGNED, -limit, limit)
-        axis.set_title(one.name, fontsize=11)
-    bar = figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.4, aspect=40, pad=0.03)
-    bar.set_label("weight", fontsize=10)
-    return figure
 
 
 def draw_saliency(network: DuelingNetwork, untrained: DuelingNetwork, env: ShipEnv, states: Tensor) -> Figure:

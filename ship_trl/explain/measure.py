@@ -1,4 +1,4 @@
-"""Measure networks on a set of states: tables of probes, CKA, filters and erased things."""
+"""Measure networks on a set of states: tables of probes, CKA and erased things."""
 
 from __future__ import annotations
 
@@ -45,7 +45,6 @@ class Measured:
         probes: R² on held-out (`r2`) and validation episodes (`checked_r2`), with shuffled labels, and over
             both controls, by network, layer and quantity.
         cka: CKA of a layer of two networks; `alike` marks networks that differ only in their seed.
-        filters: correlation of neighbouring weights in conv1.
         erased: share of the states that show a thing in which the action changes without it.
     """
 
@@ -53,7 +52,6 @@ class Measured:
     layers: tuple[str, ...]
     probes: pd.DataFrame
     cka: pd.DataFrame
-    filters: pd.DataFrame
     erased: pd.DataFrame
 
     def cka_by_layer(self) -> dict[str, pd.DataFrame]:
@@ -86,7 +84,6 @@ def measure(
     held_out = np.flatnonzero(states.held_out)
     kernels: dict[tuple[str, str], Floats] = {}
     probes = {(PIXELS, PIXELS): fit_probes(gram(states.pixels), states, seed)}
-    filters: list[Row] = []
     for count, one in enumerate(networks, 1):
         with torch.no_grad():
             activations = one.network.activations(states.pixels)
@@ -94,9 +91,6 @@ def measure(
             kernel = gram(values)
             probes[one.name, layer] = fit_probes(kernel, states, seed)
             kernels[one.name, layer] = kernel[np.ix_(held_out, held_out)]
-        weight = one.network.get_parameter("conv1.weight").detach()
-        correlation = neighbour_correlation(weight, np.random.default_rng([seed, 101]))
-        filters.append({"network": one.name, "role": one.role, **correlation.columns("neighbours")})
         log(f"probes {count} of {len(networks)}: {one.name}")
     cka: list[Row] = []
     for a, b in itertools.combinations(networks, 2):
@@ -109,7 +103,7 @@ def measure(
     probe_rows = judge_probes(networks, layers, probes, seed)
     erased_rows = measure_erased(networks, states, erased, seed)
     log("things erased")
-    return Measured(networks, layers, *map(pd.DataFrame, (probe_rows, cka, filters, erased_rows)))
+    return Measured(networks, layers, *map(pd.DataFrame, (probe_rows, cka, erased_rows)))
 
 
 def fit_probes(kernel: Floats, states: StateSet, seed: int) -> Probes:
@@ -153,22 +147,6 @@ def difference(probe: Probe, controls: Sequence[Probe], counts: Floats) -> Estim
     value = probe.r2 - float(np.mean([one.r2 for one in controls]))
     control = np.mean([one.resampled_r2(counts) for one in controls], axis=0)
     return interval(value, probe.resampled_r2(counts) - control)
-
-
-def neighbour_correlation(weight: Tensor, generator: np.random.Generator) -> Estimate:
-    """Correlate neighbouring weights of filters [O, C, K, K], across and down, with an interval over filters.
-
-    It is near 0 for untrained weights, near 1 for smooth filters, and unknown for constant ones.
-    """
-    values = (weight - weight.mean((2, 3), keepdim=True)).double()
-    across, down = values[..., 1:] * values[..., :-1], values[..., 1:, :] * values[..., :-1, :]
-    covariance = 0.5 * (across.mean((1, 2, 3)) + down.mean((1, 2, 3)))
-    moments = torch.stack((covariance, (values**2).mean((1, 2, 3))), 1).numpy()
-    whole = moments.sum(0)
-    if whole[1] == 0:
-        return UNKNOWN
-    sums = resamples(len(moments), generator) @ moments
-    return interval(float(whole[0] / whole[1]), sums[:, 0] / sums[:, 1])
 
 
 def measure_erased(networks: list[Compared], states: StateSet, erased: list[Erased], seed: int) -> list[Row]:

@@ -29,7 +29,7 @@ from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
 from ship_trl.view.chart import save
 
-PAGE, TABLES = "index.html", ("probes", "cka", "erased", "filters")
+PAGE, TABLES = "index.html", ("probes", "cka", "erased")
 MISSING = "-"
 # One end of a 95 % interval.
 CHANCE = 0.025
@@ -72,7 +72,6 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
         "change": figures.draw_change(measured),
         "erased": figures.draw_erased(measured),
         "saliency": figures.draw_saliency(network, networks[-1].network, env, episode),
-        "filters": figures.draw_filters(measured),
     }
     images = {}
     for key, figure in drawn.items():
@@ -114,7 +113,7 @@ def list_facts(entry: Entry, origin: Origin, states: StateSet, measured: Measure
 
 def make_tables(measured: Measured) -> dict[str, pd.DataFrame]:
     """Make every table, by the name that `page.html` uses."""
-    probes, erased, filters = measured.probes, measured.erased, measured.filters
+    probes, erased = measured.probes, measured.erased
     explained = probes[probes.role == Role.explained]
     # On held-out episodes the best of several layers would look better than it is.
     best = explained.loc[explained.groupby("quantity", sort=False).checked_r2.idxmax()]
@@ -136,7 +135,6 @@ def make_tables(measured: Measured) -> dict[str, pd.DataFrame]:
             "action changes": number(erased, "changed", ".0%"),
             "over untrained": number(erased, "over_untrained", mark=True),
         },
-        "filters": {"network": filters.network, "correlation": number(filters, "neighbours")},
     }
     return {name: pd.DataFrame(table) for name, table in columns.items()}
 

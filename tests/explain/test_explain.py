@@ -26,8 +26,8 @@ SMOKE = (
     "output=runs",
 )
 RUN, SOURCE = Path("runs/high/FE2/seed=0"), Path("runs/1/scratch/seed=0")
-FIGURES = {"probes", "change", "erased", "saliency", "filters"}
-TABLES = {"probes", "cka", "erased", "filters"}
+FIGURES = {"probes", "change", "erased", "saliency"}
+TABLES = {"probes", "cka", "erased"}
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_a_file_alone_gets_a_page_too(trained: Path, tmp_path: Path) -> None:
     alone = tmp_path / "alone.safetensors"
     shutil.copyfile(trained / RUN / "policy.safetensors", alone)
     main([str(alone), "target=1", "--episodes", "60", "--seed", "3"])
-    roles = set(pd.read_csv(tmp_path / "outputs/explain/filters.csv").role)
+    roles = set(pd.read_csv(tmp_path / "outputs/explain/erased.csv").role)
     assert roles == {"explained", "untrained"} and (tmp_path / "outputs/explain/index.html").is_file()
 
 

@@ -1,7 +1,6 @@
 """Networks are measured by role, from a seed, and beside controls; page tables follow from the rows."""
 
 import dataclasses
-import math
 from functools import cache
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 import torch
 from torch import Generator
 
-from ship_trl.explain.measure import PAIRS, PIXELS, Measured, measure, neighbour_correlation
+from ship_trl.explain.measure import PAIRS, PIXELS, Measured, measure
 from ship_trl.explain.networks import Compared, Origin, Role, add_controls
 from ship_trl.explain.page import TABLES, make_tables
 from ship_trl.explain.saliency import erase_things
@@ -64,14 +63,6 @@ def test_every_pair_of_networks_is_compared_once() -> None:
     rows = measured().cka[measured().cka.layer == "conv1"]
     pairs = list(map(frozenset, zip(rows["first"], rows["second"], strict=True)))
     assert len(pairs) == len(set(pairs)) == 7 * 6 // 2
-
-
-def test_neighbouring_weights_of_a_smooth_filter_correlate() -> None:
-    noise = torch.randn(32, 1, 8, 8, generator=Generator().manual_seed(0))
-    ramp = torch.linspace(-1, 1, 8).expand(32, 1, 8, 8) * torch.arange(1, 33)[:, None, None, None]
-    rough, smooth = (neighbour_correlation(w, np.random.default_rng(0)) for w in (noise, ramp))
-    assert rough.low < 0.05 and rough.high > -0.1 and smooth.low > 0.7
-    assert math.isnan(neighbour_correlation(torch.ones(4, 1, 8, 8), np.random.default_rng(0)).value)
 
 
 def test_the_best_layer_is_chosen_on_validation_episodes_and_marked_against_controls() -> None:

@@ -10,13 +10,13 @@ import pandas as pd
 
 from ship_trl.explain.bootstrap import Estimate
 from ship_trl.explain.rows import Measured
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 
 
 def write_tables(output: Path, measured: Measured) -> None:
     """Write a CSV of each kind of measurement into a folder."""
     for name in ("probes", "cka", "erased", "filters"):
-        with replacing(output / f"{name}.csv") as draft:
+        with atomic_write(output / f"{name}.csv") as draft:
             pd.DataFrame(map(flatten, getattr(measured, name))).to_csv(draft, index=False)
 
 

@@ -16,7 +16,7 @@ from ship_trl.explain.page import list_facts, render
 from ship_trl.explain.saliency import erase_things
 from ship_trl.explain.states import draw_states
 from ship_trl.explain.tables import write_tables
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
@@ -71,6 +71,6 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
         save(figure, files[name])
     log(f"{len(figures)} figures")
     page = render(measured, list_facts(first, origin, states, measured), files, first.case.name, command)
-    with replacing(output / PAGE) as draft:
+    with atomic_write(output / PAGE) as draft:
         draft.write_text(page)
     sys.stdout.write(f"{output / PAGE}\n")

@@ -82,7 +82,7 @@ def sync(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Write atomically: yield the path of a draft beside `path`, and rename it over `path` at the end.
 
     A reader sees the old file or the whole new one; after an error only the old one is left.
@@ -102,7 +102,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, str]) -> None:
-    """Write a safetensors file to a draft of `replacing`; the tensors must be contiguous.
+    """Write a safetensors file to a draft of `atomic_write`; the tensors must be contiguous.
 
     Raises:
         MemoryError: there is no room for two copies of the tensors.

@@ -8,7 +8,7 @@ from typing import Literal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.view.palette import GRID
 
 
@@ -25,6 +25,6 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         # Without the version of Matplotlib the same figure gives the same bytes.
         figure.savefig(draft, format="png", metadata={"Software": None})

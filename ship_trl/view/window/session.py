@@ -9,7 +9,7 @@ from pathlib import Path
 import pygame
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
 from ship_trl.view.film import draw_film, write_film
@@ -102,7 +102,7 @@ class Session(Interactive):
             path = self.folder / f"{name}-{what}-{count}{suffix}"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as draft:
+            with atomic_write(path) as draft:
                 write(draft)
             self.show_message(f"saved {path}")
         except (OSError, pygame.error) as error:

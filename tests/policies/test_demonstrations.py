@@ -110,10 +110,8 @@ def test_a_training_begins_with_them(tmp_path: Path) -> None:
 def test_a_demonstration_with_a_wrong_return_is_refused(tmp_path: Path) -> None:
     kept(tmp_path / "demos", episode_return=500.0)
     told = ship_trl(*LINE, "demonstrations=demos", "output=runs", folder=tmp_path, code=1)
-    assert (
-        "demonstrations: number 1 of case 4 in demos says a return of 500.00 and reaches one of"
-        in told.stderr
-    )
+    reason = "demonstrations: number 1 of case 4 in demos says a return of 500.00 and reaches one of"
+    assert reason in told.stderr
     assert not (tmp_path / "runs" / "4").exists()
 
 

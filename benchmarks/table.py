@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.timing import Measurement
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 
 # Group, name and unit are text; the columns after them are numbers.
 COLUMNS = ("group", "name", "unit", "median", "range", "of first", "ours is")
@@ -84,5 +84,5 @@ def print_table(title: str, rows: Sequence[Row], markdown: bool) -> None:
 def write_json(path: Path, machine: str, rows: Sequence[Row]) -> None:
     """Write the machine and all rows, with the value of every round."""
     content = {"machine": machine, "rows": [dataclasses.asdict(row) for row in rows]}
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         draft.write_text(json.dumps(content, indent=1) + "\n")

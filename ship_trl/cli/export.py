@@ -21,7 +21,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry
 from ship_trl.run.entries import drop_last_networks, find_entries
 
@@ -75,7 +75,7 @@ def export(entry: Entry, path: Path) -> None:
     program = trace(network, channels)
     program.model.metadata_props.update(metadata_of(entry))
     shapes = f"{INPUT} uint8 [batch, {channels}, {PICTURE}, {PICTURE}] -> {OUTPUT} float32 [batch, {actions}]"
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         program.save(draft)
         checked = f"not checked: {RUNTIME} is not installed"
         if importlib.util.find_spec(RUNTIME) is not None:

@@ -21,7 +21,7 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.files.curve import CurveError, read_curve, split
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.policies.pretrained import CURVES, MANIFEST, Pretrained
 from ship_trl.sim.cases import Case, load_case, load_world
@@ -83,10 +83,10 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
             f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
         )
         networks.append(one)
-    with replacing(folder / CURVES) as draft:
+    with atomic_write(folder / CURVES) as draft:
         pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
     manifest = {"networks": [asdict(one) for one in networks], "runs": runs}
-    with replacing(folder / MANIFEST) as draft:
+    with atomic_write(folder / MANIFEST) as draft:
         draft.write_text(json.dumps(manifest, indent=1) + "\n")
 
 

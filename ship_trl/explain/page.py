@@ -21,7 +21,7 @@ from ship_trl.explain.measure import Measured, measure
 from ship_trl.explain.networks import Origin, Role, add_controls, find_origin, load_networks
 from ship_trl.explain.saliency import erase_things
 from ship_trl.explain.states import StateSet, draw_states
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
@@ -64,7 +64,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     erased = erase_things(env, states.states[torch.from_numpy(states.held_out)])
     measured = measure(networks, states, erased, seed, log)
     for table in TABLES:
-        with replacing(output / f"{table}.csv") as draft:
+        with atomic_write(output / f"{table}.csv") as draft:
             getattr(measured, table).to_csv(draft, index=False)
     episode = rollout(env, greedy_policy(network, env.rasteriser))[0].states
     drawn = {
@@ -88,7 +88,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
         tables=make_tables(measured),
         figures=images,
     )
-    with replacing(output / PAGE) as draft:
+    with atomic_write(output / PAGE) as draft:
         draft.write_text(page)
     sys.stdout.write(f"{output / PAGE}\n")
 

@@ -76,7 +76,7 @@ def sync(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Write atomically: yield the path of a draft beside `path`, and rename it to `path` at the end.
 
     A reader sees the old file or the whole new one; after an error only the old one is left.

@@ -10,7 +10,7 @@ from typing import Any
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as
-from ship_trl.files.disk import read_json, replacing
+from ship_trl.files.disk import atomic_write, read_json
 
 RESULT = "result.json"
 # Goes up when a key is added, renamed or changes its meaning; other versions are refused.
@@ -119,5 +119,5 @@ def read_result(folder: Path) -> Result:
 
 def write_result(folder: Path, result: Result) -> None:
     """Write a run's result atomically."""
-    with replacing(folder / RESULT) as draft:
+    with atomic_write(folder / RESULT) as draft:
         draft.write_text(json.dumps(result.to_json(), indent=1))

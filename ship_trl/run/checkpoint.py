@@ -21,7 +21,7 @@ from safetensors import SafetensorError, safe_open
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as
-from ship_trl.files.disk import replacing, write_tensors
+from ship_trl.files.disk import atomic_write, write_tensors
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -80,7 +80,7 @@ class Checkpoints:
         self.folder.mkdir(exist_ok=True)
         tensors = {name: value.contiguous() for name, value in tensors.items()}
         header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
-        with replacing(self._oldest_first()[0]) as draft:
+        with atomic_write(self._oldest_first()[0]) as draft:
             write_tensors(draft, tensors, {HEADER_KEY: header})
         self.begin(about.episode)
 

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.types import plain
-from ship_trl.files.disk import links, remove, replacing
+from ship_trl.files.disk import atomic_write, links, remove
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.run.checkpoint import FOLDER, Checkpoints
@@ -117,7 +117,7 @@ def open_folder(run: Run, resume: bool = False) -> None:
         for path in run.folder.iterdir():
             if path.name != FOLDER or not resume:
                 remove(path)
-        with replacing(run.folder / CONFIG) as draft:
+        with atomic_write(run.folder / CONFIG) as draft:
             OmegaConf.save(OmegaConf.structured(run.config), draft)
         # The checkpoint folder exists until the run is finished.
         (run.folder / FOLDER).mkdir(exist_ok=True)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import WandbMode, plain
-from ship_trl.files.disk import DISK, links, read_file, replacing
+from ship_trl.files.disk import DISK, atomic_write, links, read_file
 from ship_trl.files.result import Result
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
@@ -118,7 +118,7 @@ class WandbTracker:
 
         The new offline files will hold the complete run.
         """
-        with replacing(self._note) as draft:
+        with atomic_write(self._note) as draft:
             draft.write_text(f"{self._config_hash} {self._id}")
         here = Path(self._wandb.dir).parent.resolve()
         for folder in self._folder.glob(f"wandb/offline-run-*-{self._id}"):

@@ -15,7 +15,7 @@ import torch
 
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World, plain
-from ship_trl.files.disk import read_json, replacing
+from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
@@ -59,7 +59,7 @@ def plan_name(case: Case, world: World) -> str:
 def save_plan(path: Path, plan: Plan) -> None:
     """Write a plan as JSON; create the folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
 
 

@@ -17,7 +17,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import geometry, load_network
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Network, plain
-from ship_trl.files.disk import replacing, write_tensors
+from ship_trl.files.disk import atomic_write, write_tensors
 from ship_trl.learn.network import DuelingNetwork
 
 Weights = Mapping[str, Tensor]
@@ -49,7 +49,7 @@ def save_weights(
     tensors = {
         key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
     }
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         about = {**about, "network": plain(network.config)}
         write_tensors(draft, tensors, {"ship_trl": json.dumps(about, sort_keys=True)})
 

@@ -8,7 +8,7 @@ from typing import Literal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.view.palette import GRID
 
 
@@ -21,6 +21,6 @@ def tidy(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG atomically."""
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         # Leave out the version of Matplotlib, so that the same figure gives the same bytes.
         figure.savefig(draft, format="png", metadata={"Software": None})

@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 from ship_trl.config.types import World
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.policies.named import straight_action
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
@@ -65,5 +65,5 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
             sheet.blit(picture, (left, top))
     room = pygame.Rect(MARGIN, bottom, WIDTH - 2 * MARGIN, LEGEND)
     draw_legend(sheet, room, world, 13, plain=True)
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)

@@ -13,7 +13,7 @@ import pygame
 from PIL import Image
 
 from ship_trl.config.types import World
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
@@ -92,7 +92,7 @@ def _write_gif(path: Path, frames: Iterator[pygame.Surface], frames_per_second: 
         picture.quantize(palette=shared, dither=Image.Dither.NONE) for picture in chain(first, pictures)
     )
     milliseconds = round(1000 / frames_per_second)
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         # Encode in memory: on a full disk Pillow would raise only "encoder error -2".
         film = io.BytesIO()
         next(indexed).save(film, "GIF", save_all=True, append_images=indexed, duration=milliseconds, loop=0)
@@ -104,7 +104,7 @@ def _write_mp4(path: Path, frames: Iterator[pygame.Surface], frames_per_second: 
     import imageio_ffmpeg
 
     first = next(frames)
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         writer = imageio_ffmpeg.write_frames(
             str(draft),
             first.get_size(),

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.files.disk import read_file, read_json, replacing
+from ship_trl.files.disk import atomic_write, read_file, read_json
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     path.write_text("old")
-    with replacing(path) as draft:
+    with atomic_write(path) as draft:
         draft.write_text("new")
         assert path.read_text() == "old" and draft.parent == path.parent and draft.suffix == path.suffix
     assert path.read_text() == "new"
@@ -23,7 +23,7 @@ def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
     path.write_text("old")
 
     def fail() -> None:
-        with replacing(path) as draft:
+        with atomic_write(path) as draft:
             draft.write_text("half")
             raise RuntimeError
 

@@ -61,9 +61,8 @@ def test_a_goal_out_of_reach_still_has_a_best_plan(world: World, make_case: Make
     case = make_case(goal=[0.0, 1500.0])
     plan = best_plan(case, world, beam=500)
     assert not plan.goal and plan.actions == [3] * 60
-    assert plan.episode_return == pytest.approx(
-        -0.01 * sum(1500 - 15 * step for step in range(1, 61)), abs=1e-2
-    )
+    wanted = -0.01 * sum(1500 - 15 * step for step in range(1, 61))
+    assert plan.episode_return == pytest.approx(wanted, abs=1e-2)
     total, ended, goal = run_plan(case, world, plan)
     assert total == pytest.approx(plan.episode_return, abs=1e-2) and ended and not goal
 
@@ -92,10 +91,9 @@ def test_the_bound_is_reached_by_turning_towards_the_goal(world: World, make_cas
     case = replace(make_case(), heading=10.0)
     plan = best_plan(case, world)
     bound = ValueBound(Transition(case, world, CPU))
+    upper_bound = float(bound(bound.transition.start[None]))
     assert plan.goal and plan.actions[0] == 0
-    assert plan.episode_return == pytest.approx(
-        float(bound(bound.transition.start[None])), abs=bound.max_error
-    )
+    assert plan.episode_return == pytest.approx(upper_bound, abs=bound.max_error)
 
 
 # Terms added to the paper's reward, computed from collided, nearest, speed and turn.

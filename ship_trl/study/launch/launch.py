@@ -15,7 +15,7 @@ import yaml
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, plain
-from ship_trl.files.disk import links, replacing
+from ship_trl.files.disk import atomic_write, links
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
 from ship_trl.run.launchers import die_with_parent
@@ -57,7 +57,7 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
             "case_base": str(study / CASE_BASE),
             "wandb": {"folder": str(study), "group": f"{job.part}/{job.label}"},
         }
-        with replacing(folder / f"{job.name}.yaml") as draft:
+        with atomic_write(folder / f"{job.name}.yaml") as draft:
             draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
 
 

@@ -19,7 +19,7 @@ from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, read_as
 from ship_trl.config.types import Config, plain
-from ship_trl.files.disk import read_json, replacing
+from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PAIRS, Job
@@ -106,7 +106,7 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     }
     try:
         config.folder.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as draft:
+        with atomic_write(path) as draft:
             draft.write_text(json.dumps(plan, indent=1))
     except OSError as error:
         raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ship_trl.config.paths import is_name
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.files.table import read_table
 
 LAYERS = "layers.csv"
@@ -55,7 +55,7 @@ def write_layers(path: Path, rows: Sequence[Layer]) -> None:
     """Write a table of layers, by seed."""
     ordered = sorted(rows, key=lambda row: row.seed)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as draft, draft.open("w", newline="") as file:
+    with atomic_write(path) as draft, draft.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(Layer._fields)
         writer.writerows(ordered)

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
 from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, write_curve
-from ship_trl.files.disk import read_file, replacing, writing
+from ship_trl.files.disk import atomic_write, read_file, writing
 from ship_trl.files.result import Result, ResultError, from_json, write_result
 from ship_trl.files.table import rows
 from ship_trl.files.untrusted import read_xz
@@ -132,9 +132,9 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
         # Compression takes a minute. All files are written before one is renamed, and the plan is renamed
         # last: without the digests in it the tables are no copy.
         with (
-            replacing(copy / PLAN) as plan_draft,
-            replacing(copy / CURVES) as curves_draft,
-            replacing(copy / RUNS) as runs_draft,
+            atomic_write(copy / PLAN) as plan_draft,
+            atomic_write(copy / CURVES) as curves_draft,
+            atomic_write(copy / RUNS) as runs_draft,
         ):
             table.to_csv(runs_draft, index=False, lineterminator="\n")
             with writing(copy / CURVES, curves_draft):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ship_trl.files.curve import moving_mean
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.study.analysis.contrasts import SEED
 from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
 from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS, WHOLE, control_arm
@@ -147,7 +147,7 @@ def save(figure: Figure, path: Path) -> list[Path]:
     figure.savefig(document, format="pdf", metadata={"CreationDate": None})
     written = {path.with_suffix(".png"): as_png(figure), path.with_suffix(".pdf"): document.getvalue()}
     for file, data in written.items():
-        with replacing(file) as draft:
+        with atomic_write(file) as draft:
             draft.write_bytes(data)
     return list(written)
 

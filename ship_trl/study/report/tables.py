@@ -13,7 +13,7 @@ import numpy as np
 
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.errors import one_line
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, SEED, Finding, Verdict, gain
@@ -192,7 +192,7 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     if not rows:
         path.unlink(missing_ok=True)
         return
-    with replacing(path) as draft, draft.open("w", newline="") as file:
+    with atomic_write(path) as draft, draft.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.disk import links, replacing
+from ship_trl.files.disk import atomic_write, links
 from ship_trl.study.analysis.contrasts import MIN_SEEDS
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.verdicts import answer, explore
@@ -67,7 +67,7 @@ def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
     page = render(study, answers, explored, earlier, pictures=draw_all(study, output), **shown)
     verdicts = as_markdown(answers, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):
-        with replacing(output / name) as draft:
+        with atomic_write(output / name) as draft:
             draft.write_text(text)
     for found in answers:
         if found.findings:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pygame
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.disk import replacing
+from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry
 from ship_trl.sim.cases import Case, case_names, load_case
 from ship_trl.view import pen
@@ -127,7 +127,7 @@ class Session(Window):
         path = next(self.folder / name for name in names if not (self.folder / name).exists())
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as draft:
+            with atomic_write(path) as draft:
                 write(draft)
             self._message = f"saved {path}"
         except (OSError, pygame.error) as error:

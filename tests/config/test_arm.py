@@ -62,9 +62,7 @@ def test_an_impossible_arm_is_not_made(method: Method, layers: int | str, weight
         ("FTW", 4, 0, True),
     ],
 )
-def test_an_arm_alone_says_what_is_copied_and_frozen(
-    name: str, copied: int, frozen: int, trained: bool
-) -> None:
+def test_an_arm_knows_what_is_copied_and_frozen(name: str, copied: int, frozen: int, trained: bool) -> None:
     arm = Arm.parse(name)
     assert (arm.copied_layers(4), arm.frozen_layers, arm.has_trained_source) == (copied, frozen, trained)
 
@@ -75,6 +73,6 @@ def test_a_control_is_the_arm_with_other_weights() -> None:
         SCRATCH.with_weights(SourceWeights.random)
 
 
-def test_demonstrations_are_of_the_label_and_not_of_the_arm() -> None:
+def test_demonstrations_change_the_label_and_not_the_arm() -> None:
     config = composed("+pair=high", "+arm=FE3", "demonstrations=demos")
     assert config.arm == Arm.parse("FE3") and config.arm_label == "FE3-demonstrations"

@@ -1,4 +1,4 @@
-"""Which layers a network may have, and the maps that they give."""
+"""Which layers a network may have, and the sizes of their maps."""
 
 import pytest
 import torch
@@ -17,7 +17,7 @@ from ship_trl.config.types import PICTURE, Network
 
 
 def sizes(conv: list[list[int]]) -> list[int]:
-    """Sides of the maps, by torch's own layers."""
+    """Return the sides of the maps that torch's own layers compute."""
     found, x = [], torch.zeros(1, 1, PICTURE, PICTURE, device="meta")
     for filters, kernel, stride in conv:
         x = torch.nn.Conv2d(x.shape[1], filters, kernel, stride, device="meta")(x)
@@ -39,7 +39,7 @@ def test_sides_are_those_of_torch(layers: list[tuple[int, int, int]], last: int)
     found = geometry(Network(conv, 1))
     assert [layer.side for layer in found] == sizes(conv)
     assert [layer.below for layer in found] == [PICTURE, *sizes(conv)[:-1]]
-    # From there on all maps are of one place, and no layer before it, but for the first, sees a whole map.
+    # From there on all maps are 1 x 1. Before it, only the first layer may cover a whole map.
     flat = linear_from(found)
     assert all(layer.side == 1 and layer.whole for layer in found[flat:])
     assert not any(layer.whole for layer in found[1:flat])
@@ -55,7 +55,7 @@ def test_shipped_networks(name: str, sides: list[int]) -> None:
 def test_the_papers_network_is_that_of_section_3_5() -> None:
     network = load_network()
     assert network == Network([[32, 8, 4], [64, 4, 2], [64, 3, 1], [200, 7, 1]], 200)
-    # What was written down before there were others says nothing of it.
+    # Files do not name it: older ones were written before there were others.
     assert non_default_network(network) is None
     five = load_network("five")
     assert non_default_network(five) == {"conv": five.conv, "hidden": five.hidden}

@@ -1,4 +1,4 @@
-"""`logger=all`: wandb and TensorBoard hold what the CSV and the pictures hold, and a run says where."""
+"""`logger=all`: wandb and TensorBoard get the numbers and pictures, and a run prints where they are."""
 
 import csv
 import signal
@@ -17,7 +17,7 @@ RUN = "1/scratch/seed=0"
 
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The output of a run that logs to all, and what it said; its environment holds keys."""
+    """Return the output folder of a run that logs to all, and its text; its environment holds keys."""
     folder = tmp_path_factory.mktemp("logged")
     with pytest.MonkeyPatch.context() as patch:
         for name, key in KEYS.items():
@@ -30,7 +30,7 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.fixture(scope="module")
 def events(logged: tuple[Path, str]) -> EventAccumulator:
-    """What TensorBoard reads in the run's folder."""
+    """Return what TensorBoard reads in the run's folder."""
     found = EventAccumulator(str(logged[0] / RUN), size_guidance={"scalars": 0, "images": 0, "tensors": 0})
     return found.Reload()
 
@@ -59,7 +59,7 @@ def test_tensorboard_has_the_pictures_and_the_configuration(
     assert (shown["arm"], shown["learn"]["episodes"]) == ("scratch", 6)
 
 
-def test_a_run_says_where_it_was_logged(logged: tuple[Path, str]) -> None:
+def test_a_run_prints_where_it_was_logged(logged: tuple[Path, str]) -> None:
     output, said = logged
     (run,) = (output / "wandb").glob("offline-run-*")
     name = f"outputs/smoke/wandb/{run.name}"
@@ -67,8 +67,8 @@ def test_a_run_says_where_it_was_logged(logged: tuple[Path, str]) -> None:
     assert f"tensorboard: outputs/smoke/{RUN}; to see it: tensorboard --logdir outputs/smoke\n" in said
 
 
-def test_no_key_is_written_or_said(logged: tuple[Path, str]) -> None:
-    """wandb's own logs and the file that is uploaded later included."""
+def test_no_key_is_written_or_printed(logged: tuple[Path, str]) -> None:
+    """Not even into wandb's own logs and the file that is uploaded later."""
     output, said = logged
     found = files(output)
     assert any(name.endswith("debug.log") for name in found) and any(n.endswith(".wandb") for n in found)
@@ -78,10 +78,10 @@ def test_no_key_is_written_or_said(logged: tuple[Path, str]) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_run_that_was_stopped_is_there_once(number: signal.Signals, tmp_path: Path) -> None:
+def test_a_stopped_run_is_logged_once(number: signal.Signals, tmp_path: Path) -> None:
     first = (
         "import signal\n"
-        # What is started in the background may have been told to ignore it.
+        # A process in the background may ignore it.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from ship_trl.run import tracking\n"
         "log, seen = tracking.Tracker.log, []\n"

@@ -1,4 +1,4 @@
-"""Two generations of a checkpoint: written in turn, read from the newest that is whole."""
+"""Two checkpoints are written in turn, and the newest intact one is read."""
 
 import dataclasses
 import pickle
@@ -52,7 +52,7 @@ def test_two_generations_are_kept_and_the_newest_is_read(tmp_path: Path) -> None
     assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
     found, _ = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found[0] == at(90) == checkpoints.about()
-    # The third took the place of the first.
+    # The third replaced the first.
     (checkpoints.folder / "1.safetensors").unlink()
     found, _ = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found[0] == at(60) == checkpoints.about()

@@ -1,4 +1,4 @@
-"""One source network is trained once, whoever asks for it, and as whatever."""
+"""A source network is trained once, also if several runs need it."""
 
 import dataclasses
 import threading
@@ -19,7 +19,7 @@ from tests.config.test_config import composed
 
 @pytest.fixture
 def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    """Folders of runs that were trained, in no time."""
+    """Replace the training, and list the folders of the runs that were trained."""
     folders: list[Path] = []
 
     def train_run(run: Run, *_: Any) -> Result:
@@ -33,7 +33,9 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return folders
 
 
-def test_a_source_that_is_a_run_of_its_own_is_waited_for(tmp_path: Path, trained: list[Path]) -> None:
+def test_a_transfer_waits_for_another_process_that_trains_its_source(
+    tmp_path: Path, trained: list[Path]
+) -> None:
     run = make_run(composed("+pair=high", "layers=3", "profile=smoke", f"output={tmp_path}"))
     assert run.source is not None
     asking = threading.Thread(target=find_source, args=(run.source, run.title, "1 of 1"))
@@ -47,8 +49,10 @@ def test_a_source_that_is_a_run_of_its_own_is_waited_for(tmp_path: Path, trained
     assert entry.policy.is_file() and len(trained) == 1
 
 
-def test_a_run_that_another_finished_meanwhile_is_not_lost(tmp_path: Path, trained: list[Path]) -> None:
-    """As two settings of one grid that go to the same folder."""
+def test_a_run_that_another_process_finished_meanwhile_is_not_overwritten(
+    tmp_path: Path, trained: list[Path]
+) -> None:
+    """For example two settings of one grid that share a folder."""
     line = ("target=1", "method=scratch", "profile=smoke", f"output={tmp_path}")
     one, other = make_run(composed(*line)), make_run(composed(*line, "learn.lr=1e-3"))
     one.folder.mkdir(parents=True)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.command import files, ship_trl
 
-# In one process, which need not import torch anew.
+# In one process, which imports torch only once.
 BASIC = "hydra/launcher=basic"
 SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
 

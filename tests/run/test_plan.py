@@ -46,7 +46,7 @@ def test_a_source_file_is_known_by_its_content(tmp_path: Path) -> None:
     assert len(hashes) == 4
 
 
-def test_another_network_is_another_source_too() -> None:
+def test_a_run_of_another_network_has_another_source() -> None:
     paper, five = run(*HIGH), run(*HIGH, "network=five")
     assert paper.source is not None and five.source is not None
     assert five.source.config.network == five.config.network
@@ -114,7 +114,7 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
     run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5", "overwrite=true")
 
 
-def test_overwrite_is_of_the_target_not_of_its_source(tmp_path: Path) -> None:
+def test_overwrite_is_for_the_target_and_not_for_its_source(tmp_path: Path) -> None:
     source = run("target=1", "method=scratch", f"output={tmp_path}")
     source.folder.mkdir(parents=True)
     write_result(source.folder, a_result(config_hash=source.config_hash))
@@ -155,7 +155,7 @@ def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text
     assert find_result(run(*line, "overwrite=true")) is None
 
 
-def test_a_run_of_another_algorithm_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_algorithm_version_changes_the_hash(monkeypatch: pytest.MonkeyPatch) -> None:
     before = run("target=1", "method=scratch").config_hash
     monkeypatch.setattr("ship_trl.run.plan.ALGORITHM_VERSION", 1_000_000)
     assert run("target=1", "method=scratch").config_hash != before
@@ -170,13 +170,13 @@ def test_pretrained_is_the_network_of_the_pair_or_of_the_most_similar_case() -> 
     assert given.config_hash != run("+pair=low", "layers=3").config_hash
     nearest = run("target=4", "layers=3", "source=pretrained")
     assert nearest.pretrained == given.pretrained and nearest.folder.parts[-3] == "3-4"
-    # A run from scratch of the same grid lies beside it, and is what it always is.
+    # A run from scratch in the same grid is in the same folder, and does not depend on the source.
     alone = run("target=4", "method=scratch", "source=pretrained")
     assert alone.folder.parts[-3] == "3-4" and alone.pretrained is None
     assert alone.config_hash == run("target=4", "method=scratch").config_hash
 
 
-def test_the_same_case_by_another_name_draws_otherwise_and_is_another_run(tmp_path: Path) -> None:
+def test_the_same_case_by_another_name_has_other_streams_and_another_hash(tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
     copy.write_text((conf_dir() / "case" / "3.yaml").read_text())
     line = ("target=4", "layers=3", "source_weights=pretrained")

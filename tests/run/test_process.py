@@ -19,7 +19,7 @@ from tests.config.test_config import composed
 
 @pytest.fixture
 def able() -> Iterator[bool]:
-    """Whether the processor can let denormal numbers be zero, once settled."""
+    """Configure the process, and return whether the processor can flush denormal numbers."""
     found = torch.set_flush_denormal(False)
     configure_process()
     yield found
@@ -35,11 +35,11 @@ def test_denormal_numbers_are_flushed_to_zero(able: bool) -> None:
     assert (float(average.abs().max()) == 0.0) == able
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="glibc's memory alone is kept")
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc keeps memory")
 def test_memory_is_kept_between_updates_and_given_back_after_a_run() -> None:
     configure_process()
     parts = [torch.ones(25_000_000) for _ in range(4)]
-    # A run leaves small things behind it, without which glibc would give back all that is above them.
+    # A run leaves small objects; without them glibc would return all memory above them.
     left = torch.ones(1000)
     held = resident()
     parts.clear()
@@ -73,8 +73,8 @@ for left in range(0, 260, 10):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux says how much memory is mapped")
-def test_weights_that_find_no_memory_raise_and_end_no_process(tmp_path: Path) -> None:
-    # Asked for a backtrace, Rust wants memory for it, and waits for itself.
+def test_without_memory_for_weights_an_error_is_raised(tmp_path: Path) -> None:
+    # For a backtrace Rust needs memory, and deadlocks without it.
     asked = {**os.environ, "RUST_BACKTRACE": "1"}
     done = subprocess.run(
         [sys.executable, "-c", LITTLE_MEMORY, str(tmp_path / "weights.safetensors")],
@@ -88,7 +88,7 @@ def test_weights_that_find_no_memory_raise_and_end_no_process(tmp_path: Path) ->
 
 
 def resident() -> float:
-    """MB of this process that are in memory."""
+    """Return the resident memory of this process in MB."""
     status = Path("/proc/self/status").read_text()
     return int(status.partition("VmRSS:")[2].split()[0]) / 1024
 
@@ -97,14 +97,14 @@ def resident() -> float:
     ("cpuinfo", "told"),
     [
         ("cpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n", "AMD EPYC (family 26, model 2)"),
-        # The first core's, where cores differ.
+        # Cores differ: the first core counts.
         ("model name : A\n\nmodel name : B\n", "A"),
-        # An Arm tells no name.
+        # Arm processors have no model name.
         ("processor\t: 0\nCPU architecture: 8\n", platform.processor() or platform.machine()),
         (None, platform.processor() or platform.machine()),
     ],
 )
-def test_the_processor_is_told_by_name(
+def test_the_processor_is_named(
     cpuinfo: str | None, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if cpuinfo is not None:

@@ -1,4 +1,4 @@
-"""Plain lines of progress: when, how long is left, and on what a process waits."""
+"""Plain lines of progress: when they are due, the time left, and what a process waits for."""
 
 import re
 import threading
@@ -20,7 +20,7 @@ from tests.run.test_tracking import EPISODE
 from tests.study.commands import SMALL
 
 
-def test_a_line_is_due_early_and_then_every_so_much() -> None:
+def test_a_line_is_due_early_and_then_in_equal_intervals() -> None:
     now = [0.0]
     lines, said = Lines(0.05, clock=lambda: now[0]), {}
     for episode in range(1, 601):
@@ -39,7 +39,7 @@ def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
         yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)
 
 
-def test_a_run_without_a_terminal_says_lines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_without_a_terminal_prints_lines(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(list(console.progress("made", 100, events(100)))) == 101
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
@@ -47,7 +47,7 @@ def test_a_run_without_a_terminal_says_lines(capsys: pytest.CaptureFixture[str])
     assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
 
 
-def test_a_run_of_a_grid_says_whose_lines_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_of_a_grid_names_itself_in_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
     list(console.progress("made", 100, events(100), "3 of 40"))
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(",")[0] for line in lines] == [
@@ -64,7 +64,7 @@ def test_a_terminal_has_a_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch, tmp_
     assert "100/100" in said and "episode" not in said
 
 
-def test_a_waiting_process_says_what_for(
+def test_a_waiting_process_names_what_it_waits_for(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(console, "SHORT_WAIT", 0.05)
@@ -88,7 +88,7 @@ def test_a_waiting_process_says_what_for(
         assert capsys.readouterr().out == ""
 
 
-def test_a_study_without_a_terminal_says_lines(
+def test_a_study_without_a_terminal_prints_lines(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)

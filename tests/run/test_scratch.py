@@ -1,4 +1,4 @@
-"""What stands beside a transfer: runs from scratch of the same settings, and no others."""
+"""A transfer is compared with runs from scratch of the same settings only."""
 
 from pathlib import Path
 
@@ -65,12 +65,12 @@ def test_an_own_scratch_run_is_drawn_beside_a_transfer(tmp_path: Path) -> None:
     assert "beside learning from scratch: runs/high/FT3/seed=1/transfer.png" in told.stdout
     with Image.open(picture) as drawn:
         assert drawn.size == (1200, 750)
-    # A curve that is cut short is passed over.
+    # A truncated curve is skipped.
     (path / "curve.csv").write_text("".join((path / "curve.csv").read_text().splitlines(keepends=True)[:-2]))
     assert scratch_returns(run(*line, "output=runs")) is None
 
 
-def test_runs_without_its_demonstrations_do_not_stand_beside_it(tmp_path: Path) -> None:
+def test_a_run_with_demonstrations_is_not_compared_with_runs_without_them(tmp_path: Path) -> None:
     world = load_world()
     case = load_case("4", world)
     plan = best_known(case, world)

@@ -1,4 +1,4 @@
-"""The first Ctrl-C or SIGTERM asks, a second Ctrl-C does not."""
+"""The first Ctrl-C or SIGTERM asks a run to stop, a second Ctrl-C interrupts it at once."""
 
 import os
 import pickle
@@ -19,14 +19,14 @@ from tests.command import environment
 
 @pytest.fixture(autouse=True)
 def heeded() -> Iterator[None]:
-    """Heed Ctrl-C, which a process in the background may have been told to ignore."""
+    """Handle Ctrl-C, which a process in the background may ignore."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_asks(number: signal.Signals) -> None:
+def test_a_signal_asks_to_stop(number: signal.Signals) -> None:
     before = signal.getsignal(number)
     with stop_on_signal() as stop:
         signal.raise_signal(number)
@@ -59,7 +59,7 @@ def test_a_signal_that_was_ignored_stays_ignored() -> None:
     assert stop.asked is None
 
 
-def test_a_pool_can_send_what_was_said() -> None:
+def test_a_pool_can_pickle_the_error() -> None:
     error = pickle.loads(pickle.dumps(StoppedError("stopped", signal.SIGTERM)))
     assert (str(error), error.number) == ("stopped", signal.SIGTERM)
 
@@ -77,7 +77,7 @@ def test_outside_the_main_thread_it_changes_nothing() -> None:
     assert seen == [(None, before)]
 
 
-def test_a_process_ends_as_one_that_the_signal_killed() -> None:
+def test_a_process_ends_as_if_the_signal_killed_it() -> None:
     code = (
         "import signal; from ship_trl.run.stop import end_by_signal\n"
         "print('last words'); end_by_signal(signal.SIGTERM)"

@@ -1,4 +1,4 @@
-"""What goes into the CSV, and under which names into wandb and TensorBoard."""
+"""The rows of the CSV, and the names of numbers in wandb and TensorBoard."""
 
 import csv
 import math
@@ -25,7 +25,7 @@ EPISODE = Episode(
 FINISHED = Finished(3, 90, 0.5, 0.1 + 0.2, 30, "goal", math.inf, None)
 
 
-def test_numbers_have_the_names_of_a_chart() -> None:
+def test_numbers_are_named_by_chart() -> None:
     trained, greedy = to_numbers(to_row(FINISHED)), to_numbers(to_row(Evaluated(3, 90, EPISODE)))
     assert (trained["train/return"], trained["train/goal"], trained["train/collision"]) == (0.1 + 0.2, 1, 0)
     assert (greedy["greedy/return"], greedy["greedy/goal"], greedy["greedy/collision"]) == (-3.5, 0, 1)
@@ -33,7 +33,7 @@ def test_numbers_have_the_names_of_a_chart() -> None:
     assert all(name.startswith("greedy/") for name in greedy) and "greedy/episode" not in greedy
 
 
-def test_csv_keeps_every_digit_and_grows_as_it_goes(tmp_path: Path) -> None:
+def test_csv_keeps_every_digit_and_is_flushed_after_each_row(tmp_path: Path) -> None:
     tracker = CsvTracker(tmp_path)
     tracker.log(to_row(FINISHED))
     with (tmp_path / "curve.csv").open() as file:  # before it is closed

@@ -1,4 +1,4 @@
-"""A training that is stopped goes on with the bits of one that never was."""
+"""A stopped training resumes and ends with the same bits as an uninterrupted one."""
 
 import json
 import shutil
@@ -37,7 +37,7 @@ SCRATCH = ("target=4", "method=scratch")
 
 @pytest.fixture
 def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, Callable[[], Any]], None]:
-    """Let something happen when a training has logged so many events."""
+    """Call a function when a training has logged a number of events."""
 
     def happen(events: int, act: Callable[[], Any]) -> None:
         log, seen = Tracker.log, 0
@@ -61,7 +61,7 @@ def train(folder: str, *overrides: str) -> Path:
 
 
 def left(folder: Path) -> dict[str, Any]:
-    """What a run left, without its time and the names of folders."""
+    """Return the files of a run, without its time and the names of folders."""
     found: dict[str, Any] = files(folder)
     del found["config.yaml"]
     result = json.loads(found["result.json"])
@@ -71,11 +71,17 @@ def left(folder: Path) -> dict[str, Any]:
 
 
 class PowerCutError(Exception):
-    """Stands for a kill: nothing of ours handles it."""
+    """Simulates a kill: the package does not handle it."""
 
 
 def cut() -> None:
     raise PowerCutError
+
+
+def train_and_kill(after: Callable[[int, Callable[[], Any]], None], folder: str, *overrides: str) -> None:
+    after(9, cut)
+    with pytest.raises(PowerCutError):
+        train(folder, *overrides)
 
 
 ARMS = {
@@ -87,7 +93,7 @@ ARMS = {
 }
 
 
-# Those that take longest show the least.
+# They take longest and cover the least.
 SLOW = [
     pytest.param(arm, marks=pytest.mark.long) for arm in ("some layers frozen", "features of three ships")
 ]
@@ -95,7 +101,7 @@ SLOW = [
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a run from scratch leaves that is never stopped."""
+    """Return the files of an uninterrupted run from scratch."""
     return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
 
 
@@ -121,14 +127,12 @@ def test_stopped_and_killed_it_ends_with_the_same_bytes(
     assert left(train("other", *line)) == whole
 
 
-def test_it_goes_on_from_the_checkpoint_before_a_damaged_one(
+def test_it_resumes_from_the_checkpoint_before_a_damaged_one(
     whole: dict[str, Any],
     after: Callable[[int, Callable[[], Any]], None],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    after(9, cut)
-    with pytest.raises(PowerCutError):
-        train("other", *SCRATCH)
+    train_and_kill(after, "other", *SCRATCH)
     after(10**9, cut)
     folder = Path("other/4/scratch/seed=0")
     newest = Checkpoints(folder).about()
@@ -165,9 +169,7 @@ def test_a_signal_during_the_last_checkpoint_stops_it_too(
 def test_an_unfinished_run_of_other_settings_is_not_lost(
     after: Callable[[int, Callable[[], Any]], None],
 ) -> None:
-    after(9, cut)
-    with pytest.raises(PowerCutError):
-        train("out", *SCRATCH)
+    train_and_kill(after, "out", *SCRATCH)
     before = files(Path("out/4"))
     words = r"run of other settings \(learn.lr=0.0001\), at episode [56] of 9; allowed: another output"
     with pytest.raises(TakenError, match=words):
@@ -181,9 +183,7 @@ def test_an_unfinished_run_of_other_settings_is_not_lost(
 def test_other_arithmetic_is_refused_and_a_grid_starts_over(
     after: Callable[[int, Callable[[], Any]], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    after(9, cut)
-    with pytest.raises(PowerCutError):
-        train("out", *SCRATCH, "learn.precision=fp32")
+    train_and_kill(after, "out", *SCRATCH, "learn.precision=fp32")
     before = files(Path("out/4"))
     dense = (*SCRATCH, "learn.precision=fp32", "learn.backend=dense")
     with pytest.raises(ConfigError, match=r"computed by float32 incremental .* dense .* or delete out/4/"):
@@ -210,9 +210,7 @@ WRONG = [
 def test_a_whole_checkpoint_of_other_contents_is_refused(
     after: Callable[[int, Callable[[], Any]], None],
 ) -> None:
-    after(9, cut)
-    with pytest.raises(PowerCutError):
-        train("out", *SCRATCH)
+    train_and_kill(after, "out", *SCRATCH)
     checkpoints = Checkpoints(Path("out/4/scratch/seed=0"))
     found, _ = checkpoints.read(make_run(composed(*LINE, *SCRATCH)).config_hash)
     assert found is not None
@@ -248,7 +246,7 @@ def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(
     about = Checkpoints(Path("out/4/scratch/seed=0")).about()
     assert about is not None and about.episode == 5
     after(10**9, cut)
-    # It goes on from there, where the weights were good.
+    # It resumes from there, where the weights were finite.
     assert left(train("out", *SCRATCH)) == whole
 
 

@@ -1,4 +1,4 @@
-"""Whatever wandb lacks, the training goes on; and a run that goes on is one run there."""
+"""If wandb fails, the training continues; a resumed run is one run in wandb."""
 
 import sys
 import types
@@ -19,11 +19,11 @@ LINE = ("target=1", "method=scratch", "logger=wandb", "output=out")
 
 
 class Error(Exception):
-    """As wandb's own."""
+    """Simulates wandb's own errors."""
 
 
 class Server:
-    """Stands for wandb: what was begun and logged, and what fails."""
+    """Simulates wandb: records what was begun and logged, and fails where it is told to."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -91,7 +91,7 @@ def test_a_wandb_refusal_comes_before_training(server: Server) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left"), Error("no space left on it")])
-def test_on_a_full_disk_the_run_goes_on_without_it(
+def test_on_a_full_disk_the_run_continues_without_wandb(
     error: Exception, server: Server, capsys: pytest.CaptureFixture[str]
 ) -> None:
     server.fails["offline"] = error
@@ -118,7 +118,7 @@ def test_every_wait_has_a_timeout(server: Server) -> None:
     assert 0 < settings["init_timeout"] <= 60 and 0 < settings["finish_timeout"] <= 300
 
 
-def test_offline_a_run_that_goes_on_takes_the_place_of_its_first_part(server: Server) -> None:
+def test_offline_a_resumed_run_replaces_its_first_part(server: Server) -> None:
     tracker().log(to_row(FINISHED))
     (first,) = server.root.glob("wandb/*")
     tracker()
@@ -126,13 +126,13 @@ def test_offline_a_run_that_goes_on_takes_the_place_of_its_first_part(server: Se
     assert first != second and server.begun[0]["id"] == server.begun[1]["id"]
 
 
-def test_online_it_goes_on_under_its_id_and_logs_nothing_twice(server: Server) -> None:
+def test_online_a_resumed_run_keeps_its_id_and_logs_nothing_twice(server: Server) -> None:
     found = tracker("wandb.mode=online")
     for _ in range(3):
         found.log(to_row(FINISHED))
     server.known[server.begun[0]["id"]] = 3
     again = tracker("wandb.mode=online")
-    for _ in range(5):  # of which the server has three
+    for _ in range(5):  # the server has three of them
         again.log(to_row(FINISHED))
     assert server.begun[1]["id"] == server.begun[0]["id"] and server.begun[1]["resume"] == "allow"
     assert len(server.logged) == 5

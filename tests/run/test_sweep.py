@@ -1,4 +1,4 @@
-"""What a sweeper maximises, and a sweep of Optuna's that is really run."""
+"""What a sweeper maximises, and a real sweep with Optuna."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ RESULT = a_result(best=an_evaluation(50.0, episode=3), final=an_evaluation(20.0,
 
 
 def finished(folder: Path, *changes: str) -> Run:
-    """A run of nine episodes, six of them with exploration, that has left its curve."""
+    """Return a run of nine episodes, six with exploration, and write its curve."""
     line = ("target=1", "method=scratch", "learn.episodes=9", "learn.epsilon_fraction=0.6")
     run = make_run(composed(*line, f"output={folder}", *changes))
     run.folder.mkdir(parents=True)
@@ -41,7 +41,7 @@ def test_an_objective_is_a_greedy_return(change: str, value: float, tmp_path: Pa
     assert objective(finished(tmp_path, change), RESULT) == value
 
 
-def test_a_curve_that_is_damaged_is_said_where_it_is_asked_for(tmp_path: Path) -> None:
+def test_a_damaged_curve_is_refused_if_the_objective_needs_it(tmp_path: Path) -> None:
     run = finished(tmp_path)
     (run.folder / CURVE).unlink()
     with pytest.raises(ConfigError, match=r"^objective: .*: curve.csv is missing; allowed without a"):
@@ -74,9 +74,9 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
         f"best trial: learn.lr={found['best_params']['learn.lr']} learn.lr_end="
     )
     assert f", late {max(values):.1f}; " in said.splitlines()[-1]
-    # The same command tries the same values, and finds its trials there.
+    # The same command tries the same values, and finds the finished trials.
     assert ship_trl(*line, folder=tmp_path).stdout.count("is already finished") == 2
-    # Other settings are refused in the place of the first, in one line.
+    # Other settings in the same folder are refused in one line.
     other = (*line, "learn.episodes=5")
     refused = ship_trl(*other, folder=tmp_path, code=1).stderr
     assert f"ship_trl: output: {place.relative_to(tmp_path)}/trial=0/1/scratch/seed=0 holds a fin" in refused

@@ -1,4 +1,4 @@
-"""Demonstrations lie in the replay before anything is learned."""
+"""The replay is preloaded with demonstrations before training."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reference import best_known
 
 
-def test_every_step_is_in_the_replay_once(tmp_path: Path) -> None:
+def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
     world = load_world()
     case = load_case("4", world)
     plan = best_known(case, world)

@@ -110,7 +110,7 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
         if plain(saved := saved_network(path, key)) != plain(network.config):
             layers = [f"conv={each.conv} hidden={each.hidden}" for each in (saved, network.config)]
-            raise ConfigError(f"{key}: {path} has another network: {layers[0]}, allowed {layers[1]}")
+            raise ConfigError(f"{key}: {path} has other layers: {layers[0]}; allowed: {layers[1]}")
         problem = describe_mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
         if problem:
             raise ConfigError(f"{key}: {path} does not fit the network: {problem}")

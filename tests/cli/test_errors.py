@@ -168,7 +168,7 @@ def test_a_network_of_five_layers_learns_transfers_and_is_evaluated(tmp_path: Pa
     (tmp_path / "five.safetensors").write_bytes(source.read_bytes())
     line = ("profile=smoke", "+pair=high", "layers=3", "source_file=five.safetensors")
     refused = ship_trl(*line, folder=tmp_path, code=1).stderr
-    assert "has another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused
+    assert "has other layers: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused
     assert refused.count("\n") == 1
 
 

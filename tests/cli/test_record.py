@@ -48,7 +48,10 @@ def test_of_a_result_its_best_network_is_shown() -> None:
     last = replace(entry(), policy="a/policy_last.safetensors", label="a scratch seed 0, final")
     named = replace(entry(), policy="a/policy_last.safetensors", label="a/policy_last.safetensors")
     assert drop_last_networks([best, last, named]) == [best, named]
-    with pytest.raises(ConfigError, match=r"a/policy_last\.safetensors has no best network beside it"):
+    with pytest.raises(
+        ConfigError,
+        match=r"a/policy_last\.safetensors is the last network, and policy\.safetensors is missing",
+    ):
         drop_last_networks([last])
 
 

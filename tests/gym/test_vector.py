@@ -105,7 +105,7 @@ def test_bad_input_is_refused() -> None:
         ShipCollisionVectorEnv(0)
     with pytest.raises(ConfigError, match="nowhere"):
         ShipCollisionVectorEnv(2, "nowhere")
-    with pytest.raises(IndexError, match="no such action"):
+    with pytest.raises(IndexError, match="action index out of range"):
         ShipCollisionVectorEnv(2).step(np.array([0, 7]))
     with pytest.raises(ValueError, match="actions: must have the shape"):
         ShipCollisionVectorEnv(2).step(np.array([0, 1, 2]))

@@ -116,7 +116,7 @@ def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     path = tmp_path / "five.safetensors"
     save_weights(path, network(1, config=FIVE), {"episode": 3})
     assert saved_network(path, "policy") == FIVE
-    assert "has another network: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
+    assert "has other layers: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
     # Older files do not describe their network: it is the paper's.
     save_file(tensors_of(network(0)), path)
     assert saved_network(path, "policy") == load_network()
@@ -127,7 +127,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     save_weights(path, network(1, config=Network(conv, 9)), {})
     other = network(0, config=Network([[8, 8, 4], [8, 15, 4], [8, 2, 1]], 9))
     with pytest.raises(
-        ConfigError, match=r"has another network: conv=.*\[8, 15, 3\].*allowed conv=.*\[8, 15, 4\]"
+        ConfigError, match=r"has other layers: conv=.*\[8, 15, 3\].*allowed: conv=.*\[8, 15, 4\]"
     ):
         load_weights(path, other)
 

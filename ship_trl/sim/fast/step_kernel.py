@@ -62,7 +62,7 @@ def step(
     dt, safe_distance, goal_distance, max_steps = limits
     for n in range(state.shape[0]):
         if action[n] < 0 or action[n] >= actions.shape[0]:
-            raise IndexError("no such action")
+            raise IndexError("action index out of range")
         x, y, heading, count = state[n]
         speed, turn = actions[action[n]]
         heading = heading + turn * dt

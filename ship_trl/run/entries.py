@@ -108,7 +108,7 @@ def drop_last_networks(entries: list[Entry]) -> list[Entry]:
     """Drop the last network of each result folder, but keep files that the command line names."""
     best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
     if not best:
-        raise ConfigError(f"policy: {entries[0].policy} is the last network, and {POLICY} is missing")
+        raise ConfigError(f"policy: {entries[0].policy} is a last network; {POLICY} is missing")
     return best
 
 

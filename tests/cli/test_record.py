@@ -50,7 +50,7 @@ def test_of_a_result_its_best_network_is_shown() -> None:
     assert drop_last_networks([best, last, named]) == [best, named]
     with pytest.raises(
         ConfigError,
-        match=r"a/policy_last\.safetensors is the last network, and policy\.safetensors is missing",
+        match=r"a/policy_last\.safetensors is a last network; policy\.safetensors is missing",
     ):
         drop_last_networks([last])
 

@@ -192,6 +192,6 @@ def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tm
     done = ship_trl(*words, verb=verb, folder=tmp_path, code=1)
     assert done.stderr.splitlines() == [
         "ship_trl: seed=0/policy.safetensors is missing; left out",
-        "ship_trl: policy: seed=0/policy_last.safetensors is the last network, and policy.safetensors is missing",
+        "ship_trl: policy: seed=0/policy_last.safetensors is a last network; policy.safetensors is missing",
     ]
     assert [path.name for path in tmp_path.iterdir()] == ["seed=0"]

@@ -1,16 +1,19 @@
-"""Read untrusted files: YAML as plain values, and xz with a limit. SECURITY.md has the promises. No torch."""
+"""Read untrusted files: YAML as plain values, and streams with a limit. SECURITY.md has the promises. No torch."""
 
 from __future__ import annotations
 
 import io
-import lzma
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.files.disk import read_file
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 # A run's configuration has 2,000 bytes, a case of eight ships 700.
 MAX_YAML_BYTES = 64_000
@@ -56,17 +59,22 @@ def refuse_more_than_values(text: str) -> None:
             raise yaml.YAMLError(f"line {line}: no interpolation (${{...}}) is allowed")
 
 
-def read_xz(path: Path, most: int) -> bytearray:
-    """Unpack an xz file to at most `most` bytes, because a small file may hold very many.
+class Bounded(io.RawIOBase):
+    """A binary stream that raises a ValueError beyond `most` bytes: a small xz file may hold very many."""
 
-    Raises:
-        ValueError: it holds more.
-        OSError, EOFError, lzma.LZMAError: it is damaged.
-    """
-    data = bytearray()
-    with lzma.open(path) as file:
-        while part := file.read(1 << 20):
-            data += part
-            if len(data) > most:
-                raise ValueError(f"unpacked it has more than {most} bytes")
-    return data
+    def __init__(self, stream: io.BufferedIOBase, most: int) -> None:
+        self._stream, self._left, self._most = stream, most, most
+
+    def readable(self) -> bool:
+        """Return that the stream can be read."""
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Read into a buffer; return the number of bytes."""
+        view = memoryview(buffer).cast("B")
+        data = self._stream.read(len(view))
+        view[: len(data)] = data
+        self._left -= len(data)
+        if self._left < 0:
+            raise ValueError(f"unpacked it has more than {self._most} bytes")
+        return len(data)

@@ -1,7 +1,8 @@
 """Read policies and cases from a command line, the same way for `evaluate`, `watch` and `record`.
 
 POLICY is a name in `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
-folders and `pretrained` have their own target; every other policy needs `target=CASE`.
+folders and `pretrained` have their own target. Every other policy needs `target=CASE`, or takes the targets
+of the policies before it.
 """
 
 from __future__ import annotations
@@ -51,12 +52,14 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
             entries += folder_entries(Path(name), targets)
         elif "/" in name and ":" not in name and not Path(name).exists():
             raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
-        elif not targets:
-            raise ConfigError(
-                f"target: none given for {name}; allowed: target=CASE, with commas between several cases"
-            )
         else:
-            entries += [Entry(name, name, case, world, colour) for case in targets]
+            places = {case.fingerprint: (case, world) for case in targets}
+            places = places or {one.case.fingerprint: (one.case, one.world) for one in entries}
+            if not places:
+                raise ConfigError(
+                    f"target: none given for {name}; allowed: target=CASE, with commas between several cases"
+                )
+            entries += [Entry(name, name, *place, colour) for place in places.values()]
     return entries
 
 

@@ -56,6 +56,13 @@ def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.Capture
     assert table(capsys, str(trained), "target=1")[0][-1] == ""
 
 
+def test_a_policy_acts_where_the_folder_before_it_was_trained(
+    trained: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = table(capsys, str(trained), "random", "best_known")
+    assert [row[:2] for row in rows[2:]] == [["2", "random"], ["2", "best_known"]]
+
+
 def test_a_folder_that_claims_more_is_refused(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = trained / "2" / "scratch" / "seed=0" / "result.json"
     whole = path.read_text()

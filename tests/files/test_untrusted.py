@@ -18,7 +18,7 @@ from ship_trl.config.types import World, plain
 from ship_trl.explain.networks import read_config
 from ship_trl.files.curve import CurveError, read_curve
 from ship_trl.files.result import ResultError, read_result
-from ship_trl.files.untrusted import MAX_YAML_BYTES, read_xz, read_yaml
+from ship_trl.files.untrusted import MAX_YAML_BYTES, Bounded, read_yaml
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import read_demonstration
 from ship_trl.run.checkpoint import CheckpointError
@@ -244,6 +244,7 @@ def test_a_small_file_asks_for_no_large_network(tmp_path: Path) -> None:
 def test_decompression_is_bounded(tmp_path: Path) -> None:
     path = tmp_path / "zeros.xz"
     path.write_bytes(lzma.compress(bytes(10**6)))
-    with pytest.raises(ValueError, match="more than 1000 bytes"):
-        read_xz(path, 1000)
-    assert len(read_xz(path, 10**6)) == 10**6
+    with lzma.open(path) as file, pytest.raises(ValueError, match="more than 1000 bytes"):
+        Bounded(file, 1000).readall()
+    with lzma.open(path) as file:
+        assert len(Bounded(file, 10**6).readall()) == 10**6

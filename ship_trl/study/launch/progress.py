@@ -82,6 +82,8 @@ class Display:
 
 def last_episode(path: Path) -> int:
     """Return the episode in the last whole line of a curve; 0 if there is none."""
+    if not path.is_file():  # to open a pipe would wait for ever
+        return 0
     try:
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - TAIL_BYTES))

@@ -103,7 +103,7 @@ def to_study(overrides: list[str]) -> StudyConfig:
     except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
         # OmegaConf raises Python's own errors for an unclosed bracket in a key, or thousands of digits.
         raise ConfigError(
-            f"{' '.join(overrides):.200}: cannot be read; a list is written without spaces, as pairs=[high,low]"
+            f"{' '.join(overrides):.99}: cannot be read; a list is written without spaces, as pairs=[high,low]"
         ) from None
     config = read_as(StudyConfig, values)
     check(config)

@@ -28,7 +28,7 @@ from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, write_curve
 from ship_trl.files.disk import atomic_write, read_file, writing
 from ship_trl.files.result import Result, ResultError, from_json, write_result
 from ship_trl.files.table import rows
-from ship_trl.files.untrusted import read_xz
+from ship_trl.files.untrusted import Bounded
 from ship_trl.study.plan.jobs import PARTS, Job, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
 from ship_trl.study.records.record import BrokenRunError, make_record, read_runs
@@ -97,8 +97,9 @@ def read_curves(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
-    text = io.BytesIO(read_xz(path, MAX_CURVE_BYTES))
-    curves = pd.read_csv(text, usecols=list(COLUMNS), dtype=types, index_col=False)
+    with lzma.open(path) as file:
+        unpacked = io.BufferedReader(Bounded(file, MAX_CURVE_BYTES))
+        curves = pd.read_csv(unpacked, usecols=list(COLUMNS), dtype=types, index_col=False)
     if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
         raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
     return curves

@@ -1,4 +1,4 @@
-"""Read untrusted files: YAML as plain values, and streams with a limit. SECURITY.md has the promises. No torch."""
+"""Read untrusted files: YAML as plain values, streams up to a limit; see SECURITY.md. No torch."""
 
 from __future__ import annotations
 

@@ -77,9 +77,11 @@ def find_result(run: Run) -> Result | None:
             held = f"a damaged {RESULT} (it {error})"
     else:
         about = Checkpoints(run.folder).about()
+        unfinished = f"an unfinished run of other settings{(differences := list_differences(run))}"
         if about is not None and about.config_hash != run.config_hash:
-            reached = f"at episode {about.episode} of {about.episodes}"
-            held = f"an unfinished run of other settings{list_differences(run)}, {reached}"
+            held = f"{unfinished}, at episode {about.episode} of {about.episodes}"
+        elif about is None and differences and any((run.folder / FOLDER).glob("*.safetensors")):
+            held = f"{unfinished}, whose checkpoints cannot be read"
     if held and not run.config.overwrite:
         raise TakenError(run.folder, held)
     return None

@@ -122,9 +122,9 @@ def list_runs(config: DictConfig) -> list[Sequence[str]]:
     words = [*(f"{key}={value}" for key, value in params.items()), *task]
     try:
         given = OverridesParser.create().parse_overrides(words)
+        return [run for batch in BasicSweeper.split_arguments(given, None) for run in batch]
     except HydraException:  # Hydra reports this error itself
         return []
-    return [run for batch in BasicSweeper.split_arguments(given, None) for run in batch]
 
 
 def exit_with(line: str) -> None:

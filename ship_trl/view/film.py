@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import shutil
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
@@ -73,9 +74,12 @@ def write_film(path: Path, frames: Iterator[pygame.Surface], frames_per_second: 
     elif path.suffix == ".mp4":
         _write_mp4(path, frames, frames_per_second)
     else:
-        path.mkdir(exist_ok=True)
+        draft = path.with_name(f".{path.name}.part")
+        shutil.rmtree(draft, ignore_errors=True)
+        draft.mkdir()
         for number, frame in enumerate(frames):
-            pygame.image.save(frame, str(path / f"{number:05d}.png"))
+            pygame.image.save(frame, str(draft / f"{number:05d}.png"))
+        draft.replace(path)
 
 
 def _write_gif(path: Path, frames: Iterator[pygame.Surface], frames_per_second: float) -> None:

@@ -175,6 +175,12 @@ def test_an_unfinished_run_of_other_settings_is_not_lost(
     with pytest.raises(TakenError, match=words):
         train("out", *SCRATCH, "learn.lr=1e-3")
     assert files(Path("out/4")) == before
+    for path in Path("out/4/scratch/seed=0", FOLDER).glob("*.safetensors"):
+        path.write_bytes(path.read_bytes()[:1000])
+    before = files(Path("out/4"))
+    with pytest.raises(TakenError, match=r"\(learn.lr=0.0001\), whose checkpoints cannot be read"):
+        train("out", *SCRATCH, "learn.lr=1e-3")
+    assert files(Path("out/4")) == before
     after(10**9, cut)
     train("out", *SCRATCH, "learn.lr=1e-3", "overwrite=true")
     assert len(read_curve(Path("out/4/scratch/seed=0"))) == 9 + 4

@@ -1,6 +1,7 @@
 """What a window would show, as files; and the GIF of an episode."""
 
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,18 @@ def test_frames_are_what_the_window_shows(world: World, tmp_path: Path) -> None:
     for k in (0, 3):
         with Image.open(tmp_path / "frames" / f"{k:05d}.png") as saved:
             assert (np.asarray(saved) == drawn([one], 2 * k, size=SIZE)).all()
+
+
+def test_a_recording_that_stops_leaves_no_folder_of_frames(world: World, tmp_path: Path) -> None:
+    def stopped() -> Iterator[pygame.Surface]:
+        yield from islice(frames(world), 3)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_film(tmp_path / "frames", stopped(), 5)
+    assert not (tmp_path / "frames").exists()
+    write_film(tmp_path / "frames", frames(world), 5)
+    assert [path.name for path in tmp_path.iterdir()] == ["frames"]
 
 
 def test_a_gif(world: World, tmp_path: Path) -> None:

@@ -102,8 +102,9 @@ def to_study(overrides: list[str]) -> StudyConfig:
         values = OmegaConf.merge(OmegaConf.load(conf_dir() / "study.yaml"), OmegaConf.from_dotlist(overrides))
     except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
         # OmegaConf raises Python's own errors for an unclosed bracket in a key, or thousands of digits.
+        words, example = " ".join(overrides), "pairs=[high,low]"
         raise ConfigError(
-            f"{' '.join(overrides):.99}: cannot be read; a list is written without spaces, as pairs=[high,low]"
+            f"{words:.200}: cannot be read; a list is written without spaces, as {example}"
         ) from None
     config = read_as(StudyConfig, values)
     check(config)

@@ -76,11 +76,14 @@ PAY = """
 import json, torch
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.fast.compiled import CompiledStep
+from ship_trl.sim.state import HEADING, STEP, initial_state, position
 from ship_trl.sim.transition import Transition
 world = load_world()
-step = Transition(load_case("4", world), world, torch.device("cpu"))
+step = Transition(world)
 place = torch.tensor([[0.0, 0.0], [300.0, 300.0], [0.0, 550.0], [0.0, 590.0]]).repeat_interleave(7, 0)
-state = torch.cat((place, torch.tensor([[1.6, 5.0]]).expand(28, 2)), 1)
+state = initial_state(load_case("4", world), world).repeat(28, 1)
+position(state).copy_(place)
+state[:, [HEADING, STEP]] = torch.tensor([1.6, 5.0])
 action = torch.arange(7).repeat(4)
 print(json.dumps([s(state, action).reward.tolist() for s in (CompiledStep(step), step)]))
 """

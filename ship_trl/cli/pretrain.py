@@ -24,6 +24,7 @@ from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.policies.pretrained import CURVES, MANIFEST, Pretrained
+from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.transfer.casebase import POLICY
 
@@ -85,7 +86,11 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
         networks.append(one)
     with atomic_write(folder / CURVES) as draft:
         pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
-    manifest = {"networks": [asdict(one) for one in networks], "runs": runs}
+    manifest = {
+        "algorithm_version": ALGORITHM_VERSION,
+        "networks": [asdict(one) for one in networks],
+        "runs": runs,
+    }
     with atomic_write(folder / MANIFEST) as draft:
         draft.write_text(json.dumps(manifest, indent=1) + "\n")
 

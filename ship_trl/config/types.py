@@ -127,6 +127,11 @@ class World:
     actions: Actions
     reward: Reward
 
+    @property
+    def straight_action(self) -> int:
+        """Index of the action that turns least; of several, the fastest."""
+        return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))
+
 
 @dataclass
 class Network:

@@ -6,16 +6,14 @@ for every action, so it changes no choice.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.sim.cases import TargetShip
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.state import select_ships
 
 # Side of the occluding square, in pixels; a target ship is 7 pixels long.
 PATCH = 7
@@ -36,13 +34,12 @@ class Erased:
 
 
 def erase_things(env: ShipEnv, states: Tensor) -> list[Erased]:
-    """Erase the line to the goal, each target ship, and all ships from the pictures of states [N, 4]."""
+    """Erase the line to the goal, each target ship, and all ships from the pictures of states [N, S]."""
     pixels, background = env.rasteriser(states), env.rasteriser.background
-    ships = env.case.target_ships
+    ships = list(range(len(env.case.target_ships)))
 
-    def draw_ships(shown: list[TargetShip]) -> Tensor:
-        case = dataclasses.replace(env.case, target_ships=shown)
-        return Rasteriser(case, env.world, colour=env.rasteriser.channels == 3)(states)
+    def draw_ships(shown: list[int]) -> Tensor:
+        return env.rasteriser(select_ships(states, shown))
 
     def differ(one: Tensor, other: Tensor) -> Tensor:
         return (one != other).any(1)
@@ -51,7 +48,7 @@ def erase_things(env: ShipEnv, states: Tensor) -> list[Erased]:
     # Ships are drawn over the line: their pixels stay.
     line = differ(without_ships, background) & ~differ(pixels, without_ships)
     found = [Erased("the line to the goal", torch.where(line[:, None], background, pixels), line)]
-    for k in range(len(ships)):
+    for k in ships:
         without = draw_ships(ships[:k] + ships[k + 1 :])
         found.append(Erased(f"ship {k + 1}", without, differ(pixels, without)))
     if len(ships) > 1:

@@ -13,10 +13,19 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.explain.bootstrap import Bools, Floats, Ints
 from ship_trl.explain.saliency import greedy_actions
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.sim.dynamics import HEADING, STEP
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.scene import VIEW_RADIUS
+from ship_trl.sim.state import (
+    HEADING,
+    STEP,
+    goal,
+    goal_distance,
+    initial_state,
+    position,
+    relative_positions,
+    target_ships,
+)
 from ship_trl.sim.transition import Transition
 
 # Only some states of an episode are taken, because neighbouring states hardly differ.
@@ -98,7 +107,7 @@ def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator:
     parts = (held_out, validation, ~(held_out | validation))
     quantities = [
         quantity
-        for quantity in measure_quantities(env, states)
+        for quantity in measure_quantities(states)
         if all(len(set(episode[part & quantity.visible])) >= MIN_EPISODES for part in parts)
     ]
     return StateSet(states, env.rasteriser(states), episode, held_out, validation, quantities)
@@ -107,17 +116,17 @@ def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator:
 def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: Generator) -> list[Tensor]:
     """Run `count` episodes in a batch, half of them at random; return the states of the long ones."""
     world = env.world
-    motion = Transition(env.case, world, torch.device("cpu"))
+    motion, start = Transition(world), initial_state(env.case, world)
     along = START_SHARE * torch.rand(count, 1, generator=generator)
     shift = 2.0 * torch.rand(count, 3, generator=generator) - 1.0
-    state = motion.start.repeat(count, 1)
-    state[:, :2] += along * (motion.goal - motion.start[:2]) + MAX_SHIFT * shift[:, :2]
+    state = start.repeat(count, 1)
+    position(state).add_(along * (goal(start) - position(start)) + MAX_SHIFT * shift[:, :2])
     state[:, HEADING] += MAX_TURN * shift[:, 2]
     latest = max(0, world.max_steps - EPISODE_STEPS)
     state[:, STEP] = torch.randint(latest + 1, (count,), generator=generator).float()
     is_random = torch.arange(count) % 2 == 0
-    clearance = torch.linalg.vector_norm(motion.relative_positions(state), dim=-1)
-    running = (clearance > world.safe_distance).all(-1) & (motion.goal_distance(state) > world.goal_distance)
+    clearance = torch.linalg.vector_norm(relative_positions(state), dim=-1)
+    running = (clearance > world.safe_distance).all(-1) & (goal_distance(state) > world.goal_distance)
     held = torch.zeros(count, dtype=torch.int64)
     states, valid = [], []
     for step in range(EPISODE_STEPS):
@@ -135,19 +144,18 @@ def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: G
     return [row[alive] for row, alive in found if int(alive.sum()) >= STATES_PER_EPISODE]
 
 
-def measure_quantities(env: ShipEnv, states: Tensor) -> list[Quantity]:
+def measure_quantities(states: Tensor) -> list[Quantity]:
     """Measure bearing and distance of the goal and of each target ship.
 
     They are visible inside the picture; the line to the goal shows its bearing everywhere.
     """
-    motion = Transition(env.case, env.world, torch.device("cpu"))
-    ships = states[:, None, :2] + motion.relative_positions(states)
-    points = {"the goal": motion.goal.expand(len(states), 2)}
+    ships = target_ships(states)[..., :2]
+    points = {"the goal": goal(states)}
     points |= {f"ship {k}": ship for k, ship in enumerate(ships.unbind(1), 1)}
     found = []
     for name, point in points.items():
-        angle = angle_off_bow(states[:, :2], states[:, HEADING], point).double()
-        distance = torch.linalg.vector_norm(point - states[:, :2], dim=-1).double()
+        angle = angle_off_bow(position(states), states[:, HEADING], point).double()
+        distance = torch.linalg.vector_norm(point - position(states), dim=-1).double()
         inside = (distance <= VIEW_RADIUS).numpy()
         always = np.ones_like(inside) if name == "the goal" else inside
         bearing = torch.stack((angle.sin(), angle.cos()), 1).numpy()

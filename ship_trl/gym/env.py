@@ -19,12 +19,12 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
     """One own ship in one case.
 
     Observation: uint8 [84, 84, C], C = 1 (grey) or 3 (`colour`). Action: index into table 1.
-    Reward: raw (equation 4), times `reward_scale`. `info` has `state` (x, y, heading, step), `goal`,
-    `collision` and `dcpa` (m, infinite without target ships). The start is fixed by the case, so
-    the seed changes nothing.
+    Reward: raw (equation 4), times `reward_scale`. `info` has `state` (the scene, see `ship_trl.sim.state`),
+    `goal`, `collision` and `dcpa` (m, infinite without target ships). An episode starts as the case does; the
+    seed matters only for a suite, whose starts are drawn.
 
     Args:
-        case: name of a case, or the path of a YAML file.
+        case: name of a case or a suite, or the path of a case's YAML file.
         colour: three channels instead of one.
         reward_scale: factor of the reward; raw rewards reach 200.
         render_mode: "rgb_array" for the large picture, or None.
@@ -52,6 +52,8 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
     ) -> tuple[Pixels, Infos]:
         """Start an episode."""
         super().reset(seed=seed)
+        if seed is not None:
+            self._ships.seed(seed)
         self._ships.reset()
         return self._observe(goal=False, collision=False)
 
@@ -78,4 +80,4 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
 
         ships = self._ships
         state = torch.from_numpy(ships.state[0])
-        return to_array(draw_scene(ships.case, ships.world, state, LARGE_PICTURE))
+        return to_array(draw_scene(ships.suite.cases[0], ships.world, state, LARGE_PICTURE))

@@ -6,14 +6,16 @@ import math
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
+from torch import Generator
 
 from ship_trl.sim import scene
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import load_world
 from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.starts import Starts
+from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
 
 Pixels = NDArray[np.uint8]
@@ -22,7 +24,7 @@ Infos = dict[str, Any]
 
 
 class Ships:
-    """N own ships, each in its own episode: `state` float32 [N, 4] and `dcpa` float32 [N] so far.
+    """N own ships, each in its own episode: `state` float32 [N, S] and `dcpa` float32 [N] so far.
 
     Raises:
         ConfigError: no such case.
@@ -30,21 +32,31 @@ class Ships:
 
     def __init__(self, count: int, case: str, colour: bool) -> None:
         self.world = load_world()
-        self.case = load_case(case, self.world)
-        rasteriser = Rasteriser(self.case, self.world, colour=colour)
-        transition = Transition(self.case, self.world, torch.device("cpu"))
+        self.suite = load_suite(case, self.world, "case")
+        self._starts, self._generator = Starts(self.suite, self.world), Generator().manual_seed(0)
+        self._start = self._starts.states[0].numpy()
+        rasteriser = Rasteriser(self.world, colour=colour)
         assert rasteriser.compiled is not None
-        self._draw, self._step = rasteriser.compiled.draw_into, CompiledStep(transition).step_into
-        self._start = transition.start.numpy()
+        self._draw = rasteriser.compiled.draw_into
+        self._step = CompiledStep(Transition(self.world)).step_into
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
         self.observation_space = spaces.Box(0, 255, self._shape, np.uint8)
         self.action_space = spaces.Discrete(len(self.world.actions))
-        self.state, self.dcpa = np.empty((count, 4), np.float32), np.empty(count, np.float32)
+        self.state = np.empty((count, self._starts.states.shape[1]), np.float32)
+        self.dcpa = np.empty(count, np.float32)
         self.reset()
 
+    def seed(self, seed: int) -> None:
+        """Seed the random numbers of the starts."""
+        self._generator.manual_seed(seed)
+
     def reset(self, rows: Flags | slice = slice(None)) -> None:
-        """Put the ships of some rows, or all, at the start."""
-        self.state[rows], self.dcpa[rows] = self._start, np.inf
+        """Begin an episode in some rows, or in all."""
+        if self.suite.is_fixed:  # for few rows, a call of torch takes as long as a step
+            self.state[rows] = self._start
+        else:
+            self.state[rows] = self._starts.sample(len(self.dcpa[rows]), self._generator).numpy()
+        self.dcpa[rows] = np.inf
 
     def advance(self, actions: NDArray[np.int64]) -> tuple[NDArray[np.float32], Flags]:
         """Advance by a step; return raw rewards [N], and goal, collision and truncated [3, N].
@@ -60,7 +72,7 @@ class Ships:
         return reward, flags
 
     def draw(self, state: NDArray[np.float32]) -> Pixels:
-        """Draw what the network sees in states [N, 4]: uint8 [N, 84, 84, C]."""
+        """Draw what the network sees in states [N, S]: uint8 [N, 84, 84, C]."""
         *image, channels = self._shape
         pictures = np.empty((len(state), channels, math.prod(image)), np.uint8)
         self._draw(state, pictures)

@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
+from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from ship_trl.gym.ships import Flags, Infos, Pixels, Ships
@@ -49,7 +50,10 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Pixels, Infos]:
-        """Reset all episodes; the case fixes the start, so the seed changes nothing."""
+        """Reset all episodes; the seed matters only for a suite, whose starts are drawn."""
+        if seed is not None:
+            parts = [seed] if isinstance(seed, int) else [part or 0 for part in seed]
+            self._ships.seed(parts[0] if len(parts) == 1 else int(SeedSequence(parts).generate_state(1)[0]))
         self._ships.reset()
         return self._ships.draw(self._ships.state), self._infos(*np.zeros((2, self.num_envs), np.bool_))
 

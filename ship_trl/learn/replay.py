@@ -1,6 +1,6 @@
 """Replay buffer of states, which draws pixels when a batch is sampled.
 
-A frame is a function of the state, so 50,000 transitions take about 2 MB instead of 0.7 GB.
+A frame is a function of the state, so 50,000 transitions take 4 to 10 MB instead of 0.7 GB.
 """
 
 from __future__ import annotations

@@ -16,14 +16,13 @@ from tensordict import TensorDictBase
 from torch import Generator, nn
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
 from ship_trl.policies.pretrained import find, is_pretrained
-from ship_trl.sim.dynamics import STEP
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reference import best_known
+from ship_trl.sim.state import STEP
 from ship_trl.transfer.layers import load_weights, saved_network
 
 
@@ -39,14 +38,9 @@ def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
     return policy
 
 
-def straight_action(world: World) -> int:
-    """Return the index of the action that turns least; on ties the fastest."""
-    return min(range(len(world.actions)), key=lambda k: (abs(world.actions[k][1]), -world.actions[k][0]))
-
-
 def keep_course(env: ShipEnv, _: int = 0) -> Policy:
     """Return the policy that keeps its course."""
-    return follow([straight_action(env.world)])
+    return follow([env.world.straight_action])
 
 
 def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:

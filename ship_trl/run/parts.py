@@ -87,7 +87,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device)
-    draw = Rasteriser(run.target, world, colour=config.colour, device=device)
+    draw = Rasteriser(world, colour=config.colour, device=device)
     eval_env = make_env(1)
     actions = len(world.actions)
     network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)

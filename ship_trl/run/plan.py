@@ -25,7 +25,7 @@ from ship_trl.transfer.casebase import rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an
 # older version are not mistaken for results of this one.
-ALGORITHM_VERSION = 2
+ALGORITHM_VERSION = 3
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
 
@@ -102,6 +102,7 @@ def hash_of(
     source: Run | None,
     pretrained: Pretrained | None = None,
     demonstrations: Sequence[Demonstration] = (),
+    version: int | None = None,
 ) -> str:
     """Return a digest of everything that decides what is learned: twelve hex digits."""
     origin = source.config_hash if source else None
@@ -118,7 +119,7 @@ def hash_of(
     # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
     del learn["jumpstart_draws"], learn["backend"]
     values: dict[str, Any] = {
-        "algorithm_version": ALGORITHM_VERSION,
+        "algorithm_version": version or ALGORITHM_VERSION,
         "target": target.fingerprint,
         "source": origin,
         **config.arm.keys,

@@ -22,9 +22,9 @@ def scratch_returns(run: Run) -> NDArray[np.float64] | None:
 
     They are in the run's output folder or among the bundled curves; None if there are none.
     """
-    curves = dict(find_own_curves(run))
-    seeds = {one["seed"] for one in pretrained.read()["runs"]}
-    bundled = pretrained.training_returns({hash_from_scratch(run, seed) for seed in seeds})
+    curves, manifest = dict(find_own_curves(run)), pretrained.read()
+    seeds, version = {one["seed"] for one in manifest["runs"]}, manifest["algorithm_version"]
+    bundled = pretrained.training_returns({hash_from_scratch(run, seed, version) for seed in seeds})
     for digest, rows in bundled.groupby("config_hash", sort=False):
         curves.setdefault(str(digest), rows["return"].to_numpy())
     return np.stack(list(curves.values())) if curves else None
@@ -46,7 +46,7 @@ def find_own_curves(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
                 continue
 
 
-def hash_from_scratch(run: Run, seed: int) -> str:
-    """Return the hash that the run would have without its transfer and with another seed."""
+def hash_from_scratch(run: Run, seed: int, version: int | None = None) -> str:
+    """Return the hash of the run without its transfer, with another seed, by a version of the algorithm."""
     config = dataclasses.replace(run.config.with_arm(SCRATCH), seed=seed)
-    return hash_of(config, run.target, None, demonstrations=run.demonstrations)
+    return hash_of(config, run.target, None, demonstrations=run.demonstrations, version=version)

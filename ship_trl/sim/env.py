@@ -1,4 +1,4 @@
-"""The batched TorchRL environment: N own ships in one case."""
+"""The batched TorchRL environment: N own ships, each in a case of a suite."""
 
 from __future__ import annotations
 
@@ -8,48 +8,52 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Tensor
+from torch import Generator, Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import STATE_SIZE
 from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.starts import Starts
+from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.sim.transition import Transition
 
 
 class ShipEnv(EnvBase):
     """Steer own ship to the goal, and keep every target ship outside the safe distance.
 
-    Observation: `state` float32 [N, 4]: x and y (m, east and north), heading (rad, counter-clockwise from
-    east), number of steps taken. `dcpa` float32 [N, 1]: least distance (m) to any target ship so far in the
-    episode, infinite without target ships. `goal` and `collision` bool [N, 1]: how the episode ended.
+    Observation: `state` float32 [N, S]: the whole scene, see `sim.state`. `dcpa` float32 [N, 1]: least
+    distance (m) to any target ship so far in the episode, infinite without target ships. `goal` and
+    `collision` bool [N, 1]: how the episode ended.
     Optional: `pixels` uint8 [N, C, 84, 84], and one entry for each of `encoders`.
     Action: int64 [N], index into table 1. A step lasts `world.dt` seconds.
     Reward: float32 [N, 1], raw (equation 4).
     Episode end: `terminated` at the goal or on a collision, which takes precedence in the same step;
     `truncated` at the step limit.
 
-    Every episode starts from the case's initial state, so a reset draws no random numbers. A step depends
-    only on the tensordict that it gets.
+    A reset draws initial states from the suite with the environment's own generator; one unperturbed case
+    draws no numbers. The environment holds no other state: a step is a function of the tensordict that it is
+    given. The rows of a batch may be different cases.
 
     Args:
-        case: initial state, goal and target ships.
+        suite: what episodes begin with; a case is a suite of one.
         world: physics and reward.
         num_envs: number of own ships, N.
         from_pixels: whether to observe `pixels`.
         colour: whether the pixels are RGB (C = 3) instead of grey (C = 1).
-        encoders: maps each further observation key to a function from states [N, 4] to features [N, F].
+        encoders: maps each further observation key to a function from states [N, S] to features [N, F].
         device: where to simulate.
+        generator: random generator of the initial states, on the CPU; one with seed 0 by default.
     """
 
     batch_locked = True
 
     def __init__(
         self,
-        case: Case,
+        suite: Suite | Case,
         world: World,
         num_envs: int = 1,
         *,
@@ -57,26 +61,42 @@ class ShipEnv(EnvBase):
         colour: bool = False,
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         device: str | torch.device = "cpu",
+        generator: Generator | None = None,
     ) -> None:
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
-        self.case, self.world = case, world
-        self._transition = Transition(case, world, self.device)
+        self.suite = suite_of(suite) if isinstance(suite, Case) else suite
+        self.world = world
+        self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
+        self._starts = Starts(self.suite, world)
+        self._transition = Transition(world, self.device)
         on_cpu = self.device.type == "cpu"
         self._simulate = CompiledStep(self._transition) if on_cpu else self._transition
-        self.rasteriser = Rasteriser(case, world, colour=colour, device=self.device)
+        self.rasteriser = Rasteriser(world, colour=colour, device=self.device)
         self.from_pixels = from_pixels
         self._encoders = dict(encoders or {})
         self._make_specs()
-        # Every episode starts in the same state, so its first observation is computed once.
-        self._first = self._initial_entries(1)
-        self._own_keys = {*self._first, "action", "reward", "next"}
+        first = self._initial_entries(self._starts.states[:1].to(self.device))
+        self._own_keys = {*first, "action", "reward", "next"}
+        # If all episodes begin alike, their first observation is computed once.
+        self._first = first if self.suite.is_fixed else None
+
+    @property
+    def case(self) -> Case:
+        """The case of a suite of one.
+
+        Raises:
+            ConfigError: the suite has several cases.
+        """
+        if len(self.suite.cases) > 1:
+            raise ConfigError(f"suite {self.suite.name}: has several cases; allowed: one case")
+        return self.suite.cases[0]
 
     def _make_specs(self) -> None:
         """Set the specs of observation, state, action, reward and done."""
         shape, device = self.batch_size, self.device
         flag = lambda: Binary(1, shape=(*shape, 1), dtype=torch.bool, device=device)  # noqa: E731
         observation: dict[str, Any] = {
-            "state": Unbounded(shape=(*shape, STATE_SIZE), device=device),
+            "state": Unbounded(shape=(*shape, self._starts.states.shape[1]), device=device),
             "dcpa": Unbounded(shape=(*shape, 1), device=device),
             "goal": flag(),
             "collision": flag(),
@@ -84,7 +104,7 @@ class ShipEnv(EnvBase):
         if self.from_pixels:
             observation["pixels"] = self.rasteriser.spec(shape)
         for key, encode in self._encoders.items():
-            example = encode(self._transition.start.unsqueeze(0))[0]
+            example = encode(self._starts.states[:1].to(device))[0]
             observation[key] = Unbounded(shape=(*shape, *example.shape), dtype=example.dtype, device=device)
         self.observation_spec = Composite(observation, shape=shape, device=device)
         self.state_spec = Composite(
@@ -97,28 +117,35 @@ class ShipEnv(EnvBase):
         )
 
     def _set_seed(self, seed: int | None) -> None:
-        """Do nothing: the simulation is deterministic."""
+        """Seed the generator of the initial states."""
+        if seed is not None:
+            self.generator.manual_seed(seed)
 
     def _observe(self, state: Tensor, dcpa: Tensor, goal: Tensor, collision: Tensor) -> dict[str, Tensor]:
-        """Return the observation of states [N, 4]; the other arguments are [N, 1]."""
+        """Return the observation of states [N, S]; the other arguments are [N, 1]."""
         observation = {"state": state, "dcpa": dcpa, "goal": goal, "collision": collision}
         if self.from_pixels:
             observation["pixels"] = self.rasteriser(state)
         return observation | {key: encode(state) for key, encode in self._encoders.items()}
 
-    def _initial_entries(self, count: int) -> dict[str, Tensor]:
-        """Return the observation and done flags of `count` environments at the start of an episode."""
-        state = self._transition.start.expand(count, STATE_SIZE).clone()
+    def _initial_entries(self, state: Tensor) -> dict[str, Tensor]:
+        """Return the observation and done flags of initial states [N, S]."""
+        count = len(state)
         dcpa = torch.full((count, 1), math.inf, device=self.device)
         false = torch.zeros((count, 1), dtype=torch.bool, device=self.device)
         done = {"done": false.clone(), "terminated": false.clone(), "truncated": false.clone()}
         return self._observe(state, dcpa, false, false.clone()) | done
 
+    def _begin(self, count: int) -> dict[str, Tensor]:
+        """Return the entries of `count` new episodes."""
+        if self._first is not None:
+            return {key: value.expand(count, *value.shape[1:]) for key, value in self._first.items()}
+        return self._initial_entries(self._starts.sample(count, self.generator).to(self.device))
+
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Return the initial entries of all rows; in a partial reset TorchRL keeps the other rows."""
-        return TensorDict(
-            self._initial_entries(self.batch_size[0]), batch_size=self.batch_size, device=self.device
-        )
+        entries = {key: value.clone() for key, value in self._begin(self.batch_size[0]).items()}
+        return TensorDict(entries, batch_size=self.batch_size, device=self.device)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Take one action in each row; return observation, reward and done flags."""
@@ -152,8 +179,7 @@ class ShipEnv(EnvBase):
                 following.set(key, tensordict.get(key))
         rows = outcome["done"].squeeze(-1).nonzero().squeeze(-1)
         if rows.numel():
-            for key, value in self._first.items():
+            for key, initial in self._begin(rows.numel()).items():
                 # `index_copy` copies, so the final step's entries stay unchanged in `tensordict["next"]`.
-                initial = value.expand(rows.numel(), *value.shape[1:])
                 following.set(key, following.get(key).index_copy(0, rows, initial))
         return tensordict, following

@@ -15,8 +15,17 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.geometry import unit_vector
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    SHIP_SPEED,
+    initial_state,
+    is_present,
+    position,
+    relative_positions,
+    target_ships,
+)
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.value_bound import ValueBound
 
@@ -59,23 +68,34 @@ def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
 
     `beam` is the maximum number of plans kept from one step to the next.
     """
-    transition = Transition(case, world, torch.device("cpu"))
-    value_bound = ValueBound(transition)
+    transition, start = Transition(world), initial_state(case, world)
+    value_bound = ValueBound(transition, start)
     best = Plan(-math.inf, [], False)
     for resolution in RESOLUTIONS:
-        best = search(transition, value_bound, beam, resolution, best)
+        best = search(start, transition, value_bound, beam, resolution, best)
     return best
 
 
 def search(
-    transition: Transition, value_bound: ValueBound, beam: int, resolution: Resolution, best: Plan
+    start: Tensor,
+    transition: Transition,
+    value_bound: ValueBound,
+    beam: int,
+    resolution: Resolution,
+    best: Plan,
 ) -> Plan:
     """Run one beam search on the CPU, near the best plan so far; return that plan if nothing is better.
 
-    `value_bound` prunes plans. `best.actions` may be empty.
+    Args:
+        start: the case's initial state, [S].
+        transition: the simulation step, on the CPU.
+        value_bound: upper bound of the return to come, which prunes plans.
+        beam: maximum number of plans kept from one step to the next.
+        resolution: which plans count as similar, and how far they may be from `best`.
+        best: best plan so far; its actions may be empty.
     """
-    best_positions = plan_positions(transition, best.actions)
-    state, total = transition.start[None], torch.zeros(1, dtype=torch.float64)
+    best_positions = plan_positions(start, transition, best.actions)
+    state, total = start[None], torch.zeros(1, dtype=torch.float64)
     history = torch.zeros(1, 0, dtype=torch.int8)
     while len(state):
         action = torch.arange(len(transition.actions)).repeat(len(state))
@@ -91,7 +111,7 @@ def search(
         kept = ~ended & (bound > best.episode_return - value_bound.max_error)
         time = history.shape[1]
         if time < len(best_positions):
-            from_best = after.state[:, :2] - best_positions[time]
+            from_best = position(after.state) - best_positions[time]
             kept &= torch.linalg.vector_norm(from_best, dim=-1) <= resolution.max_deviation
         rows = kept.nonzero().squeeze(-1)
         rows = rows[select(bound[rows], after.state[rows], transition, beam, resolution)]
@@ -100,19 +120,19 @@ def search(
     return best
 
 
-def plan_positions(transition: Transition, actions: list[int]) -> Tensor:
+def plan_positions(start: Tensor, transition: Transition, actions: list[int]) -> Tensor:
     """Return own ship's positions in metres after each of T actions, [T, 2]."""
-    state, positions = transition.start[None], [torch.zeros(0, 2)]
+    state, positions = start[None], [torch.zeros(0, 2)]
     for action in actions:
         state = transition(state, torch.tensor([action])).state
-        positions.append(state[:, :2])
+        positions.append(position(state))
     return torch.cat(positions)
 
 
 def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, resolution: Resolution) -> Tensor:
     """Return the indices of the best-ranked of N plans, at most one per cell and `beam` in all.
 
-    Shapes: bound [N], upper bounds of the plans' returns; state [N, 4], which the plans have reached.
+    Shapes: bound [N], upper bounds of the plans' returns; state [N, S], which the plans have reached.
     """
     passing = passing_distance(state, transition)
     weights, safe = transition.world.reward, transition.world.safe_distance
@@ -120,7 +140,7 @@ def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, reso
     order = torch.argsort(bound - penalty * (safe - passing).clamp(min=0.0), descending=True, stable=True)
     cells = torch.cat(
         (
-            state[:, :2] / resolution.position,
+            position(state) / resolution.position,
             state[:, HEADING, None] / resolution.heading,
             passing[:, None] / resolution.passing,
         ),
@@ -138,17 +158,19 @@ def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, reso
 
 
 def passing_distance(state: Tensor, transition: Transition) -> Tensor:
-    """Return the distances [N] in metres at which states [N, 4] will pass the nearest target ship.
+    """Return the distances [N] in metres at which states [N, S] will pass the nearest target ship.
 
     Own ship is assumed to keep its course at full speed. Distances are clipped at 4/3 of the safe distance.
     Ships that own ship has passed count as this far away.
     """
-    position = transition.relative_positions(state)
+    away = relative_positions(state)
     max_distance = transition.world.safe_distance * 4 / 3
-    if not position.shape[1]:
+    if not away.shape[1]:
         return torch.full_like(state[:, 0], max_distance)
     own_velocity = float(transition.actions[:, 0].max()) * unit_vector(state[:, HEADING])
-    velocity = transition.ship_velocity - own_velocity[:, None]
-    time = -(position * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
-    distance = torch.linalg.vector_norm(position + time[..., None] * velocity, dim=-1)
-    return torch.where(time > 0, distance, max_distance).amin(-1).clamp(max=max_distance)
+    ships = target_ships(state)
+    velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING]) - own_velocity[:, None]
+    time = -(away * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
+    distance = torch.linalg.vector_norm(away + time[..., None] * velocity, dim=-1)
+    ahead = is_present(state) & (time > 0)
+    return torch.where(ahead, distance, max_distance).amin(-1).clamp(max=max_distance)

@@ -8,6 +8,7 @@ from torch import Generator
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.fast.compiled import CompiledStep
+from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 
 # With this many episodes the standard error of the mean return is about 2.
@@ -19,9 +20,8 @@ def random_return(case: Case, world: World, seed: int = 0, episodes: int = EPISO
 
     All runs use the same seed of the actions, so that their scores share one zero.
     """
-    reference = Transition(case, world, torch.device("cpu"))
-    step, generator = CompiledStep(reference), Generator().manual_seed(seed)
-    state = reference.start.expand(episodes, -1).contiguous()
+    step, generator = CompiledStep(Transition(world)), Generator().manual_seed(seed)
+    state = initial_state(case, world).expand(episodes, -1).contiguous()
     total = torch.zeros(episodes, dtype=torch.float64)
     running = torch.ones(episodes, dtype=torch.bool)
     while bool(running.any()):

@@ -19,6 +19,7 @@ from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.planner import Plan, best_plan
+from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 
 # Increase it with every change of the planner that may find another plan.
@@ -82,8 +83,8 @@ def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
     Raises:
         IndexError: action index out of range.
     """
-    step = Transition(case, world, torch.device("cpu"))
-    state, total, goal = step.start[None], torch.zeros(1, dtype=torch.float64), False
+    step = Transition(world)
+    state, total, goal = initial_state(case, world)[None], torch.zeros(1, dtype=torch.float64), False
     for action in actions:
         after = step(state, torch.tensor([action]))
         total, state, goal = total + after.reward, after.state, bool(after.goal)

@@ -15,11 +15,17 @@ from torchrl.data import Bounded
 
 from ship_trl.config.types import World
 from ship_trl.sim import scene
-from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.fast.compiled import CompiledDrawing
 from ship_trl.sim.geometry import polygon_edges
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    goal,
+    is_present,
+    position,
+    relative_positions,
+    target_ships,
+)
 
 
 def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
@@ -35,9 +41,9 @@ def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
 
 
 class Rasteriser:
-    """Draws the states of one case as the network sees them.
+    """Draws states as the network sees them; every row of a batch may be another case.
 
-    `rasteriser(state)` takes float [..., 4] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
+    `rasteriser(state)` takes float [..., S] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
     else 1 (grey). A compiled loop draws on the CPU, torch on other devices.
 
     Attributes:
@@ -47,14 +53,9 @@ class Rasteriser:
         compiled: the compiled loop; None where the device is not the CPU.
     """
 
-    def __init__(
-        self, case: Case, world: World, *, colour: bool = False, device: str | torch.device = "cpu"
-    ) -> None:
+    def __init__(self, world: World, *, colour: bool = False, device: str | torch.device = "cpu") -> None:
         self.size, self.channels = scene.SIZE, 3 if colour else 1
         self.device = torch.device(device)
-        self._transition = Transition(case, world, self.device)
-        course = [math.radians(ship.heading) for ship in case.target_ships]
-        self._course = torch.tensor(course, dtype=torch.float32, device=self.device)
         # On the CPU, because the corners are read as Python floats.
         outline = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH), device="cpu")
         self._outline = outline * scene.PIXELS_PER_METRE
@@ -68,8 +69,6 @@ class Rasteriser:
         self.compiled: CompiledDrawing | None = None
         if self.device.type == "cpu":
             self.compiled = CompiledDrawing(
-                self._transition,
-                self._course,
                 self._outline,
                 self._line_ink,
                 self._ship_ink,
@@ -106,7 +105,7 @@ class Rasteriser:
         return image.reshape(self.channels, -1)
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Draw states, float [..., 4]; return uint8 [..., C, 84, 84].
+        """Draw states, float [..., S]; return uint8 [..., C, 84, 84].
 
         Raises:
             ValueError: on the CPU, a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
@@ -116,26 +115,25 @@ class Rasteriser:
         return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
 
     def reference(self, flat: Tensor) -> Tensor:
-        """Draw states in torch, on any device: float [N, 4] to uint8 [N, C, 84 * 84]."""
+        """Draw states in torch, on any device: float [N, S] to uint8 [N, C, 84 * 84]."""
         image = self._background.expand(flat.shape[0], -1, -1).clone()
         turn = math.pi / 2 - flat[:, HEADING]
         # Rotate so that the heading points up, and scale metres to pixels.
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
-        self._draw_line(image, self._transition.goal - flat[:, :2], rotate_x, rotate_y)
-        ships = self._transition.relative_positions(flat)
-        if ships.shape[1]:
-            self._draw_ships(image, ships, rotate_x[:, None], rotate_y[:, None], turn)
+        self._draw_line(image, goal(flat) - position(flat), rotate_x, rotate_y)
+        if target_ships(flat).shape[1]:
+            self._draw_ships(image, flat, rotate_x[:, None], rotate_y[:, None], turn)
         return image.add_(0.5).to(torch.uint8)
 
-    def _draw_line(self, image: Tensor, goal: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
+    def _draw_line(self, image: Tensor, to_goal: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> None:
         """Blend the line to the goal over `image` float [N, C, P]; its length is the distance (section 3.1).
 
-        `goal` [N, 2] is relative to own ship, in metres. `rotate_x` and `rotate_y` [N] are cosine and sine of
-        the rotation to heading up, times pixels per metre.
+        `to_goal` [N, 2] is relative to own ship, in metres. `rotate_x` and `rotate_y` [N] are cosine and sine
+        of the rotation to heading up, times pixels per metre.
         """
-        dx = goal[:, 0] * rotate_x - goal[:, 1] * rotate_y
-        dy = -(goal[:, 0] * rotate_y + goal[:, 1] * rotate_x)
+        dx = to_goal[:, 0] * rotate_x - to_goal[:, 1] * rotate_y
+        dy = -(to_goal[:, 0] * rotate_y + to_goal[:, 1] * rotate_x)
         # At the goal the line has no direction; draw a very short one.
         at_goal = dx * dx + dy * dy < 1e-12
         dx, dy = torch.where(at_goal, 1e-6, dx), torch.where(at_goal, 0.0, dy)
@@ -162,18 +160,18 @@ class Rasteriser:
         self._blend(image, index, coverage, self._line_ink)
 
     def _draw_ships(
-        self, image: Tensor, ships: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
+        self, image: Tensor, state: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
     ) -> None:
         """Blend the target ships over `image` float [N, C, P] as green polygons.
 
-        `ships` [N, K, 2] are relative to own ship, in metres. `turn` [N] is the rotation to heading up in
+        The states are [N, S]. `turn` [N] is the rotation to heading up in
         radians; `rotate_x` and `rotate_y` [N, 1] are its cosine and sine, times pixels per metre.
         In figure 2 a ship's direction is theta_1 + 90 deg, its heading theta_1 + theta_3 + 90 deg.
         """
-        half = self.size / 2
+        half, ships = self.size / 2, relative_positions(state)
         cx = ships[..., 0] * rotate_x - ships[..., 1] * rotate_y + half
         cy = half - (ships[..., 0] * rotate_y + ships[..., 1] * rotate_x)
-        heading = self._course + turn[:, None]
+        heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]
         # Patches are moved back inside the picture. This does not change the coverage of a pixel.
         last = self.size - len(self._patch)
         left = (cx - len(self._patch) / 2).round_().clamp_(0, last)
@@ -184,6 +182,7 @@ class Rasteriser:
         y = (cy[..., None] - row - 0.5)[..., :, None]
         cos, sin = torch.cos(heading)[..., None, None], torch.sin(heading)[..., None, None]
         coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._outline)
+        coverage = coverage * is_present(state)[..., None, None]
         index = row[..., :, None] * self.size + column[..., None, :]
         for k in range(ships.shape[1]):
             self._blend(image, index[:, k], coverage[:, k], self._ship_ink)

@@ -11,9 +11,10 @@ import math
 import torch
 from torch import Tensor
 
-from ship_trl.sim.dynamics import HEADING, STEP, advance
+from ship_trl.sim.dynamics import advance
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, step_reward
+from ship_trl.sim.state import HEADING, OWN_SIZE, SHIP_COUNT, STEP, X, goal, goal_distance, position
 from ship_trl.sim.transition import Transition
 
 # With this grid, the error of a return in the paper's world is about one point.
@@ -30,7 +31,7 @@ MAX_ERROR_SHARE = 1 / 150
 class ValueBound:
     """Upper bound of the return to come in one case, valid for any positions of its target ships.
 
-    `value_bound(state)` takes float [N, 4], all at the same step, and returns float [N]. No plan gains more
+    `value_bound(state)` takes float [N, S], all at the same step, and returns float [N]. No plan gains more
     than this bound plus `max_error` (raw reward), within two limits:
 
     - The reward must be as smooth in the goal's distance and angle as the paper's. As a function of the
@@ -39,45 +40,46 @@ class ValueBound:
     - Within two goal distances of the goal the grid is too coarse to tell which states reach it. There the
       bound may be too low by more than `max_error`.
 
-    The grid has `rows` goal distances, `row_spacing` metres apart, and `GRID_ANGLES` angles, `column_spacing`
-    radians apart. `table` [max_steps + 1, rows * GRID_ANGLES] holds the returns by steps left.
+    `start` [S] is the case's initial state. The grid has `rows` goal distances, `row_spacing` metres apart,
+    and `GRID_ANGLES` angles, `column_spacing` radians apart. `table` [max_steps + 1, rows * GRID_ANGLES] has
+    the returns by steps left.
     """
 
-    def __init__(self, transition: Transition) -> None:
+    def __init__(self, transition: Transition, start: Tensor) -> None:
         self.transition = transition
+        self._has_ships = bool(start[SHIP_COUNT] > 0)
         world, count = transition.world, len(transition.actions)
         reach = float(transition.actions[:, 0].abs().max()) * world.dt
         self.row_spacing = reach / GRID_STEPS_PER_ACTION
         self.column_spacing = 2 * math.pi / GRID_ANGLES
-        farthest = float(transition.goal_distance(transition.start)) + reach * world.max_steps
+        farthest = float(goal_distance(start)) + reach * world.max_steps
         self.rows = math.ceil(farthest / self.row_spacing) + 2
         # The goal is at the origin, own ship west of it, with each of the grid's angles off the bow.
-        state = torch.zeros(self.rows, GRID_ANGLES, 4)
-        state[..., 0] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
+        state = torch.zeros(self.rows, GRID_ANGLES, OWN_SIZE)
+        state[..., X] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
         state[..., HEADING] = math.pi - torch.arange(GRID_ANGLES) * self.column_spacing
-        after = advance(
-            state.reshape(-1, 1, 4).expand(-1, count, 4), torch.arange(count), transition.actions, world.dt
-        )
-        distance = torch.linalg.vector_norm(after[..., :2], dim=-1)
-        off_bow = angle_off_bow(after[..., :2], after[..., HEADING], torch.zeros(2))
-        goal = distance <= world.goal_distance + POSITION_TOLERANCE
-        reward, collision = self._best_rewards(distance, off_bow, goal)
+        before = state.reshape(-1, 1, OWN_SIZE).expand(-1, count, -1)
+        after = advance(before, torch.arange(count).expand(len(before), -1), transition.actions, world.dt)
+        distance = goal_distance(after)
+        off_bow = angle_off_bow(position(after), after[..., HEADING], goal(after))
+        at_goal = distance <= world.goal_distance + POSITION_TOLERANCE
+        reward, collision = self._best_rewards(distance, off_bow, at_goal)
         self.max_error = MAX_ERROR_SHARE * float(reward.max() - reward.min())
         corners, weights = self._corners(distance, off_bow)
         self.table = torch.zeros(world.max_steps + 1, self.rows * GRID_ANGLES)
         for steps_left in range(world.max_steps):
-            following = (self.table[steps_left][corners] * weights).sum(-1).masked_fill(goal, 0.0)
+            following = (self.table[steps_left][corners] * weights).sum(-1).masked_fill(at_goal, 0.0)
             self.table[steps_left + 1] = torch.maximum(reward + following, collision).amax(-1)
 
-    def _best_rewards(self, distance: Tensor, off_bow: Tensor, goal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the highest rewards of a step without and with a collision, both [..., A].
+    def _best_rewards(self, distance: Tensor, off_bow: Tensor, at_goal: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the highest rewards of a step without and with a collision, [..., A] each.
 
         With another reward formula, being near a ship or ending early may be best. Without target ships the
         reward of a collision is minus infinity.
-        Shapes, after the step: distance to the goal (m), off_bow (theta_2, rad), goal reached: [..., A].
+        Shapes, after the step: distance to the goal (m), off_bow (theta_2, rad), whether at_goal: [..., A].
         """
         speed, turn = self.transition.actions.unbind(-1)
-        reached, zero = goal.to(distance.dtype), torch.zeros_like(distance)
+        reached, zero = at_goal.to(distance.dtype), torch.zeros_like(distance)
 
         def rewards(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
             constants, nearest_ship = self.transition.constants, zero + nearest
@@ -86,7 +88,7 @@ class ValueBound:
         reward, collision = rewards(MAX_SHIP_DISTANCE, reached, zero), zero - math.inf
         safe = self.transition.world.safe_distance
         distances = (*SHIP_DISTANCES, safe, safe - POSITION_TOLERANCE)
-        for nearest in distances if len(self.transition.ship_start) else ():
+        for nearest in distances if self._has_ships else ():
             if nearest < safe:
                 collision = torch.maximum(collision, rewards(nearest, zero, zero + 1.0))
             else:
@@ -106,8 +108,8 @@ class ValueBound:
         return corners, weights
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Return the upper bounds [N] of states [N, 4], which must all be at the same step."""
-        off_bow = angle_off_bow(state[:, :2], state[:, HEADING], self.transition.goal)
-        corners, weights = self._corners(self.transition.goal_distance(state), off_bow)
+        """Return the upper bounds [N] of states [N, S], which must all be at the same step."""
+        off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
+        corners, weights = self._corners(goal_distance(state), off_bow)
         steps_left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
         return (self.table[steps_left][corners] * weights).sum(-1)

@@ -11,10 +11,10 @@ from PIL import Image
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
-from ship_trl.policies.named import straight_action
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.painter import draw_legend, draw_scene
@@ -52,14 +52,13 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         pen.write(sheet, pen.cut(name, width, 20, True), (MARGIN, top + 25), TEXT, 20, True)
         for down, text, shade in lines:
             pen.write(sheet, pen.cut(text, width, 13), (MARGIN, top + down), shade, 13)
-        motion = Transition(case, world, torch.device("cpu"))
-        straight = torch.tensor([straight_action(world)])
-        later = motion.start[None]
+        motion, start = Transition(world), initial_state(case, world)
+        straight, later = torch.tensor([world.straight_action]), start[None]
         for _ in range(STEPS):
             later = motion(later, straight).state
-        pictures = [draw_scene(case, world, state, PICTURE) for state in (motion.start, later[0])]
+        pictures = [draw_scene(case, world, state, PICTURE) for state in (start, later[0])]
         for colour in (False, True):
-            seen = Rasteriser(case, world, colour=colour)(later[0]).numpy()
+            seen = Rasteriser(world, colour=colour)(later[0]).numpy()
             pictures.append(pen.from_array(seen, PICTURE))
         for left, picture in zip(lefts, pictures, strict=True):
             sheet.blit(picture, (left, top))

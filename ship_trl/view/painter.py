@@ -19,7 +19,7 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import HEADING, X, Y
+from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, X, Y
 from ship_trl.view import pen
 from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
 from ship_trl.view.pen import Point
@@ -74,8 +74,8 @@ def relative_frame(own: Numbers, side: int) -> Projection:
 
 def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
     """Return a north-up projection that shows start, goal, the target ships' starts and all own tracks."""
-    case = telemetries[0].case
-    places = [np.array([case.start, case.goal]), telemetries[0].ships[0]]
+    first = telemetries[0].states[:1]
+    places = [first[:, [X, Y]], first[:, [GOAL_X, GOAL_Y]], telemetries[0].ships[0]]
     places += [telemetry.states[:, [X, Y]] for telemetry in telemetries]
     low, high = np.concatenate(places).min(0), np.concatenate(places).max(0)
     # Rounded, so that a growing episode seldom changes the scale.
@@ -85,7 +85,7 @@ def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
 
 
 def draw_scene(case: Case, world: World, state: Tensor, size: int = 600) -> pygame.Surface:
-    """Draw one state (x, y, heading, step) as the network sees it, as a square of `size` pixels."""
+    """Draw one state [S] as the network sees it, as a square of `size` pixels."""
     picture = pen.new_surface(size, size)
     telemetry = measure(case, world, state[None], torch.zeros(0, dtype=torch.int64))
     paint_scene(picture, telemetry, 0.0, plain=True)
@@ -120,9 +120,10 @@ def paint_scene(
         _draw_tracks(picture, telemetry, math.ceil(position), frame)
     _draw_hull(picture, frame, own, scene.OWN, scene.OWN_LENGTH, to_scale)
     width = scene.LINE_WIDTH * side / scene.SIZE if plain else max(2, side // 220)
-    pen.strip(picture, scene.LINE, middle, frame.point(*telemetry.case.goal), width)
-    for k, (ship, place) in enumerate(zip(telemetry.case.target_ships, ships, strict=True), 1):
-        pose = np.array([*place, math.radians(ship.heading)])
+    pen.strip(picture, scene.LINE, middle, frame.point(*telemetry.states[0, [GOAL_X, GOAL_Y]]), width)
+    headings = telemetry.headings[min(int(position), telemetry.steps)]
+    for k, (place, heading) in enumerate(zip(ships, headings, strict=True), 1):
+        pose = np.array([*place, heading])
         _draw_hull(picture, frame, pose, scene.TARGET, scene.TARGET_LENGTH, to_scale)
         if not plain:
             _draw_number(picture, frame, pose, k)
@@ -171,8 +172,8 @@ def text_size(side: int, at_900: int) -> int:
 
 def _draw_places(picture: pygame.Surface, telemetry: Telemetry, frame: Projection) -> None:
     """Mark start and goal."""
-    case, size = telemetry.case, text_size(frame.side, 18)
-    goal, start = frame.point(*case.goal), frame.point(*case.start)
+    first, size = telemetry.states[0], text_size(frame.side, 18)
+    goal, start = frame.point(*first[[GOAL_X, GOAL_Y]]), frame.point(*first[[X, Y]])
     pen.circle(picture, scene.GOAL_CIRCLE, goal, telemetry.world.goal_distance * frame.scale, 2)
     pen.circle(picture, TEXT, goal, size / 4)
     pen.write(picture, "goal", (goal[0] + size, goal[1] - size * 0.8), TEXT, size)

@@ -203,7 +203,7 @@ class Panel:
     def ships(self) -> None:
         """Write each target ship's distance, and how close it comes if all keep course and speed."""
         numbers, step, unit, room = self.numbers, self.step, self.unit, self.room
-        count = len(numbers.case.target_ships)
+        count = numbers.ships.shape[1]
         if not count:
             self.head("no target ships")
             return

@@ -15,8 +15,17 @@ from torch import Tensor
 from ship_trl.config.types import Reward, World
 from ship_trl.learn.rollout import Episode, outcome
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import HEADING
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    SHIP_SPEED,
+    SHIP_Y,
+    SPEED,
+    goal_distance,
+    relative_positions,
+    target_ships,
+)
 from ship_trl.sim.transition import Transition
 
 Numbers = NDArray[np.float64]
@@ -31,8 +40,9 @@ class Telemetry:
     """An episode so far, of T steps and K target ships, in metres, seconds and radians.
 
     Attributes:
-        states: x, y, heading and step of own ship, [T + 1, 4].
+        states: states, see `sim.state`, [T + 1, S].
         ships: positions of the target ships, [T + 1, K, 2].
+        headings: headings of the target ships, [T + 1, K].
         actions: indices of the actions taken, [T].
         q_values: of all actions, [T, A]; None if the policy has none.
         terms: return so far by reward term, each [T + 1].
@@ -49,6 +59,7 @@ class Telemetry:
     world: World
     states: Numbers
     ships: Numbers
+    headings: Numbers
     actions: NDArray[np.int64]
     q_values: Numbers | None
     terms: dict[str, Numbers]
@@ -103,28 +114,28 @@ def measure_episode(case: Case, world: World, episode: Episode) -> Telemetry:
 def measure(
     case: Case, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None
 ) -> Telemetry:
-    """Measure an episode so far: states float [T + 1, 4], actions int64 [T], q_values float [T, A]."""
-    motion = Transition(case, world, torch.device("cpu"))
+    """Measure an episode so far: states float [T + 1, S], actions int64 [T], q_values float [T, A]."""
+    motion = Transition(world)
     after = motion(states[:-1], actions)
     goal, collision, truncated = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
-    away = motion.relative_positions(states)
+    away = relative_positions(states)
     apart = torch.linalg.vector_norm(away, dim=-1)
     within = torch.cat((apart[:1], closest_approach(away[:-1], away[1:])))
-    # Own ship has the speed of its last action; at the start that of its first one, or 0 without any.
-    speeds = motion.actions[actions, 0]
-    speeds = torch.cat((speeds[:1] if len(speeds) else torch.zeros(1), speeds))
-    velocity = motion.ship_velocity - (speeds[:, None] * unit_vector(states[:, HEADING]))[:, None]
+    ships = target_ships(states)
+    velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
+    velocity -= (states[:, SPEED, None] * unit_vector(states[:, HEADING]))[:, None]
     dcpa, tcpa = predicted_approach(away, velocity)
     return Telemetry(
         case=case,
         world=world,
         states=states.double().numpy(),
-        ships=(away + states[:, None, :2]).double().numpy(),
+        ships=ships[..., : SHIP_Y + 1].double().numpy(),
+        headings=ships[..., SHIP_HEADING].double().numpy(),
         actions=actions.cpu().numpy().astype(np.int64),
         q_values=None if q_values is None else q_values.double().numpy(),
-        terms=_returns_by_term(case, world, states, actions),
+        terms=_returns_by_term(world, states, actions),
         total=_return_so_far(after.reward),
-        goal_distance=motion.goal_distance(states).double().numpy(),
+        goal_distance=goal_distance(states).double().numpy(),
         apart=apart.double().numpy(),
         closest=(within.cummin(0).values if within.numel() else within).double().numpy(),
         dcpa=dcpa.double().numpy(),
@@ -133,13 +144,13 @@ def measure(
     )
 
 
-def _returns_by_term(case: Case, world: World, states: Tensor, actions: Tensor) -> dict[str, Numbers]:
+def _returns_by_term(world: World, states: Tensor, actions: Tensor) -> dict[str, Numbers]:
     """Compute the return so far by reward term: the return if all other amounts are zero."""
     amounts = [field.name for field in fields(Reward) if not re.fullmatch(r"w\d", field.name)]
     returns = {}
     for name in amounts:
         others: dict[str, Any] = {other: 0.0 for other in amounts if other != name}
-        alone = Transition(case, replace(world, reward=replace(world.reward, **others)), torch.device("cpu"))
+        alone = Transition(replace(world, reward=replace(world.reward, **others)))
         returns[TERMS.get(name, name)] = _return_so_far(alone(states[:-1], actions).reward)
     return returns
 

@@ -100,6 +100,7 @@ def test_every_group_is_covered() -> None:
         "pair",
         "arm",
         "case",
+        "suite",
         "profile",
         "world",
         "learn",

@@ -5,7 +5,7 @@ import torch
 
 from ship_trl.explain.states import STATES_PER_EPISODE
 from ship_trl.sim.scene import VIEW_RADIUS
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.state import STEP, goal_distance, relative_positions
 from tests.explain.worlds import env_of, some_states
 
 
@@ -26,10 +26,9 @@ def test_the_seed_decides() -> None:
 
 def test_states_are_of_running_episodes() -> None:
     states, world = some_states(), env_of().world
-    motion = Transition(env_of().case, world, torch.device("cpu"))
-    assert bool((motion.relative_positions(states.states).norm(dim=-1) > world.safe_distance).all())
-    assert bool((motion.goal_distance(states.states) > world.goal_distance).all())
-    assert bool((states.states[:, 3] < world.max_steps).all())
+    assert bool((relative_positions(states.states).norm(dim=-1) > world.safe_distance).all())
+    assert bool((goal_distance(states.states) > world.goal_distance).all())
+    assert bool((states.states[:, STEP] < world.max_steps).all())
     assert torch.equal(states.pixels, env_of().rasteriser(states.states))
 
 

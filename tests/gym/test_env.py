@@ -11,7 +11,7 @@ from stable_baselines3 import DQN
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
 
 
@@ -57,5 +57,5 @@ def test_it_shows_what_the_network_sees_channels_last(colour: bool) -> None:
     env, world = ShipCollisionEnv(case="4", colour=colour), load_world()
     env.reset()
     observation, _, _, _, info = env.step(np.int64(0))
-    picture = Rasteriser(load_case("4", world), world, colour=colour)(torch.from_numpy(info["state"]))
+    picture = Rasteriser(world, colour=colour)(torch.from_numpy(info["state"]))
     assert np.array_equal(np.moveaxis(observation, -1, 0), picture.numpy())

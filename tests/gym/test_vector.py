@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from numpy.typing import NDArray
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
@@ -109,3 +110,20 @@ def test_bad_input_is_refused() -> None:
         ShipCollisionVectorEnv(2).step(np.array([0, 7]))
     with pytest.raises(ValueError, match="actions: must have the shape"):
         ShipCollisionVectorEnv(2).step(np.array([0, 1, 2]))
+
+
+def test_a_suite_draws_its_starts_from_the_seed() -> None:
+    def starts(seed: int | list[int | None]) -> list[NDArray[np.float32]]:
+        envs = ShipCollisionVectorEnv(8, "paper")
+        states = [envs.reset(seed=seed)[1]["state"]]
+        for _ in range(40):
+            _, _, terminated, truncated, infos = envs.step(np.full(8, 3))
+            states.append(infos["state"][terminated | truncated])
+        return states
+
+    one, same, other = starts(1), starts(1), starts([1, None, 3, 4, 5, 6, 7, 8])
+    assert all(np.array_equal(a, b) for a, b in zip(one, same, strict=True))
+    assert not np.array_equal(one[0], other[0]) and sum(map(len, one)) > 12
+    single = gymnasium.make(f"ship_trl.gym:{ENV_ID}", case="paper")
+    first = [single.reset(seed=seed)[1]["state"] for seed in (0, 0, 1, 2, 3)]
+    assert np.array_equal(first[0], first[1]) and len({state.tobytes() for state in first}) > 1

@@ -66,7 +66,7 @@ def test_the_learner_names_its_device(
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
     env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
     eval_env = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
-    draw = Rasteriser(case, WORLD, device=CPU)
+    draw = Rasteriser(WORLD, device=CPU)
     draw.compiled = None
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved

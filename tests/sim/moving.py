@@ -30,7 +30,7 @@ def moved_case(case: Case, degrees: float, shift: tuple[float, float]) -> Case:
     )
 
 
-def moved_state(state: Tensor, degrees: float, shift: tuple[float, float]) -> Tensor:
-    """Return states [N, 4] rotated about the origin, then translated."""
-    places = torch.tensor([move([x, y], degrees, shift) for x, y in state[:, :2].double().tolist()])
-    return torch.cat((places, state[:, 2:3] + math.radians(degrees), state[:, 3:]), dim=-1)
+def moved_row(row: Tensor, degrees: float, shift: tuple[float, float]) -> Tensor:
+    """Return rows of own ship [N, 4], see `scenes`, rotated about the origin, then translated."""
+    places = torch.tensor([move([x, y], degrees, shift) for x, y in row[:, :2].double().tolist()])
+    return torch.cat((places, row[:, 2:3] + math.radians(degrees), row[:, 3:]), dim=-1)

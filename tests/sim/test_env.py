@@ -13,6 +13,7 @@ from torchrl.envs.utils import check_env_specs
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.state import STEP
 
 CASES = ["1", "2", "3", "4", "5", "6", "new"]
 MakeCase = Callable[..., Case]
@@ -157,8 +158,8 @@ def test_the_last_step_keeps_its_final_state(world: World) -> None:
     for _ in range(19):
         done, step = env.step_and_maybe_reset(step.set("action", torch.tensor([3, 0])))
     assert done["next", "collision"].squeeze(-1).tolist() == [True, False]
-    assert done["next", "state"][0, 1] == pytest.approx(285.0) and done["next", "state"][0, 3] == 19
-    assert step["state"][:, 3].tolist() == [0, 19] and not bool(step["done"].any())
+    assert done["next", "state"][0, 1] == pytest.approx(285.0) and done["next", "state"][0, STEP] == 19
+    assert step["state"][:, STEP].tolist() == [0, 19] and not bool(step["done"].any())
     assert not torch.equal(done["next", "pixels"][0], step["pixels"][0])
     assert math.isinf(float(step["dcpa"][0])) and float(done["next", "dcpa"][0]) < 45
 

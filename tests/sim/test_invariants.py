@@ -14,10 +14,23 @@ from torch import Tensor
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.reward import POSITION_TOLERANCE
+from ship_trl.sim.state import (
+    GOAL_Y,
+    HEADING,
+    OWN_SIZE,
+    SHIP_SIZE,
+    YAW_RATE,
+    Y,
+    goal,
+    goal_distance,
+    initial_state,
+    relative_positions,
+)
 from ship_trl.sim.transition import Transition
 from tests.sim.anywhere import Scenario, mirrored, scenarios
 from tests.sim.moving import moved_case
 from tests.sim.pictures import compiled_difference
+from tests.sim.scenes import scenes
 
 Positions = NDArray[np.float64]
 # Metres: error of 40 steps in float32, some hundred metres from the origin, against float64.
@@ -136,7 +149,10 @@ def test_the_mirrored_world_is_bit_identical(scenario: Scenario) -> None:
     """Mirror about the x axis, where sines change sign exactly: only the angle is rounded."""
     original, mirror_image = rollout(scenario), rollout(mirrored(scenario))
     assert [step.outcome for step in original] == [step.outcome for step in mirror_image]
-    sign = torch.tensor([1.0, -1.0, -1.0, 1.0])
+    flipped = [Y, HEADING, YAW_RATE, GOAL_Y]
+    flipped += [OWN_SIZE + SHIP_SIZE * k + n for k in range(len(scenario.case.target_ships)) for n in (1, 2)]
+    sign = torch.ones(len(initial_state(scenario.case, scenario.world)))
+    sign[flipped] = -1.0
     for one, other in zip(original, mirror_image, strict=True):
         assert torch.equal(one.state * sign, other.state) and one.dcpa == other.dcpa
         assert other.reward == pytest.approx(one.reward, abs=1e-2, rel=1e-5)
@@ -181,22 +197,23 @@ def test_a_batch_is_bit_identical_to_its_ships_one_by_one(scenario: Scenario, co
 @settings(max_examples=40)
 def test_the_compiled_loops_equal_the_reference_in_any_world(scenario: Scenario, seed: int) -> None:
     generator, count, world = torch.Generator().manual_seed(seed), 400, scenario.world
-    reference = Transition(scenario.case, world, torch.device("cpu"))
-    state = torch.rand(count, 4, generator=generator) * torch.tensor([1600.0, 1600.0, 6 * math.pi, 0.0])
-    state[:, :2] += reference.start[:2] - 800.0
-    state[:, 3] = torch.randint(world.max_steps, (count,), generator=generator)
+    reference, start = Transition(world), initial_state(scenario.case, world)
+    row = torch.rand(count, 4, generator=generator) * torch.tensor([1600.0, 1600.0, 6 * math.pi, 0.0])
+    row[:, :2] += start[:2] - 800.0
+    row[:, 3] = torch.randint(world.max_steps, (count,), generator=generator)
     # A quarter is near the goal, and a quarter near a ship, where outcomes change.
     spread = torch.randn(count, 2, generator=generator) * 40
-    state[: count // 4, :2] = reference.goal + spread[: count // 4]
+    row[: count // 4, :2] = goal(start) + spread[: count // 4]
+    state = scenes(scenario.case, world, row)
     if scenario.case.target_ships:
         near_ship = slice(count // 4, count // 2)
-        state[near_ship, :2] += reference.relative_positions(state)[near_ship, 0] + spread[near_ship]
+        state[near_ship, :2] += relative_positions(state)[near_ship, 0] + spread[near_ship]
     action = torch.randint(len(world.actions), (count,), generator=generator)
     wanted, got = reference(state, action), CompiledStep(reference)(state, action)
     torch.testing.assert_close(got.state, wanted.state, rtol=1e-6, atol=3e-4)
     torch.testing.assert_close(got.min_distance, wanted.min_distance, rtol=1e-5, atol=2e-3)
     on_edge = (wanted.min_distance - world.safe_distance).abs() < MAX_POSITION_ERROR
-    to_circle = reference.goal_distance(wanted.state) - world.goal_distance - POSITION_TOLERANCE
+    to_circle = goal_distance(wanted.state) - world.goal_distance - POSITION_TOLERANCE
     on_edge |= to_circle.abs() < MAX_POSITION_ERROR
     for flag in ("goal", "collision", "truncated"):
         assert torch.equal(getattr(got, flag)[~on_edge], getattr(wanted, flag)[~on_edge]), flag

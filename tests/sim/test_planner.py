@@ -13,11 +13,12 @@ from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.planner import Plan, best_plan, passing_distance
 from ship_trl.sim.reward import step_reward
+from ship_trl.sim.state import goal_distance, initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.value_bound import ValueBound
+from tests.sim.scenes import scenes
 
 MakeCase = Callable[..., Case]
-CPU = torch.device("cpu")
 BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new": 83.89, "ship": 63.7}
 
 
@@ -47,7 +48,7 @@ def test_the_fastest_action_may_go_astern(world: World, make_case: MakeCase) -> 
     astern = replace(world, actions=[[-15.0, 0.0], [0.5, 0.0]])
     case = make_case(heading=-90.0)
     # The grid of the bound is as fine as the fastest action needs, whichever way it goes.
-    assert ValueBound(Transition(case, astern, CPU)).rows < 300
+    assert ValueBound(Transition(astern), initial_state(case, astern)).rows < 300
     plan = best_plan(case, astern, beam=50)
     assert plan.goal and plan.actions == [0] * 36
 
@@ -77,8 +78,8 @@ def test_a_collision_that_cannot_be_avoided(world: World, make_case: MakeCase) -
 
 def test_the_bound_is_the_return_without_target_ships(world: World, make_case: MakeCase) -> None:
     case = make_case()
-    bound = ValueBound(Transition(case, world, CPU))
-    at = lambda *values: torch.tensor([values], dtype=torch.float32)  # noqa: E731
+    bound = ValueBound(Transition(world), initial_state(case, world))
+    at = lambda *values: scenes(case, world, [values])  # noqa: E731
     assert float(bound(at(0, 0, torch.pi / 2, 0))) == pytest.approx(83.9, abs=0.5)
     # 5 steps left, 585 to 525 m away at their ends.
     assert float(bound(at(0, 0, torch.pi / 2, 55))) == pytest.approx(-0.01 * 5 * 555, abs=0.2)
@@ -90,8 +91,8 @@ def test_the_bound_is_the_return_without_target_ships(world: World, make_case: M
 def test_the_bound_is_reached_by_turning_towards_the_goal(world: World, make_case: MakeCase) -> None:
     case = replace(make_case(), heading=10.0)
     plan = best_plan(case, world)
-    bound = ValueBound(Transition(case, world, CPU))
-    upper_bound = float(bound(bound.transition.start[None]))
+    bound = ValueBound(Transition(world), initial_state(case, world))
+    upper_bound = float(bound(initial_state(case, world)[None]))
     assert plan.goal and plan.actions[0] == 0
     assert plan.episode_return == pytest.approx(upper_bound, abs=bound.max_error)
 
@@ -121,18 +122,19 @@ def test_no_episode_gains_more_than_its_bound(
     for module in (transition, value_bound):
         monkeypatch.setattr(module, "step_reward", own)
     case = load_case("4", world)
-    step, generator = Transition(case, world, CPU), torch.Generator().manual_seed(0)
-    bound, count = ValueBound(step), 3000
+    step, generator = Transition(world), torch.Generator().manual_seed(0)
+    start, count = initial_state(case, world), 3000
+    bound = ValueBound(step, start)
     # The best known plan, with increasingly many random actions.
     best = torch.tensor(best_plan(case, world, beam=500).actions)
     is_random = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
     random_actions = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
     plan = torch.where(is_random, random_actions, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))
-    state, running = step.start.expand(count, -1), torch.ones(count, dtype=torch.bool)
+    state, running = start.expand(count, -1), torch.ones(count, dtype=torch.bool)
     rewards, bounds = [], []
     for time in range(60):
         after = step(state, plan[:, time])
-        is_far = step.goal_distance(state) > 2 * world.goal_distance
+        is_far = goal_distance(state) > 2 * world.goal_distance
         bounds.append(torch.where(running & is_far, bound(state), torch.inf))
         rewards.append(after.reward * running)
         running = running & ~(after.goal | after.collision | after.truncated)
@@ -143,9 +145,9 @@ def test_no_episode_gains_more_than_its_bound(
 
 
 def test_the_passing_distance_of_steady_courses(world: World, make_case: MakeCase) -> None:
-    state = torch.tensor([[0.0, 0.0, torch.pi / 2, 0.0]])
-    crossing = Transition(make_case((-300.0, 290.0, 0.0, 15.0)), world, CPU)
+    step = Transition(world)
+    crossing = initial_state(make_case((-300.0, 290.0, 0.0, 15.0)), world)[None]
     # When abreast, they are sqrt(2) x 5 m apart.
-    assert float(passing_distance(state, crossing)) == pytest.approx(5 * 2**0.5, abs=1e-3)
+    assert float(passing_distance(crossing, step)) == pytest.approx(5 * 2**0.5, abs=1e-3)
     for harmless in (make_case((0.0, -100.0, -90.0, 15.0)), make_case((500.0, 0.0, 0.0, 1.0)), make_case()):
-        assert float(passing_distance(state, Transition(harmless, world, CPU))) == pytest.approx(60.0)
+        assert float(passing_distance(initial_state(harmless, world)[None], step)) == pytest.approx(60.0)

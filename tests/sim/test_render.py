@@ -13,13 +13,14 @@ from torch import Tensor
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.render import Rasteriser
-from tests.sim.moving import moved_case, moved_state
+from ship_trl.sim.state import state_size
+from tests.sim.moving import moved_case, moved_row
 from tests.sim.pictures import supersampled
+from tests.sim.scenes import scenes
 
 WORLD = load_world()
 CASES = {name: load_case(name, WORLD) for name in ("1", "4", "6")}
-DRAW = {name: Rasteriser(case, WORLD) for name, case in CASES.items()}
-COLOUR = {name: Rasteriser(case, WORLD, colour=True) for name, case in CASES.items()}
+GREY, COLOUR = Rasteriser(WORLD), Rasteriser(WORLD, colour=True)
 AHEAD = math.pi / 2
 
 states = st.tuples(
@@ -35,9 +36,9 @@ def with_ship(x: float, y: float, heading: float) -> Case:
     return replace(CASES["1"], target_ships=[TargetShip(x, y, heading, 0.0)])
 
 
-def draw(case: Case, state: Tensor, colour: bool = False) -> Tensor:
+def draw(case: Case, rows: Tensor, colour: bool = False) -> Tensor:
     """Return the picture as integers [C, 84, 84]."""
-    return Rasteriser(case, WORLD, colour=colour)(state)[0].int()
+    return (COLOUR if colour else GREY)(scenes(case, WORLD, rows))[0].int()
 
 
 def pixel_of(state: Tensor, x: float, y: float) -> tuple[float, float]:
@@ -51,8 +52,8 @@ def pixel_of(state: Tensor, x: float, y: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize("shape", [(), (1,), (5,), (2, 3)])
 def test_the_picture_is_uint8_of_the_states_shape(shape: tuple[int, ...]) -> None:
-    state = torch.rand(*shape, 4) * 10
-    for rasteriser, channels in ((DRAW["6"], 1), (COLOUR["6"], 3)):
+    state = scenes(CASES["6"], WORLD, torch.rand(*shape, 4) * 10)
+    for rasteriser, channels in ((GREY, 1), (COLOUR, 3)):
         pixels = rasteriser(state)
         assert pixels.shape == (*shape, channels, 84, 84) and pixels.dtype == torch.uint8
         assert rasteriser.spec(torch.Size(shape)).is_in(pixels)
@@ -60,9 +61,19 @@ def test_the_picture_is_uint8_of_the_states_shape(shape: tuple[int, ...]) -> Non
 
 @given(st.lists(states, min_size=1, max_size=6), st.sampled_from(["1", "4", "6"]))
 def test_a_batch_is_its_pictures_one_by_one(batch: list[tuple[float, ...]], name: str) -> None:
-    together = DRAW[name](torch.tensor(batch))
-    for one, state in zip(together, batch, strict=True):
-        assert torch.equal(one, DRAW[name](torch.tensor(state)))
+    states = scenes(CASES[name], WORLD, batch)
+    for one, state in zip(GREY(states), states, strict=True):
+        assert torch.equal(one, GREY(state))
+
+
+@given(st.lists(st.tuples(states, st.sampled_from(["1", "4", "6"])), min_size=2, max_size=6))
+def test_rows_of_a_batch_may_be_different_cases(batch: list[tuple[tuple[float, ...], str]]) -> None:
+    mixed = torch.zeros(len(batch), state_size(2))
+    alone = [scenes(CASES[name], WORLD, [row]) for row, name in batch]
+    for row, one in zip(mixed, alone, strict=True):
+        row[: one.shape[1]] = one
+    for draw in (GREY, COLOUR, lambda state: GREY.reference(state).view(-1, 1, 84, 84)):
+        assert torch.equal(draw(mixed), torch.cat([draw(one) for one in alone]))
 
 
 @given(states, st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))
@@ -70,16 +81,16 @@ def test_only_relative_places_are_seen(
     state: tuple[float, ...], degrees: float, shift: tuple[float, float]
 ) -> None:
     here = at(*state)
-    there = moved_state(here, degrees, shift)
+    there = moved_row(here, degrees, shift)
     other = draw(moved_case(CASES["6"], degrees, shift), there)
     assert int((draw(CASES["6"], here) - other).abs().max()) <= 2
 
 
 @given(states)
 def test_grey_is_the_luminance_of_the_colours(state: tuple[float, ...]) -> None:
-    colour = COLOUR["6"](at(*state))[0].float()
+    colour = draw(CASES["6"], at(*state), colour=True).float()
     grey = (colour * torch.tensor(scene.LUMINANCE)[:, None, None]).sum(0)
-    assert float((DRAW["6"](at(*state))[0, 0].float() - grey).abs().max()) <= 1.01
+    assert float((draw(CASES["6"], at(*state))[0] - grey).abs().max()) <= 1.01
 
 
 @given(states, st.tuples(st.floats(-900, 900), st.floats(-900, 900), st.floats(-180, 180)))
@@ -98,7 +109,7 @@ def test_a_ship_changes_only_the_pixels_around_it(
 @given(states)
 def test_the_line_changes_only_the_pixels_along_it(state: tuple[float, ...]) -> None:
     here = at(*state)
-    background = DRAW["1"]._draw_background(WORLD).reshape(84, 84).add(0.5).int()
+    background = GREY.background[0].int()
     rows, columns = (draw(CASES["1"], here)[0] != background).nonzero().unbind(-1)
     row, column = pixel_of(here, *CASES["1"].goal)
     length = math.hypot(row - 42, column - 42)
@@ -176,7 +187,7 @@ def test_a_fifth_of_a_pixel_is_seen(direction: float) -> None:
     ],
 )
 def test_the_picture_equals_supersampling(name: str, state: tuple[float, ...]) -> None:
-    picture = COLOUR[name](at(*state))[0].permute(1, 2, 0).numpy()
+    picture = draw(CASES[name], at(*state), colour=True).permute(1, 2, 0).numpy()
     error = np.abs(picture - supersampled(CASES[name], WORLD, list(state)))
     # Edges are blurred a little differently; a shape a pixel off would show more.
     assert error.mean() < 0.6 and np.quantile(error, 0.999) < 60

@@ -58,7 +58,7 @@ def view(case: Case, world: World, actions: Sequence[int], network: bool = False
     """An episode with made-up Q-values, perhaps of an untrained network."""
     telemetry = measure_episode(case, world, run_actions(case, world, actions))
     made = DuelingNetwork(1, len(world.actions), Generator().manual_seed(0)) if network else None
-    return EpisodeView("made up", telemetry, Rasteriser(case, world), made)
+    return EpisodeView("made up", telemetry, Rasteriser(world), made)
 
 
 def drawn(

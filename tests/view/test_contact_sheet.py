@@ -4,7 +4,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import torch
 from PIL import Image
 
 from ship_trl.config.types import World
@@ -21,6 +20,7 @@ from ship_trl.view.contact_sheet import (
     WIDTH,
     write_contact_sheet,
 )
+from tests.sim.scenes import scenes
 
 
 def test_every_case_has_a_row(world: World, tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_the_networks_view_is_three_times_its_size(
         sheet = np.asarray(image.convert("RGB"))
     left = MARGIN + LABEL + 2 * (PICTURE + GAP)
     shown = sheet[HEAD : HEAD + PICTURE, left : left + PICTURE, 0]
-    seen = Rasteriser(case, world)(torch.tensor([0.0, 180.0, np.pi / 2, 12.0]))[0].numpy()
+    seen = Rasteriser(world)(scenes(case, world, [[0.0, 180.0, np.pi / 2, 12.0]]))[0, 0].numpy()
     # One millimetre of rounding in the place may move a grey level by one.
     assert np.abs(shown[1::3, 1::3].astype(int) - seen).max() <= 1
     assert (shown.reshape(84, 3, 84, 3) == shown[1::3, 1::3][:, None, :, None]).all()

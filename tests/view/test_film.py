@@ -68,7 +68,7 @@ def test_a_gif(world: World, tmp_path: Path) -> None:
 def test_the_gif_of_an_episode_has_a_frame_for_each_state(world: World, tmp_path: Path, colour: bool) -> None:
     case = load_case("6", world)
     # Circling to port: every frame turns, and the step limit ends it.
-    episode, draw = run_actions(case, world, [0]), Rasteriser(case, world, colour=colour)
+    episode, draw = run_actions(case, world, [0]), Rasteriser(world, colour=colour)
     path = tmp_path / "episode.gif"
     write_gif(path, case, world, episode, draw, "FT3 from case 5, seed 0")
     assert [p.name for p in tmp_path.iterdir()] == ["episode.gif"]

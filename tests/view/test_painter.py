@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 from ship_trl.config.types import World
@@ -14,6 +13,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.view import pen
 from ship_trl.view.painter import absolute_frame, draw_scene, paint_scene, relative_frame
 from ship_trl.view.telemetry import Telemetry, measure_episode
+from tests.sim.scenes import scenes
 from tests.view.episodes import run_actions
 
 Picture = NDArray[np.float64]
@@ -35,13 +35,13 @@ CASES = ["1", "2", "3", "4", "5", "6", "new"]
 
 
 def network_picture(case: Case, world: World, state: Place) -> Picture:
-    pixels = Rasteriser(case, world, colour=True)(torch.tensor(state))
+    pixels = Rasteriser(world, colour=True)(scenes(case, world, [state])[0])
     return np.asarray(pixels.permute(1, 2, 0).double().numpy())
 
 
 def people_picture(case: Case, world: World, state: Place) -> Picture:
     """The large picture, each 8 x 8 pixels averaged."""
-    large = pen.to_array(draw_scene(case, world, torch.tensor(state), scene.SIZE * TIMES))
+    large = pen.to_array(draw_scene(case, world, scenes(case, world, [state])[0], scene.SIZE * TIMES))
     return np.asarray(large.reshape(scene.SIZE, TIMES, scene.SIZE, TIMES, 3).mean((1, 3)))
 
 
@@ -81,7 +81,7 @@ def test_people_and_network_see_the_same(world: World, name: str) -> None:
 def test_colours_are_the_scenes(world: World, make_case: Callable[..., Case]) -> None:
     """Own ship at (100, 0) heading east: astern of it is west, a target ship 300 m on port side."""
     case = make_case((100.0, 300.0, 0.0, 0.0))
-    picture = pen.to_array(draw_scene(case, world, torch.tensor([100.0, 0.0, 0.0, 5.0]), 640))
+    picture = pen.to_array(draw_scene(case, world, scenes(case, world, [[100.0, 0.0, 0.0, 5.0]])[0], 640))
     at = lambda right, ahead: tuple(picture[round(320 - ahead / 2), round(320 + right / 2)])  # noqa: E731
     assert at(-630, 630) == scene.OUTSIDE
     assert at(0, -200) == scene.DISC

@@ -58,7 +58,7 @@ def networks() -> tuple[Pretrained, ...]:
 
 
 def read() -> dict[str, Any]:
-    """Read the manifest: `networks`, and `runs` with case, seed, config_hash and best_return."""
+    """Read the manifest: version, `networks`, and `runs` with case, seed, config_hash and best_return."""
     found: dict[str, Any] = json.loads((NETWORKS / MANIFEST).read_text())
     return found
 

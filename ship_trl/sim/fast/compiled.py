@@ -22,16 +22,13 @@ def float32_array(*values: float) -> Array:
 class CompiledStep:
     """`Transition` as a compiled loop on the CPU.
 
-    `step(state, action)` maps float32 [N, 4] and int64 [N] to an `Outcome`.
+    `step(state, action)` maps float32 [N, S] and int64 [N] to an `Outcome`.
     """
 
     def __init__(self, reference: Transition) -> None:
         world = reference.world
         self._constants = (
             reference.actions.numpy(),
-            reference.goal.numpy(),
-            reference.ship_start.numpy(),
-            reference.ship_velocity.numpy(),
             float32_array(
                 world.dt, world.safe_distance, world.goal_distance + POSITION_TOLERANCE, world.max_steps
             ),
@@ -44,7 +41,7 @@ class CompiledStep:
     ) -> None:
         """Take one action with each ship, and write the results into the last four arrays.
 
-        Shapes: state, after float32 [N, 4]; action int64 [N]; reward, min_distance float32 [N]; flags
+        Shapes: state, after float32 [N, S]; action int64 [N]; reward, min_distance float32 [N]; flags
         bool [3, N]: goal, collision, truncated.
 
         Raises:
@@ -57,7 +54,7 @@ class CompiledStep:
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """Take one action with each ship, as `step_into`; return the results as an `Outcome`."""
         count = state.shape[0]
-        after, floats = torch.empty(count, 4, device="cpu"), torch.empty(2, count, device="cpu")
+        after, floats = torch.empty(state.shape, device="cpu"), torch.empty(2, count, device="cpu")
         flags = torch.empty(3, count, dtype=torch.bool, device="cpu")
         reward, min_distance = floats.unbind(0)
         inputs = state.contiguous().numpy(), action.contiguous().numpy()
@@ -69,17 +66,14 @@ class CompiledStep:
 class CompiledDrawing:
     """`Rasteriser.reference` as a compiled loop on the CPU.
 
-    `drawing(state)` maps floats [N, 4] to uint8 [N, C, 84 * 84].
+    `drawing(state)` maps floats [N, S] to uint8 [N, C, 84 * 84].
 
-    Shapes of the arguments: course [K], headings of the target ships in radians; outline [E, 2], corners of a
-    target ship in pixels, counter-clockwise; line_ink and ship_ink [C], colours; background [C, 84 * 84], the
-    picture without line and target ships, in floats.
+    Shapes of the arguments: outline [E, 2], corners of a target ship in pixels, counter-clockwise; line_ink
+    and ship_ink [C], colours; background [C, 84 * 84], the picture without line and target ships, in floats.
     """
 
     def __init__(
         self,
-        transition: Transition,
-        course: Tensor,
         outline: Tensor,
         line_ink: Tensor,
         ship_ink: Tensor,
@@ -87,12 +81,8 @@ class CompiledDrawing:
     ) -> None:
         self._shape = background.shape
         self._constants = (
-            transition.goal.numpy(),
-            transition.ship_start.numpy(),
-            transition.ship_velocity.numpy(),
-            course.numpy(),
             np.asarray(polygon_edges(outline), np.float32),
-            float32_array(transition.world.dt, scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2),
+            float32_array(scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2),
             scene.patch_size(),
             scene.SIZE,
             line_ink.numpy(),
@@ -102,11 +92,11 @@ class CompiledDrawing:
         )
 
     def draw_into(self, state: Array, pictures: Array) -> None:
-        """Draw states float32 [N, 4] into `pictures`, uint8 [N, C, 84 * 84]; raise as `draw_kernels.draw`."""
+        """Draw states float32 [N, S] into `pictures`, uint8 [N, C, 84 * 84]; raise as `draw_kernels.draw`."""
         draw_kernels.draw(state, *self._constants, pictures)
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Draw states float [N, 4]; return uint8 [N, C, 84 * 84]; raise as `draw_kernels.draw`."""
+        """Draw states float [N, S]; return uint8 [N, C, 84 * 84]; raise as `draw_kernels.draw`."""
         pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8, device="cpu")
         self.draw_into(state.detach().float().contiguous().numpy(), pictures.numpy())
         return pictures

@@ -13,12 +13,25 @@ from numba import float32
 
 from ship_trl.jit import RELAXED, compiled
 from ship_trl.sim.fast.step_kernel import ONE, ZERO, Array, Number
+from ship_trl.sim.state import (
+    GOAL_X,
+    GOAL_Y,
+    HEADING,
+    OWN_SIZE,
+    SHIP_COUNT,
+    SHIP_HEADING,
+    SHIP_SIZE,
+    SHIP_X,
+    SHIP_Y,
+    X,
+    Y,
+)
 
 # Lets the compiler assume that no value is NaN, so that `min` and `max` are single instructions. `draw`
 # rejects NaN.
 NO_NAN = RELAXED | {"nnan"}
-# Bound of |x| + |y| + |heading| + |time|, in metres, radians and seconds. Above it, squares overflow
-# float32, and pixel indices would point outside the picture's memory.
+# Bound of the sum of a state's absolute numbers. Above it, squares overflow float32, and pixel indices would
+# point outside the picture's memory.
 MAX_STATE_SUM = np.float32(1e9)
 HALF = np.float32(0.5)
 # Metres. A shorter line has no direction, because its squares underflow.
@@ -160,12 +173,17 @@ def restore_background(
 
 
 @compiled(RELAXED)
+def absolute_sum(row: Array) -> Number:
+    """Return the sum of the absolute numbers of a state."""
+    total = ZERO
+    for i in range(row.shape[0]):
+        total += abs(row[i])
+    return total
+
+
+@compiled(RELAXED)
 def draw(
     states: Array,
-    goal: Array,
-    ships: Array,
-    velocity: Array,
-    course: Array,
     edges: Array,
     scales: Array,
     patch: int,
@@ -176,46 +194,50 @@ def draw(
     background_picture: Array,
     pictures: Array,
 ) -> None:
-    """Draw N states, float32 [N, 4], into `pictures`, uint8 [N, C, P].
+    """Draw N states, float32 [N, S], into `pictures`, uint8 [N, C, P].
 
-    Inputs, float32 unless said otherwise: goal [2] (m); target ships at the start: ships [K, 2] (m),
-    velocity [K, 2] (m/s), course [K] (rad); edges [E, 3] from `polygon_edges`, in pixels; scales [3]: length
-    of a step (s), pixels per metre, `reach` of `cover_line` (pixels); patch and size, widths in pixels of the
-    square around a ship and of the picture; line_ink and ship_ink [C]; background [C, P], the picture without
-    line and target ships; background_picture, the same in uint8.
+    Inputs, float32 unless said otherwise: edges [E, 3] from `polygon_edges`, in pixels; scales [2]: pixels
+    per metre, `reach` of `cover_line` (pixels); patch and size, widths in pixels of the square around a ship
+    and of the picture; line_ink and ship_ink [C]; background [C, P], the picture without line and target
+    ships; background_picture, the same in uint8.
 
     Raises:
         ValueError: a state is not finite, or larger than `MAX_STATE_SUM`.
     """
-    dt, scale, reach = scales
+    scale, reach = scales
     channels, half = background.shape[0], float32(size) * HALF
     # Line and ships are blended in floats. The pixels that they changed are restored before the next state.
     image = background.copy()
     line_cover, pixels = np.empty((STRIP_WIDTH, size // 2), np.float32), np.empty(size // 2, np.int32)
-    cover, squares = np.empty(patch * patch, np.float32), np.empty(ships.shape[0], np.int32)
+    cover, squares = np.empty(patch * patch, np.float32), np.empty(states.shape[1] // SHIP_SIZE, np.int32)
     column, row = np.empty_like(cover), np.empty_like(cover)
     for i in range(patch * patch):
         column[i], row[i] = float32(i % patch), float32(i // patch)
     for n in range(states.shape[0]):
-        picture = pictures[n]
+        state, picture = states[n], pictures[n]
         for c in range(channels):
             copy(background_picture[c], picture[c])
-        x, y, heading, time = states[n, 0], states[n, 1], states[n, 2], states[n, 3] * dt
-        if not abs(x) + abs(y) + abs(heading) + abs(time) < MAX_STATE_SUM:
+        if not absolute_sum(state) < MAX_STATE_SUM:
             raise ValueError("a state to draw is not finite, or beyond 1e9")
-        turn = float32(math.pi / 2) - heading
+        x, y = state[X], state[Y]
+        turn = float32(math.pi / 2) - state[HEADING]
         across, ahead = math.cos(turn) * scale, math.sin(turn) * scale
-        east, north = goal[0] - x, goal[1] - y
+        east, north = state[GOAL_X] - x, state[GOAL_Y] - y
         if abs(east) + abs(north) < MIN_GOAL_DISTANCE:
             east, north = ZERO, ZERO
         right, up = east * across - north * ahead, -(east * ahead + north * across)
         count, pixel_step = cover_line(right, up, reach, size, line_cover, pixels)
         blend_line(image, picture, background, line_ink, line_cover, pixels[:count], pixel_step)
-        for k in range(ships.shape[0]):
-            east = ships[k, 0] + time * velocity[k, 0] - x
-            north = ships[k, 1] + time * velocity[k, 1] - y
+        drawn = 0
+        for k in range((state.shape[0] - OWN_SIZE) // SHIP_SIZE):
+            if k >= state[SHIP_COUNT]:
+                break
+            ship = OWN_SIZE + SHIP_SIZE * k
+            east, north = state[ship + SHIP_X] - x, state[ship + SHIP_Y] - y
             cx, cy = east * across - north * ahead + half, half - (east * ahead + north * across)
+            heading = state[ship + SHIP_HEADING] + turn
             squares[k] = blend_ship(
-                image, picture, ship_ink, cx, cy, course[k] + turn, edges, size, column, row, cover
+                image, picture, ship_ink, cx, cy, heading, edges, size, column, row, cover
             )
-        restore_background(image, background, pixels[:count], pixel_step, squares, patch, size)
+            drawn = k + 1
+        restore_background(image, background, pixels[:count], pixel_step, squares[:drawn], patch, size)

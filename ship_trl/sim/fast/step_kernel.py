@@ -12,6 +12,23 @@ import numpy as np
 from numba import float32
 
 from ship_trl.jit import RELAXED, compiled
+from ship_trl.sim.state import (
+    GOAL_X,
+    GOAL_Y,
+    HEADING,
+    OWN_SIZE,
+    SHIP_COUNT,
+    SHIP_HEADING,
+    SHIP_SIZE,
+    SHIP_SPEED,
+    SHIP_X,
+    SHIP_Y,
+    SPEED,
+    STEP,
+    YAW_RATE,
+    X,
+    Y,
+)
 
 Array = np.ndarray[Any, Any]
 # float32 in compiled code; the types of Python and NumPy differ there.
@@ -37,9 +54,6 @@ def step(
     state: Array,
     action: Array,
     actions: Array,
-    goal: Array,
-    ships: Array,
-    velocity: Array,
     limits: Array,
     after: Array,
     to_goal: Array,
@@ -50,11 +64,11 @@ def step(
 
     The rewards are computed in `reward.write_rewards`.
 
-    Inputs, float32 unless said otherwise: state [N, 4]; action int64 [N]; actions [A, 2] (m/s, rad/s);
-    goal [2] (m); ships (m) and velocity (m/s) of the target ships at the start, [K, 2]; limits [4]: dt (s),
-    safe distance (m), goal distance (m), maximum of steps.
-    Outputs: after [N, 4]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
-    bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
+    Shapes, float32 unless said otherwise:
+        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4]: dt (s), safe
+        distance (m), goal distance (m), maximum of steps.
+        Outputs: after [N, S]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
+        bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
 
     Raises:
         IndexError: action index out of range.
@@ -63,27 +77,35 @@ def step(
     for n in range(state.shape[0]):
         if action[n] < 0 or action[n] >= actions.shape[0]:
             raise IndexError("action index out of range")
-        x, y, heading, count = state[n]
+        row, moved = state[n], after[n]
+        for i in range(row.shape[0]):
+            moved[i] = row[i]
+        x, y = row[X], row[Y]
         speed, turn = actions[action[n]]
-        heading = heading + turn * dt
+        heading = row[HEADING] + turn * dt
         new_x = x + speed * dt * math.cos(heading)
         new_y = y + speed * dt * math.sin(heading)
         nearest = float32(np.inf)
-        for k in range(ships.shape[0]):
-            before, now = count * dt, (count + ONE) * dt
-            ax = ships[k, 0] + before * velocity[k, 0] - x
-            ay = ships[k, 1] + before * velocity[k, 1] - y
-            bx = ships[k, 0] + now * velocity[k, 0] - new_x
-            by = ships[k, 1] + now * velocity[k, 1] - new_y
-            nearest = min(nearest, closest_approach(ax, ay, bx, by))
-        east, north = goal[0] - new_x, goal[1] - new_y
+        for k in range((row.shape[0] - OWN_SIZE) // SHIP_SIZE):
+            if k >= row[SHIP_COUNT]:
+                break
+            ship = OWN_SIZE + SHIP_SIZE * k
+            ship_x, ship_y, course = row[ship + SHIP_X], row[ship + SHIP_Y], row[ship + SHIP_HEADING]
+            way = row[ship + SHIP_SPEED] * dt
+            new_ship_x, new_ship_y = ship_x + way * math.cos(course), ship_y + way * math.sin(course)
+            moved[ship + SHIP_X], moved[ship + SHIP_Y] = new_ship_x, new_ship_y
+            nearest = min(
+                nearest, closest_approach(ship_x - x, ship_y - y, new_ship_x - new_x, new_ship_y - new_y)
+            )
+        east, north = row[GOAL_X] - new_x, row[GOAL_Y] - new_y
         distance = math.hypot(east, north)
         # Becomes float64 below, because `floor` returns an integer.
         off_bow = math.atan2(north, east) - heading
         off_bow -= float32(2 * math.pi) * math.floor((off_bow + float32(math.pi)) / float32(2 * math.pi))
         collided = nearest < safe_distance
         reached = distance <= goal_distance and not collided
-        after[n, 0], after[n, 1], after[n, 2], after[n, 3] = new_x, new_y, heading, count + ONE
+        moved[X], moved[Y], moved[HEADING] = new_x, new_y, heading
+        moved[SPEED], moved[YAW_RATE], moved[STEP] = speed, turn, row[STEP] + ONE
         to_goal[0, n], to_goal[1, n], min_distance[n] = distance, off_bow, nearest
         flags[0, n], flags[1, n] = reached, collided
-        flags[2, n] = after[n, 3] >= max_steps and not reached and not collided
+        flags[2, n] = moved[STEP] >= max_steps and not reached and not collided

@@ -9,10 +9,10 @@ import torch
 
 from ship_trl.config.types import World
 from ship_trl.policies.demonstrations import write_demonstration
-from ship_trl.policies.named import straight_action
 from ship_trl.sim.cases import Case
 from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.telemetry import Telemetry, measure
@@ -39,7 +39,7 @@ class Game(Window):
         self.begin(0)
         digits = {str(k + 1): partial(self.steer, k) for k in range(len(turns))}
         port, starboard = partial(self.turn, -1), partial(self.turn, 1)
-        straight = partial(self.steer, straight_action(world))
+        straight = partial(self.steer, world.straight_action)
         faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
         self.bindings[:0] = [
             ("← →", "the next action to port, to starboard", {"left": port, "right": starboard}),
@@ -73,11 +73,11 @@ class Game(Window):
         """Wait at the start of the case that is `forward` places further in the list."""
         self._place = (self._place + forward) % len(self.cases)
         self.case = self.cases[self._place]
-        self.actions, self.rudder = list[int](), straight_action(self.world)
+        self.actions, self.rudder = list[int](), self.world.straight_action
         self.best = best_known(self.case, self.world).episode_return
-        self._motion = Transition(self.case, self.world, torch.device("cpu"))
-        self._states = [self._motion.start[None]]
-        self._rasteriser = Rasteriser(self.case, self.world)
+        self._motion = Transition(self.world)
+        self._states = [initial_state(self.case, self.world)[None]]
+        self._rasteriser = Rasteriser(self.world)
         self.position, self.is_running, self._message = 0.0, False, "Space: start"
         self._measure()
 

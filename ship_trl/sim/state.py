@@ -1,0 +1,95 @@
+"""The state of a scene: own ship, goal, step and target ships in one float32 row.
+
+Step, reward and picture are functions of this row and of the world's constants, so the rows of a batch may
+be different cases. Only this file says which number stands where. Metres, radians and seconds; x is east, y
+is north; headings are counter-clockwise from east.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from ship_trl.config.types import World
+from ship_trl.sim.cases import Case
+
+X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
+OWN_SIZE = 9
+# Behind own ship, goal, step and count: the numbers of each place for a target ship. A place at or beyond
+# `SHIP_COUNT` is empty, and holds zeros.
+SHIP_X, SHIP_Y, SHIP_HEADING, SHIP_SPEED, SHIP_BEHAVIOUR = range(5)
+SHIP_SIZE = 5
+# The behaviour of a target ship that holds course and speed.
+HOLDS_COURSE = 0.0
+
+
+def state_size(places: int) -> int:
+    """Return S, the length of a row with `places` places for target ships."""
+    return OWN_SIZE + SHIP_SIZE * places
+
+
+def initial_state(case: Case, world: World, places: int | None = None) -> Tensor:
+    """Return the state [S] at the start of a case.
+
+    Own ship has the speed of the world's straight action.
+
+    Args:
+        case: start, goal and target ships.
+        world: the actions.
+        places: places for target ships; by default as many as the case has.
+    """
+    ships = [
+        number
+        for ship in case.target_ships
+        for number in (ship.x, ship.y, math.radians(ship.heading), ship.speed, HOLDS_COURSE)
+    ]
+    count = len(case.target_ships)
+    speed = world.actions[world.straight_action][0]
+    own = [*case.start, math.radians(case.heading), speed, 0.0, *case.goal, 0.0, float(count)]
+    row = torch.zeros(state_size(count if places is None else places), device="cpu")
+    row[: len(own) + len(ships)] = torch.tensor(own + ships, device="cpu")
+    return row
+
+
+def position(state: Tensor) -> Tensor:
+    """Return own ship's positions (m) [..., 2] in states [..., S]."""
+    return state[..., X : Y + 1]
+
+
+def goal(state: Tensor) -> Tensor:
+    """Return the positions (m) of the goal [..., 2] in states [..., S]."""
+    return state[..., GOAL_X : GOAL_Y + 1]
+
+
+def target_ships(state: Tensor) -> Tensor:
+    """Return the places of target ships [..., K, SHIP_SIZE] in states [..., S], empty ones included."""
+    return state[..., OWN_SIZE:].unflatten(-1, (-1, SHIP_SIZE))
+
+
+def is_present(state: Tensor) -> Tensor:
+    """Return which places hold a target ship, bool [..., K], for states [..., S]."""
+    places = (state.shape[-1] - OWN_SIZE) // SHIP_SIZE
+    return torch.arange(places, device=state.device) < state[..., SHIP_COUNT, None]
+
+
+def goal_distance(state: Tensor) -> Tensor:
+    """Return the distances (m) to the goal [...] for states [..., S]."""
+    return torch.linalg.vector_norm(goal(state) - position(state), dim=-1)
+
+
+def relative_positions(state: Tensor) -> Tensor:
+    """Return the target ships' positions (m) relative to own ship, [..., K, 2], for states [..., S].
+
+    Those of empty places mean nothing.
+    """
+    return target_ships(state)[..., : SHIP_Y + 1] - position(state)[..., None, :]
+
+
+def select_ships(state: Tensor, places: Sequence[int]) -> Tensor:
+    """Return states that keep only the target ships of some places, in ascending order."""
+    own = state[..., :OWN_SIZE].clone()
+    own[..., SHIP_COUNT] = is_present(state)[..., places].sum(-1)
+    return torch.cat((own, target_ships(state)[..., places, :].flatten(-2)), -1)

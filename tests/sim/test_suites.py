@@ -1,0 +1,159 @@
+"""Suites: which cases they name, and the initial states that they draw."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Generator, Tensor
+from torchrl.envs.utils import check_env_specs
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World
+from ship_trl.sim.cases import load_case
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.starts import Starts
+from ship_trl.sim.state import (
+    GOAL_X,
+    GOAL_Y,
+    HEADING,
+    OWN_SIZE,
+    SHIP_COUNT,
+    SHIP_SIZE,
+    SHIP_SPEED,
+    X,
+    Y,
+    goal_distance,
+    is_present,
+    relative_positions,
+    target_ships,
+)
+from ship_trl.sim.suites import Perturbation, load_suite, suite_names, suite_of
+
+BOUNDS = Perturbation(own_position=30.0, own_heading=20.0, ship_position=100.0, ship_speed=5.0)
+
+
+def draw(seed: int = 0) -> Generator:
+    return Generator().manual_seed(seed)
+
+
+def test_the_paper_suite_has_its_seven_cases(world: World) -> None:
+    suite = load_suite("paper", world)
+    assert [case.name for case in suite.cases] == ["1", "2", "3", "4", "5", "6", "new"]
+    states = Starts(suite, world).sample(700, draw())
+    assert set(states[:, SHIP_COUNT].tolist()) == {0.0, 1.0, 2.0}
+    # Places without a ship hold zeros.
+    empty = target_ships(states)[~is_present(states)]
+    assert len(empty) > 0 and not bool(empty.any())
+    counts = torch.stack([(states == start).all(-1).sum() for start in Starts(suite, world).states])
+    assert int(counts.sum()) == 700 and int(counts.min()) > 60
+
+
+@pytest.mark.parametrize("name", suite_names())
+def test_every_suite_loads_and_draws(name: str, world: World) -> None:
+    assert len(Starts(load_suite(name, world), world).sample(3, draw())) == 3
+
+
+def test_a_case_is_a_suite_of_one_and_draws_nothing(world: World) -> None:
+    suite, generator = load_suite("4", world), draw()
+    before = generator.get_state()
+    states = Starts(suite, world).sample(3, generator)
+    assert suite.is_fixed and torch.equal(generator.get_state(), before)
+    assert bool((states == states[0]).all())
+
+
+def test_an_unknown_suite_is_refused(world: World) -> None:
+    with pytest.raises(ConfigError, match="suite: no case everything; allowed: 1, 2"):
+        load_suite("everything", world)
+
+
+def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:
+    suite = replace(suite_of(load_case("6", world)), perturbation=BOUNDS)
+    starts = Starts(suite, world)
+    states, start = starts.sample(500, draw()), starts.states[0]
+    change = (states - start).abs()
+    assert float(change[:, [X, Y]].max()) <= 30 and float(change[:, [X, Y]].max()) > 25
+    assert float(change[:, HEADING].max()) <= math.radians(20) + 1e-5
+    ships = target_ships(change)
+    assert float(ships[..., :2].max()) <= 100 + 1e-3 and float(ships[..., SHIP_SPEED].max()) <= 5 + 1e-5
+    assert not bool(change[:, [GOAL_X, GOAL_Y, SHIP_COUNT]].any())
+    assert bool((relative_positions(states).norm(dim=-1) >= world.safe_distance).all())
+    assert bool((goal_distance(states) > world.goal_distance).all())
+
+
+def test_ships_do_not_go_astern_and_absent_ones_stay_absent(world: World) -> None:
+    suite = replace(
+        load_suite("paper", world), perturbation=Perturbation(ship_speed=100.0, ship_position=9.0)
+    )
+    states = Starts(suite, world).sample(200, draw())
+    assert float(target_ships(states)[..., SHIP_SPEED].min()) == 0.0
+    assert not bool(target_ships(states)[~is_present(states)].any())
+
+
+def test_a_perturbation_that_leaves_no_start_is_refused(world: World) -> None:
+    near = replace(load_case("1", world), goal=[0.0, 61.0])
+    wide = replace(suite_of(near), perturbation=Perturbation(own_position=0.5))
+    tight = replace(world, goal_distance=100.0)
+    with pytest.raises(ConfigError, match="perturbation: too large"):
+        Starts(wide, tight).sample(5, draw())
+
+
+@pytest.mark.parametrize("pixels", [False, True])
+def test_torchrl_accepts_a_perturbed_suite(pixels: bool, world: World) -> None:
+    suite = replace(load_suite("paper", world), perturbation=BOUNDS)
+    check_env_specs(ShipEnv(suite, world, 5, from_pixels=pixels))
+
+
+def run(env: ShipEnv, steps: int) -> Tensor:
+    """Return the states before each of some random steps, [steps, N, S]."""
+    current, actions, states = env.reset(), draw(9), []
+    for _ in range(steps):
+        states.append(current["state"])
+        action = torch.randint(7, env.batch_size, generator=actions)
+        _, current = env.step_and_maybe_reset(current.set("action", action))
+    return torch.stack(states)
+
+
+def test_the_same_seed_gives_the_same_episodes(world: World) -> None:
+    suite = replace(load_suite("paper", world), perturbation=BOUNDS)
+    one, same, other = (run(ShipEnv(suite, world, 6, generator=draw(k)), 80) for k in (1, 1, 2))
+    assert torch.equal(one, same) and not torch.equal(one, other)
+    env = ShipEnv(suite, world, 6)
+    env.set_seed(1)
+    assert torch.equal(run(env, 80), one)
+
+
+def test_a_mixed_batch_steps_as_its_rows_alone(world: World) -> None:
+    env = ShipEnv(load_suite("paper", world), world, 64, from_pixels=True)
+    current, actions = env.reset(), draw(3)
+    assert len({row.numpy().tobytes() for row in current["state"]}) == 7
+    alone = {case.name: ShipEnv(case, world, 1, from_pixels=True) for case in env.suite.cases}
+    names = {count: name for name in ("1", "2", "4") for count in [len(alone[name].case.target_ships)]}
+    singles = []
+    for row in current["state"]:
+        count = int(row[SHIP_COUNT])
+        single = alone[names[count]].reset()
+        singles.append(single.set("state", row[None, : OWN_SIZE + SHIP_SIZE * count].clone()))
+    for _ in range(15):
+        action = torch.randint(7, (64,), generator=actions)
+        stepped = env.step(current.set("action", action))["next"]
+        for n, single in enumerate(singles):
+            count = int(single["state"][0, SHIP_COUNT])
+            after = alone[names[count]].step(single.set("action", action[n : n + 1]))["next"]
+            size = OWN_SIZE + SHIP_SIZE * count
+            assert torch.equal(stepped["state"][n, :size], after["state"][0])
+            for key in ("reward", "dcpa", "goal", "collision", "truncated", "pixels"):
+                assert torch.equal(stepped[key][n], after[key][0]), key
+            singles[n] = after
+        current = stepped
+
+
+def test_rows_that_end_begin_with_fresh_starts(world: World) -> None:
+    suite = replace(load_suite("4", world), perturbation=BOUNDS)
+    env = ShipEnv(suite, world, 4, generator=draw(5))
+    current, starts = env.reset(), []
+    for _ in range(60):
+        stepped, current = env.step_and_maybe_reset(current.set("action", torch.full((4,), 3)))
+        done = stepped["next", "done"].squeeze(-1)
+        starts += [row.numpy().tobytes() for row in current["state"][done]]
+    assert len(starts) > 4 and len(set(starts)) == len(starts)

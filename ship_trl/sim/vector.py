@@ -1,0 +1,88 @@
+"""The scene as numbers in own ship's frame, for a small fully connected network."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ship_trl.config.types import World
+from ship_trl.sim import scene
+from ship_trl.sim.geometry import angle_off_bow, unit_vector
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    SHIP_SPEED,
+    SPEED,
+    YAW_RATE,
+    goal,
+    goal_distance,
+    is_present,
+    position,
+    relative_positions,
+    target_ships,
+)
+
+OWN_NUMBERS, SHIP_NUMBERS = 5, 8
+
+
+class VectorObservation:
+    """Observes states as numbers of about one: `observe(state)` maps float [..., S] to float32 [..., F].
+
+    F is 5 + 8 K: first distance of the goal, sine and cosine of its bearing, own speed and rate of turn.
+    then for each of the K nearest target ships, the nearest first: place ahead and to port, velocity relative
+    to own ship ahead and to port, distance, sine and cosine of the bearing, and 1. All eight are zero where
+    there is no ship. Metres are divided by the radius of the visible disc, m/s by the highest speed of an
+    action, rad/s by the highest rate of turn. Bearings are counter-clockwise from the bow.
+
+    Args:
+        world: speeds and rates of turn of the actions.
+        ships: K.
+    """
+
+    def __init__(self, world: World, ships: int) -> None:
+        self.ships = ships
+        self.max_speed = max(abs(speed) for speed, _ in world.actions)
+        self.max_turn = max(abs(turn) for _, turn in world.actions) or 1.0
+
+    @property
+    def size(self) -> int:
+        """F, the count of numbers."""
+        return OWN_NUMBERS + SHIP_NUMBERS * self.ships
+
+    def __call__(self, state: Tensor) -> Tensor:
+        """Observe states [..., S]; return float32 [..., F]."""
+        heading = state[..., HEADING]
+        bearing = angle_off_bow(position(state), heading, goal(state))
+        own = (
+            goal_distance(state) / scene.VIEW_RADIUS,
+            bearing.sin(),
+            bearing.cos(),
+            state[..., SPEED] / self.max_speed,
+            state[..., YAW_RATE] / self.max_turn,
+        )
+        return torch.cat((torch.stack(own, -1), self._observe_ships(state).flatten(-2)), -1)
+
+    def _observe_ships(self, state: Tensor) -> Tensor:
+        """Return the numbers of the K nearest target ships [..., K, 8]."""
+        ships, away, present = target_ships(state), relative_positions(state), is_present(state)
+        bow = unit_vector(state[..., HEADING])[..., None, :]
+        velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
+        velocity = velocity - state[..., SPEED, None, None] * bow
+        port = torch.stack((-bow[..., 1], bow[..., 0]), -1)
+        distance = torch.linalg.vector_norm(away, dim=-1)
+        ahead, left = (away * bow).sum(-1), (away * port).sum(-1)
+        numbers = (
+            ahead / scene.VIEW_RADIUS,
+            left / scene.VIEW_RADIUS,
+            (velocity * bow).sum(-1) / self.max_speed,
+            (velocity * port).sum(-1) / self.max_speed,
+            distance / scene.VIEW_RADIUS,
+            left / distance.clamp(min=1e-6),
+            ahead / distance.clamp(min=1e-6),
+            torch.ones_like(distance),
+        )
+        found = torch.stack(numbers, -1) * present[..., None]
+        order = distance.masked_fill(~present, torch.inf).argsort(dim=-1, stable=True)[..., : self.ships]
+        nearest = found.gather(-2, order[..., None].expand(*order.shape, SHIP_NUMBERS))
+        lacking = self.ships - nearest.shape[-2]
+        return torch.cat((nearest, state.new_zeros(*state.shape[:-1], lacking, SHIP_NUMBERS)), -2)

@@ -1,0 +1,61 @@
+"""The scene as numbers: what they are, and that only relative places count."""
+
+import math
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ship_trl.config.types import World
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.state import OWN_SIZE, SHIP_COUNT, SHIP_SIZE, SPEED, state_size
+from ship_trl.sim.suites import load_suite
+from ship_trl.sim.vector import VectorObservation
+from tests.sim.anywhere import Scenario, scenarios
+from tests.sim.moving import moved_case
+from tests.sim.scenes import scenes
+
+WORLD = load_world()
+
+
+def test_the_numbers_of_a_scene(world: World) -> None:
+    # Own ship heads north at 15 m/s, the goal is 600 m ahead, a ship 300 m to port comes across at 15 m/s.
+    state = scenes(load_case("2", world), world, [[0.0, 150.0, math.pi / 2, 0.0]])[0]
+    assert float(state[SPEED]) == 15.0
+    seen = VectorObservation(world, 2)(state).tolist()
+    assert seen[:5] == pytest.approx([450 / 640, 0, 1, 1, 0], abs=1e-6)
+    assert seen[5:13] == pytest.approx([0, 300 / 640, -1, -1, 300 / 640, 1, 0, 1], abs=1e-6)
+    assert seen[13:] == [0.0] * 8
+
+
+@given(scenarios(), st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))
+def test_only_relative_places_count(scenario: Scenario, degrees: float, shift: tuple[float, float]) -> None:
+    observe = VectorObservation(scenario.world, 3)
+    moved = moved_case(scenario.case, degrees, shift)
+    here, there = (ShipEnv(case, scenario.world).reset()["state"] for case in (scenario.case, moved))
+    torch.testing.assert_close(observe(here), observe(there), atol=2e-3, rtol=1e-4)
+
+
+@given(st.permutations(range(4)), st.integers(0, 2**31))
+def test_the_nearest_ships_come_first_in_whatever_order_they_are(order: list[int], seed: int) -> None:
+    state = torch.rand(state_size(4), generator=torch.Generator().manual_seed(seed)) * 100
+    state[SHIP_COUNT] = 4
+    ships = state[OWN_SIZE:].view(4, SHIP_SIZE)
+    shuffled = torch.cat((state[:OWN_SIZE], ships[order].flatten()))
+    observe = VectorObservation(WORLD, 3)
+    assert torch.equal(observe(state), observe(shuffled))
+    distances = observe(state)[5:].view(3, 8)[:, 4]
+    assert distances.tolist() == sorted(distances.tolist())
+
+
+def test_a_batch_of_a_suite_has_one_shape(world: World) -> None:
+    suite = load_suite("paper", world)
+    observe = VectorObservation(world, 3)
+    env = ShipEnv(suite, world, 20, encoders={"vector": observe})
+    step = env.reset()
+    assert step["vector"].shape == (20, observe.size) == (20, 29)
+    shown = step["vector"][:, 5:].view(20, 3, 8)[..., 7].sum(-1)
+    assert torch.equal(shown, step["state"][:, SHIP_COUNT])
+    assert bool(step["vector"].isfinite().all())

@@ -10,6 +10,7 @@ import torch
 from benchmarks import __main__ as command
 from benchmarks import memory, simulator
 from benchmarks.checkpoints import measure_checkpoints
+from benchmarks.table import compare
 from benchmarks.timing import measure
 from ship_trl.config.types import BFLOAT16
 
@@ -82,8 +83,10 @@ def test_bytes_are_counted_once() -> None:
 
 def test_checkpoints_are_written_and_read() -> None:
     found = measure_checkpoints(2, 0.01, "learn.replay_size=100")
-    assert [one.name for one in found[:3]] == ["write", "read", "2 on the disk"] and len(found) == 9
+    groups = [one.group for one in found]
+    assert groups == [name for name in ("write", "read", "2 on the disk") for _ in range(3)]
     assert all(value > 0 for one in found for value in one.values)
+    assert [row.of_first is None for row in compare("checkpoints", found)] == 3 * [True, False, False]
 
 
 def test_every_simulator_steps(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -145,7 +145,8 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
 def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     grid = ("target=1", "method=scratch", "profile=smoke", "seed=0,1")
-    ship_trl("-m", "hydra/launcher=ray_local", *grid, folder=tmp_path)
+    # Ray reads its settings of the environment once a process.
+    ship_trl("-m", "hydra/launcher=ray_local", *grid, folder=tmp_path, new_process=True)
     assert len(list(tmp_path.rglob("result.json"))) == 2
     home = files(tmp_path / "home")
     assert not any("token" in name for name in home)

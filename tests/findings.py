@@ -146,7 +146,7 @@ def of_arms(study: Study) -> list[str]:
 
 
 def of_layers() -> list[str]:
-    """Return how alike the layers of scratch are to others: rows of CKA, the range over the pairs."""
+    """Return how similar the layers of scratch are to others: rows of CKA, the range over the pairs."""
     table = pd.read_csv(REPORT / "cka.csv")
     table = table[(table["arm"] == "scratch") & table["layer"].isin(["conv3", "conv4", "shared"])]
     table = table[table["pair"].isin(PAIRS)]

@@ -19,7 +19,7 @@ VERBS = {
     "report": "write the report of a study, from its runs or its tables",
     "ask": "estimate any contrast of a study's arms",
     "keep": "keep a study as tables small enough to commit, or restore it",
-    "layers": "measure how alike the layers of a study's networks are",
+    "layers": "measure the similarity of layers in a study's networks",
     "pretrain": "train the bundled networks again",
 }
 

@@ -1,4 +1,4 @@
-"""`python -m ship_trl layers FOLDER TABLE`: measure how alike the layers of a study's networks are (CKA)."""
+"""`python -m ship_trl layers FOLDER TABLE`: measure the similarity of layers in a study's networks (CKA)."""
 
 from __future__ import annotations
 

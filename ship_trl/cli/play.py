@@ -1,6 +1,6 @@
 """`python -m ship_trl play target=CASE`: steer a ship yourself, with the keyboard.
 
-The window shows your return beside the best known one. A finished episode is kept as a demonstration, with
+The window compares your return with the best known one. A finished episode is kept as a demonstration, with
 which a training can begin (demonstrations=FOLDER). The default is case 4; with several cases, separated by
 commas, C goes to the next. Press H in the window for the keys.
 """

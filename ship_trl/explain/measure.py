@@ -22,7 +22,7 @@ from ship_trl.explain.states import StateSet
 
 # Network, role and layer of the probes on raw pixels.
 PIXELS = "pixels"
-# Pairs of roles whose layers are compared, in the order of the networks; other seeds come beside them.
+# Pairs of roles whose layers are compared, in the order of the networks. Other seeds are added to them.
 PAIRS = {
     "source, before training": (Role.before, Role.source),
     "before, after training": (Role.explained, Role.before),
@@ -107,7 +107,7 @@ def measure(
 
 
 def fit_probes(kernel: Floats, states: StateSet, seed: int) -> Probes:
-    """Fit a probe of each quantity; labels are shuffled alike for every layer and network."""
+    """Fit a probe of each quantity; every layer and network has the same shuffled labels."""
     return {
         quantity.name: fit_probe(kernel, quantity, states, np.random.default_rng([seed, k]))
         for k, quantity in enumerate(states.quantities)

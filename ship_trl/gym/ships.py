@@ -52,7 +52,7 @@ class Ships:
 
     def reset(self, rows: Flags | slice = slice(None)) -> None:
         """Begin an episode in some rows, or in all."""
-        if self.suite.is_fixed:  # for few rows, a call of torch takes as long as a step
+        if self.suite.is_fixed:  # torch would add a sixth to a step of 64 ships
             self.state[rows] = self._start
         else:
             self.state[rows] = self._starts.sample(len(self.dcpa[rows]), self._generator).numpy()

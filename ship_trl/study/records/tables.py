@@ -166,7 +166,7 @@ def write_curves(path: Path, runs: Sequence[Run]) -> None:
 def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
     """Write a study's folder with the complete seeds of its tables.
 
-    Other seeds are trained anew as a whole: their missing runs would need networks that no longer exist.
+    Other seeds are trained again as a whole: their missing runs would need networks that no longer exist.
 
     Returns:
         The number of restored runs, and the seeds that are not complete.

@@ -35,7 +35,7 @@ def measure_arm(arm: str, ours: Ours, rounds: int, seconds: float) -> list[Measu
     ours.fill(ours.learn.replay_size)
     ours.run.folder.mkdir(parents=True)
     journal = Journal(ours.run, ours.parts, time.perf_counter())
-    ours.parts.history.add(ours.training.begin(), ours.agent.target_network)
+    ours.parts.history.add(ours.training.begin(), ours.algorithm.network)
     writes = []
     for _ in range(rounds):
         # As in a run, the processor's caches then hold the training's numbers, not the checkpoint's.

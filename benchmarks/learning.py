@@ -79,6 +79,6 @@ def update_probes() -> list[Probe]:
     for arm in ARMS:
         ours = make_ours(arm)
         ours.fill(WARMUP_STEPS)
-        run = partial(ours.agent.update, ours.sample())
+        run = partial(ours.algorithm.learn_from, ours.sample())
         probes.append(Probe("", f"ours, {arm}", run, unit="update", is_ours=True))
     return probes

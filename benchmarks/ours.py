@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 import torch
 from tensordict import TensorDictBase
@@ -10,6 +11,7 @@ from torch import Generator
 
 from benchmarks.work import OVERRIDES, STEPS_PER_CALL, plan_run
 from ship_trl.config.arm import Arm
+from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.run.parts import make_parts
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
@@ -33,9 +35,9 @@ class Ours:
     def __init__(self, run: Run) -> None:
         self.run, self.learn = run, run.config.learn
         self.parts = make_parts(run, torch.device("cpu"), read_source(run))
-        self.agent, self.training = self.parts.agent, self.parts.training
-        self.replay = self.training.replay
-        encoders = {self.agent.observation: self.agent.encode} if self.agent.observation != "state" else {}
+        self.training = self.parts.training
+        self.algorithm = cast(DoubleDQN, self.parts.algorithm)
+        self.replay, encoders = self.algorithm.replay, self.algorithm.encoders
         self.env = ShipEnv(run.target, run.config.world, self.learn.num_envs, encoders=encoders)
 
     def fill(self, steps: int) -> None:

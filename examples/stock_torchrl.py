@@ -4,7 +4,7 @@
 
 Collector, epsilon-greedy module, replay buffer, loss and target updater are TorchRL's. What is ours is the
 environment, the network, and the transform that draws pixels when a batch is learned from; each can be left
-out for one of your own. For a learner that is a multiple faster, see `ship_trl/learn/agent.py`.
+out for one of your own. For a learner that is a multiple faster, see `ship_trl/learn/double_dqn.py`.
 """
 
 import argparse

@@ -28,7 +28,7 @@ from ship_trl.run.source import read_source
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.casebase import CONFIG
-from ship_trl.transfer.layers import copy_layers
+from ship_trl.transfer.methods import make_method
 
 UNTRAINED_NETWORKS = 3
 
@@ -134,7 +134,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
         if found is not None:
             source = copy.deepcopy(before)
             source.load_state_dict(dict(found.weights))
-            copy_layers(before, found.weights, run.arm)
+            make_method(run.arm).copy(before, found.weights)
         env = ShipEnv(case, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:

@@ -6,19 +6,14 @@ One draw tells little: an untrained network often repeats one action, and may re
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import torch
-from torch import Generator, Tensor
+from torch import Generator
 from torchrl.envs import EnvBase
 
-from ship_trl.config.network import supports_incremental
 from ship_trl.learn.backend import Draw
-from ship_trl.learn.fast.inference import CachedInference
-from ship_trl.learn.network import DuelingNetwork
-
-# Maps the observation of one ship [1, ...] to its action [1].
-Decide = Callable[[Tensor], Tensor]
+from ship_trl.learn.network import Dense, DuelingNetwork
 
 
 def jumpstart(
@@ -36,39 +31,28 @@ def jumpstart(
     """
     kept, redrawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
-    encode: Callable[[Tensor], Tensor] = draw
-    decide: list[Decide]
-    if env.device is not None and env.device.type == "cpu" and supports_incremental(network.geometry):
-        inferences = [CachedInference(each, draw.background, copied) for each in networks]
-        decide = [inference.actions for inference in inferences]
-        if copied >= network.linear_from:
-            # All networks have the same copied layers: encode the pictures of all ships in one batch.
-            encode, decide = (
-                lambda state: inferences[0].encode(draw(state)),
-                [one.actions_from_features for one in inferences],
-            )
-    else:
-        decide = [lambda pixels, each=each: each(pixels).argmax(-1) for each in networks]  # type: ignore[misc]
+    for each in networks:
+        each.backend = Dense()
     returns: list[float] = []
     while len(returns) < draws:
         count = min(len(networks), draws - len(returns))
         for each in networks[:count]:
             redrawn.reset(generator, kept)
             each.load_state_dict(redrawn.state_dict())
-        returns += run_episodes(env, encode, decide[:count])
+        returns += run_episodes(env, draw, networks[:count])
     return returns
 
 
 @torch.no_grad()
-def run_episodes(env: EnvBase, encode: Callable[[Tensor], Tensor], decide: Sequence[Decide]) -> list[float]:
-    """Run one greedy episode of each policy, in the first rows of the batch, and return their returns."""
+def run_episodes(env: EnvBase, draw: Draw, networks: Sequence[DuelingNetwork]) -> list[float]:
+    """Run one greedy episode of each network, in the first rows of the batch, and return their returns."""
     step = env.reset()
-    totals = torch.zeros(len(decide), dtype=torch.float64, device=env.device)
-    running = list(range(len(decide)))
+    totals = torch.zeros(len(networks), dtype=torch.float64, device=env.device)
+    running = list(range(len(networks)))
     while running:
         action = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
-        for ship, observation in zip(running, encode(step["state"][running]).split(1), strict=True):
-            action[ship] = decide[ship](observation)[0]
+        for ship, observation in zip(running, draw(step["state"][running]).split(1), strict=True):
+            action[ship] = networks[ship](observation)[0].argmax()
         stepped, step = env.step_and_maybe_reset(step.set("action", action))
         after = stepped["next"]
         totals[running] += after["reward"][running, 0]

@@ -96,6 +96,17 @@ class DoubleDQNLoss(DQNLoss):
         """Raise an error: the networks of a copy would not use the copy's parameters."""
         raise TypeError("a DoubleDQNLoss cannot be copied; build a new one around a copy of its network")
 
+    def rebuild(self) -> DoubleDQNLoss:
+        """Make this loss anew around its network, after layers were frozen or thawed."""
+        actor = QValueActor(self.network, in_keys=self.value_network_in_keys, action_space="categorical")
+        return type(self)(
+            actor,
+            kind=self.kind,
+            huber_delta=self.huber_delta,
+            gamma=float(self.gamma),
+            write_td_error=self.write_td_error,
+        )
+
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         """Compute the loss of transitions [B]; if `write_td_error`, write the squared `td_error` [B, 1]."""

@@ -108,9 +108,9 @@ class DuelingNetwork(nn.Module):
         q = self.dueling(compute(self, observation.reshape(-1, *observation.shape[-dims:])))
         return q.reshape(*shape, self.advantage.out_features)
 
-    def convolve(self, pixels: Tensor) -> Tensor:
-        """Compute all conv layers: uint8 [B, C, 84, 84] to [B, F]."""
-        convs = self.convs
+    def convolve(self, pixels: Tensor, layers: int | None = None) -> Tensor:
+        """Compute the conv layers, or the first `layers` of them: uint8 [B, C, 84, 84] to [B, F]."""
+        convs = self.convs[:layers]
         x = F.relu_(self._conv1(pixels))
         for conv in convs[1 : self.linear_from]:
             x = F.relu_(conv(x))
@@ -144,11 +144,6 @@ class DuelingNetwork(nn.Module):
         advantage = self.advantage(x)
         return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
 
-    def best_actions(self, features: Tensor) -> Tensor:
-        """Return the actions with the highest Q-values: features [B, F] to int64 [B]."""
-        # The value is the same for all actions, so the advantages decide.
-        return self.advantage(F.relu_(self.shared(features))).argmax(-1)
-
     def _conv1(self, pixels: Tensor) -> Tensor:
         """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S]."""
         conv, stride = self.convs[0], self.geometry[0].stride
@@ -166,7 +161,10 @@ class DuelingNetwork(nn.Module):
 
 
 class Backend(Protocol):
-    """Computes the conv layers. It holds no weights, so networks may share it."""
+    """Computes the conv layers in a number format. It holds no weights, so networks may share it."""
+
+    name: str
+    dtype: torch.dtype
 
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
@@ -183,6 +181,8 @@ class Dense:
     Args:
         dtype: of the conv layers; bfloat16 uses autocast, weights and gradients stay float32.
     """
+
+    name = "dense"
 
     def __init__(self, dtype: torch.dtype = torch.float32) -> None:
         self.dtype = dtype

@@ -11,8 +11,8 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.agent import Agent
-from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.algorithm import Algorithm
+from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.rollout import Episode, outcome, rollout
 
 
@@ -42,17 +42,6 @@ class Evaluated:
     greedy_episode: Episode
 
 
-def epsilon_at(episode: int, learn: Learn) -> float:
-    """Return the exploration rate after `episode` episodes: linear over `epsilon_fraction`, then constant."""
-    share = min(1.0, episode / (learn.epsilon_fraction * learn.episodes))
-    return learn.epsilon_start + share * (learn.epsilon_end - learn.epsilon_start)
-
-
-def learning_rate_at(episode: int, learn: Learn) -> float:
-    """Return the learning rate after `episode` episodes: linear from `lr` to `lr_end`."""
-    return learn.lr + min(1.0, episode / learn.episodes) * (learn.lr_end - learn.lr)
-
-
 class DivergedError(Exception):
     """A loss, weight or Q-value is not finite; the text names the environment step."""
 
@@ -66,22 +55,20 @@ class Training:
     Args:
         env: batched environment with `state` and `action`; `goal`, `collision` and `dcpa` are reported.
         eval_env: the same world with a batch size of one.
-        agent: acts and learns.
-        replay: stores the transitions.
-        learn: the schedule.
+        algorithm: acts and learns.
+        learn: how many episodes, and how many between two evaluations.
     """
 
-    def __init__(
-        self, env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
-    ) -> None:
+    def __init__(self, env: EnvBase, eval_env: EnvBase, algorithm: Algorithm, learn: Learn) -> None:
         self._env, self._eval_env, self._learn = env, eval_env, learn
-        self.agent, self.replay = agent, replay
-        self.episode = self.steps = self.updates = 0
+        self.algorithm = algorithm
+        self.episode = self.steps = 0
         count = env.batch_size[0]
         self._returns = torch.zeros(count, dtype=torch.float64, device=env.device)
         self._lengths = torch.zeros(count, dtype=torch.int64, device=env.device)
-        # Losses of the updates since the last episode ended.
+        # Losses of the updates since the last episode ended, and the environment step of each.
         self._losses: list[torch.Tensor] = []
+        self._loss_steps: list[int] = []
         self._current: TensorDictBase | None = None
 
     @property
@@ -106,21 +93,16 @@ class Training:
         Raises:
             DivergedError: a loss or a Q-value is not finite.
         """
-        learn, agent = self._learn, self.agent
-        agent.policy.epsilon = epsilon_at(self.episode, learn)
-        agent.set_learning_rate(learning_rate_at(self.episode, learn))
-        stepped, self._current = self._env.step_and_maybe_reset(agent.policy(self._current))
-        self.replay.extend(stepped)
+        algorithm = self.algorithm
+        stepped, self._current = self._env.step_and_maybe_reset(algorithm.act(self._current, self.episode))
+        algorithm.observe(stepped)
         self.steps += len(self._returns)
         after = stepped["next"]
         self._returns += after["reward"].squeeze(-1)
         self._lengths += 1
-        while (
-            self.steps >= learn.warmup_steps
-            and self.updates < (self.steps - learn.warmup_steps) // learn.update_every
-        ):
-            self._losses.append(agent.update(self.replay.sample(learn.batch_size)))
-            self.updates += 1
+        losses = algorithm.update()
+        self._losses += losses
+        self._loss_steps += [self.steps] * len(losses)
         for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
             if self.is_finished:
                 break
@@ -128,7 +110,7 @@ class Training:
             yield Finished(
                 episode=self.episode,
                 steps=self.steps,
-                epsilon=agent.policy.epsilon,
+                epsilon=algorithm.epsilon,
                 episode_return=float(self._returns[row]),
                 length=int(self._lengths[row]),
                 outcome=outcome(bool(after["goal"][row]), bool(after["collision"][row])),
@@ -136,8 +118,9 @@ class Training:
                 loss=self._mean_loss(),
             )
             self._losses.clear()
+            self._loss_steps.clear()
             self._returns[row], self._lengths[row] = 0.0, 0
-            if self.episode % learn.evaluate_every == 0 or self.is_finished:
+            if self.episode % self._learn.evaluate_every == 0 or self.is_finished:
                 yield self._evaluate()
 
     def _mean_loss(self) -> float | None:
@@ -149,14 +132,13 @@ class Training:
         if not math.isfinite(mean):
             # Name the first loss that is not finite, or the last loss if only the sum overflows.
             first = ((~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1])[0]
-            update = self.updates - len(losses) + first + 1
-            step = self._learn.warmup_steps + update * self._learn.update_every
+            step = self._loss_steps[first]
             raise DivergedError(f"the loss is {float(losses[first])} at environment step {step}")
         return mean
 
     def _evaluate(self) -> Evaluated:
         """Roll out one greedy episode."""
-        greedy = rollout(self._eval_env, self.agent.greedy)[0]
+        greedy = rollout(self._eval_env, self.algorithm.greedy)[0]
         if greedy.q_values is not None and not bool(greedy.q_values.isfinite().all()):
             raise DivergedError(f"a Q-value is not finite after environment step {self.steps}")
         return Evaluated(self.episode, self.steps, greedy)
@@ -168,7 +150,7 @@ class Training:
             DivergedError: a loss or a weight is not finite.
         """
         self._mean_loss()
-        if not all(bool(value.isfinite().all()) for value in self.agent.state_dict().values()):
+        if not all(bool(value.isfinite().all()) for value in self.algorithm.state_dict().values()):
             raise DivergedError(f"a weight is not finite after environment step {self.steps}")
 
     def state_dict(self) -> dict[str, torch.Tensor]:
@@ -176,13 +158,13 @@ class Training:
         assert self._current is not None, "call begin() first"
         flat = self._current.flatten_keys(".")
         own = {
-            "counters": torch.tensor([self.episode, self.steps, self.updates]),
+            "counters": torch.tensor([self.episode, self.steps]),
             "returns": self._returns,
             "lengths": self._lengths,
             "losses": torch.stack(self._losses) if self._losses else torch.empty(0),
             **add_prefix("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
-            **add_prefix("agent", self.agent.state_dict()),
-            **add_prefix("replay", self.replay.compact_state_dict()),
+            "loss_steps": torch.tensor(self._loss_steps, dtype=torch.int64),
+            **add_prefix("algorithm", self.algorithm.state_dict()),
         }
         return {name: value.detach().cpu() for name, value in own.items()}
 
@@ -194,36 +176,26 @@ class Training:
         """
         if state["counters"].dtype is not torch.int64:
             raise TypeError("counters must be int64")
-        self.episode, self.steps, self.updates = state["counters"].tolist()
+        self.episode, self.steps = state["counters"].tolist()
         self._returns.copy_(state["returns"])
         self._lengths.copy_(state["lengths"])
         device = self._env.device
         self._losses = list(state["losses"].to(device))
+        self._loss_steps = state["loss_steps"].tolist()
         current = {key: value.to(device) for key, value in strip_prefix("current", state).items()}
         self._current = TensorDict(current, self._env.batch_size, device=device).unflatten_keys(".")
-        self.agent.load_state_dict(strip_prefix("agent", state))
-        self.replay.load_compact_state_dict(strip_prefix("replay", state))
-
-
-def add_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Prefix each key with a name and a dot."""
-    return {f"{name}.{key}": value for key, value in state.items()}
-
-
-def strip_prefix(name: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Return the entries whose key has a name and a dot as prefix, and strip the prefix."""
-    return {key.removeprefix(f"{name}."): v for key, v in state.items() if key.startswith(f"{name}.")}
+        self.algorithm.load_state_dict(strip_prefix("algorithm", state))
 
 
 def train(
-    env: EnvBase, eval_env: EnvBase, agent: Agent, replay: StateReplay, learn: Learn
+    env: EnvBase, eval_env: EnvBase, algorithm: Algorithm, learn: Learn
 ) -> Iterator[Finished | Evaluated]:
     """Train from the first episode to the last, and yield the events; see `Training`.
 
     Yields:
         `Finished` for each episode; `Evaluated` before the first, every `evaluate_every`, and after the last.
     """
-    training = Training(env, eval_env, agent, replay, learn)
+    training = Training(env, eval_env, algorithm, learn)
     yield training.begin()
     while not training.is_finished:
         yield from training.advance()

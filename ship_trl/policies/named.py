@@ -5,9 +5,6 @@ A policy reads the environment's tensordict (`state` and `pixels`) and writes `a
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -16,6 +13,7 @@ from tensordict import TensorDictBase
 from torch import Generator, nn
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.imports import import_function
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
@@ -90,10 +88,9 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
         network = DuelingNetwork(env.rasteriser.channels, len(env.world.actions), Generator(), layers)
         network.load_state_dict(dict(load_weights(Path(name), network, "policy")))
         return greedy_policy(network.to(env.device), env.rasteriser)
-    where, colon, function = name.rpartition(":")
-    if not colon:
+    if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
-    return refusing_invalid_actions(import_policy(where, function, name)(env, seed), name, env)
+    return refusing_invalid_actions(import_function(name, "policy")(env, seed), name, env)
 
 
 def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:
@@ -142,28 +139,3 @@ def refusing_invalid_actions(policy: object, name: str, env: ShipEnv) -> Policy:
         return written
 
     return act
-
-
-def import_policy(where: str, function: str, name: str) -> Callable[[ShipEnv, int], Policy]:
-    """Import a function from a module or a Python file.
-
-    Raises:
-        ConfigError: the import fails, or there is no such function.
-    """
-    try:
-        if where.endswith(".py"):
-            spec = importlib.util.spec_from_file_location(f"ship_trl_policy_{Path(where).stem}", where)
-            assert spec is not None and spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            # Dataclasses look their module up by name.
-            sys.modules[spec.name] = module
-            spec.loader.exec_module(module)
-        else:
-            module = importlib.import_module(where)
-    except Exception as error:  # a user's file may raise anything
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise ConfigError(f"policy: {name} cannot be imported: {reason}") from None
-    found: Callable[[ShipEnv, int], Policy] | None = getattr(module, function, None)
-    if not callable(found):
-        raise ConfigError(f"policy: {where} has no function {function}")
-    return found

@@ -30,7 +30,7 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
     assert history.best is not None
     finished, evaluated = history.finished, history.evaluated
     about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
-    save_weights(folder / POLICY_LAST, parts.agent.target_network, about)
+    save_weights(folder / POLICY_LAST, parts.algorithm.network, about)
     greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
     draw_curve(folder / "curve.png", finished, greedy, known, run.title)
     if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
@@ -69,8 +69,8 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         training_goal_rate=outcomes.count("goal") / len(outcomes),
         training_collision_rate=outcomes.count("collision") / len(outcomes),
         device=str(parts.eval_env.device),
-        precision=str(parts.agent.dtype).removeprefix("torch."),
-        backend=parts.agent.backend.name,
+        precision=str(parts.algorithm.dtype).removeprefix("torch."),
+        backend=parts.algorithm.backend,
         algorithm_version=ALGORITHM_VERSION,
         schema_version=SCHEMA_VERSION,
         ship_trl=__version__,

@@ -10,11 +10,10 @@ import torch
 from torch import Generator
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.learn.agent import Agent
+from ship_trl.learn.algorithm import Algorithm, Setup, build_algorithm
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
 from ship_trl.run.history import History
@@ -22,7 +21,7 @@ from ship_trl.run.run import Run
 from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
-from ship_trl.transfer.layers import copy_layers
+from ship_trl.transfer.methods import make_method
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
@@ -40,7 +39,7 @@ class Parts:
     """
 
     training: Training
-    agent: Agent
+    algorithm: Algorithm
     eval_env: ShipEnv
     draw: Rasteriser
     history: History
@@ -51,11 +50,11 @@ class Parts:
     @property
     def computed(self) -> str:
         """Arithmetic: precision, backend, processor or device, torch version, digest of its rounding."""
-        agent, device = self.agent, self.eval_env.device
-        precision = str(agent.dtype).removeprefix("torch.")
+        algorithm, device = self.algorithm, self.eval_env.device
+        precision = str(algorithm.dtype).removeprefix("torch.")
         place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
-        rounding = digest_rounding(agent.dtype, device)
-        return f"{precision} {agent.backend.name} {place} torch-{torch.__version__} {rounding}"
+        rounding = digest_rounding(algorithm.dtype, device)
+        return f"{precision} {algorithm.backend} {place} torch-{torch.__version__} {rounding}"
 
     def run_episode(self, network: DuelingNetwork) -> Episode:
         """Run the greedy episode of a network."""
@@ -93,28 +92,37 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))[0]
+    method = make_method(run.arm)
     if source is not None:
-        copy_layers(network, source.weights, run.arm)
-    agent = Agent(network, draw, actions, learn, streams["exploration"], run.arm.frozen_layers)
-    encoders = {agent.observation: agent.encode} if agent.observation != "state" else {}
-    env = make_env(learn.num_envs, encoders=encoders)
-    replay = agent.replay(learn, streams["replay"], device)
-    preload_replay(run, env, replay)
+        method.copy(network, source.weights)
+    setup = Setup(
+        network=network,
+        draw=draw,
+        num_actions=actions,
+        learn=learn,
+        exploration=streams["exploration"],
+        replay=streams["replay"],
+        method=method,
+        options={"build": "ship_trl.learn.double_dqn:build"},
+    )
+    algorithm = build_algorithm(setup)
+    env = make_env(learn.num_envs, encoders=algorithm.encoders)
+    show_demonstrations(run, env, algorithm)
     best = DuelingNetwork(draw.channels, actions, Generator(), config.network).to(device)
     return Parts(
         history=History(best),
-        training=Training(env, eval_env, agent, replay, learn),
-        agent=agent,
+        training=Training(env, eval_env, algorithm, learn),
+        algorithm=algorithm,
         eval_env=eval_env,
         draw=draw,
         scratch=scratch,
-        draws=measure_jumpstart(run, agent, eval_env),
+        draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
     )
 
 
-def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
-    """Step through a run's demonstrations and store the steps; a full replay overwrites the oldest ones.
+def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:
+    """Step through a run's demonstrations and let the algorithm observe the steps.
 
     Raises:
         ConfigError: a demonstration does not reach the return in its file.
@@ -126,7 +134,7 @@ def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
             chosen = torch.full(env.batch_size, action, device=env.device)
             stepped, current = env.step_and_maybe_reset(current.set("action", chosen))
             # All environments of the batch do the same.
-            replay.extend(stepped[:1])
+            algorithm.observe(stepped[:1])
             total += float(stepped["next", "reward"][0])
             done = bool(stepped["next", "done"][0])
             if done:
@@ -138,15 +146,15 @@ def preload_replay(run: Run, env: ShipEnv, replay: StateReplay) -> None:
             )
 
 
-def measure_jumpstart(run: Run, agent: Agent, eval_env: ShipEnv) -> list[float]:
+def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Rasteriser, eval_env: ShipEnv) -> list[float]:
     """Return greedy returns before training, for random draws of the layers that are not copied."""
     config = run.config
-    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(agent.network.conv_names))
+    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(algorithm.network.conv_names))
     if count == 0:
         return []
     if run.arm.copies_all:
-        return [rollout(eval_env, agent.greedy)[0].episode_return]
+        return [rollout(eval_env, algorithm.greedy)[0].episode_return]
     batch = min(count, JUMPSTART_BATCH)
     env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=str(eval_env.device))
     generator = Generator().manual_seed(run.stream("jumpstart"))
-    return jumpstart(env, agent.draw, agent.network, copied, count, generator)
+    return jumpstart(env, draw, algorithm.network, copied, count, generator)

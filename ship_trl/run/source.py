@@ -12,7 +12,8 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.run import Run
 from ship_trl.transfer.casebase import Entry
-from ship_trl.transfer.layers import Weights, load_weights, permute_values
+from ship_trl.transfer.layers import Weights, load_weights
+from ship_trl.transfer.methods.controls import permute_values, random_weights
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,8 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     network = DuelingNetwork(channels, len(config.world.actions), Generator(), config.network)
     if run.arm.weights is SourceWeights.random:
         # An untrained network with the target's layers, drawn from a random stream of its own.
-        network.reset(Generator().manual_seed(run.stream("random source")))
-        return Source(network.state_dict(), SourceWeights.random.value)
+        generator = Generator().manual_seed(run.stream("random source"))
+        return Source(random_weights(network, generator), SourceWeights.random.value)
     path, key, origin = find_file(run, entry)
     weights = load_weights(path, network, key)
     if run.arm.weights is SourceWeights.permuted:

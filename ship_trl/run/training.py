@@ -15,7 +15,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE
 from ship_trl.files.disk import remove, sync
 from ship_trl.files.result import Result, write_result
-from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training, add_prefix, strip_prefix
+from ship_trl.learn.prefix import add_prefix, strip_prefix
+from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.conclude import make_result, retain, write_files
@@ -58,7 +59,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
             events = train_until_stopped(training, journal, stop)
             for event in console.progress(run.title, episodes, events, place, training.episode):
                 tracker.log(event)
-                if history.add(event, parts.agent.target_network):
+                if history.add(event, parts.algorithm.network):
                     save_best(run, history)
         write_files(run, parts, known)
         result = make_result(run, parts, known, journal.seconds)

@@ -1,4 +1,4 @@
-"""Copy layers from a source network, and save and load weights (sections 3.5 and 4.1)."""
+"""Save and load the weights of networks (section 4.1)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from torch import Generator, Tensor
+from torch import Tensor
 
-from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import geometry, load_network
 from ship_trl.config.schema import read_as
@@ -21,24 +20,6 @@ from ship_trl.files.disk import atomic_write, write_tensors
 from ship_trl.learn.network import DuelingNetwork
 
 Weights = Mapping[str, Tensor]
-
-
-def copy_layers(network: DuelingNetwork, weights: Weights, arm: Arm) -> None:
-    """Copy the layers of an arm into `network`, without freezing them."""
-    copied = network.conv_names[: arm.copied_layers(len(network.conv_names))]
-    for key, parameter in network.named_parameters():
-        if arm.copies_all or key.split(".")[0] in copied:
-            parameter.data.copy_(weights[key])
-
-
-def permute_values(weights: Weights, generator: Generator) -> Weights:
-    """Shuffle the values within each weight and bias tensor, which keeps their scale but no features."""
-    permuted = {}
-    for name in sorted(weights):
-        value = weights[name]
-        order = torch.randperm(value.numel(), generator=generator)
-        permuted[name] = value.flatten()[order].reshape(value.shape)
-    return permuted
 
 
 def save_weights(

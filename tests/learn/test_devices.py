@@ -11,13 +11,14 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import Precision
-from ship_trl.learn import agent as agent_module
-from ship_trl.learn.agent import Agent
+from ship_trl.learn import double_dqn
+from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
+from tests.learn.test_double_dqn import Freezing
 from tests.learn.worlds import schedule
 
 CPU = torch.device("cpu")
@@ -62,7 +63,7 @@ def test_simulator_and_rasteriser_name_their_device(meta_device: None, colour: b
 def test_the_learner_names_its_device(
     meta_device: None, frozen: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(agent_module, "choose_backend", lambda *_: Dense())
+    monkeypatch.setattr(double_dqn, "choose_backend", lambda *_: Dense())
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
     env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
     eval_env = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
@@ -71,10 +72,11 @@ def test_the_learner_names_its_device(
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved
         network = DuelingNetwork(1, 7, generators[0])
-    agent = Agent(network, draw, 7, learn, generators[1], frozen)
-    replay = agent.replay(learn, generators[2], CPU)
+    algorithm = double_dqn.build(
+        Setup(network, draw, 7, learn, generators[1], generators[2], Freezing(frozen))
+    )
     before = network.shared.weight.clone()
-    events = list(train(env, eval_env, agent, replay, learn))
+    events = list(train(env, eval_env, algorithm, learn))
     assert len([e for e in events if isinstance(e, Finished)]) == 4
     assert not torch.equal(network.shared.weight, before)
-    assert {p.device for p in agent.target_network.parameters()} == {CPU}
+    assert {p.device for p in algorithm.network.parameters()} == {CPU}

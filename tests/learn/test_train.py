@@ -11,24 +11,24 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.agent import Agent
+from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import rollout
-from ship_trl.learn.train import DivergedError, Evaluated, Finished, epsilon_at, learning_rate_at, train
+from ship_trl.learn.schedule import epsilon_at, learning_rate_at
+from ship_trl.learn.train import DivergedError, Evaluated, Finished, train
 from tests.learn.worlds import Corridor, draw, schedule
 
 
-def make_agent(learn: Learn, seed: int = 0) -> tuple[Agent, StateReplay]:
-    generators = [Generator().manual_seed(seed * 10 + k) for k in range(3)]
-    agent = Agent(DuelingNetwork(1, 3, generators[0]), draw, 3, learn, generators[1])
-    return agent, agent.replay(learn, generators[2], torch.device("cpu"))
+def make(learn: Learn, seed: int = 0) -> DoubleDQN:
+    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
+    return build(Setup(DuelingNetwork(1, 3, weights), draw, 3, learn, exploration, replay))
 
 
-def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], Agent]:
+def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], DoubleDQN]:
     learn = schedule(**changes)
-    agent, memory = make_agent(learn, seed)
-    return list(train(Corridor(learn.num_envs), Corridor(1), agent, memory, learn)), agent
+    algorithm = make(learn, seed)
+    return list(train(Corridor(learn.num_envs), Corridor(1), algorithm, learn)), algorithm
 
 
 def test_it_learns() -> None:
@@ -55,17 +55,17 @@ def test_evaluations_come_before_after_and_between() -> None:
 
 def test_one_update_every_update_every_steps() -> None:
     learn = schedule()
-    agent, memory = make_agent(learn)
+    algorithm = make(learn)
     count, steps = 0, 0
-    update = agent.update
+    update = algorithm.learn_from
 
     def counted(batch: TensorDictBase) -> torch.Tensor:
         nonlocal count
         count += 1
         return update(batch)
 
-    agent.update = counted  # type: ignore[method-assign]
-    for event in train(Corridor(3), Corridor(1), agent, memory, learn):
+    algorithm.learn_from = counted  # type: ignore[method-assign]
+    for event in train(Corridor(3), Corridor(1), algorithm, learn):
         steps = event.steps
     assert count == (steps - learn.warmup_steps) // learn.update_every
 
@@ -83,24 +83,24 @@ def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
 
 def test_a_loss_that_is_not_finite_is_reported_with_its_step() -> None:
     learn = schedule()
-    agent, memory = make_agent(learn)
-    update, losses = agent.update, itertools.count(1)
+    algorithm = make(learn)
+    update, losses = algorithm.learn_from, itertools.count(1)
 
     def diverging(batch: TensorDictBase) -> torch.Tensor:
         loss = update(batch)
         return loss * math.nan if next(losses) >= 5 else loss
 
-    agent.update = diverging  # type: ignore[method-assign]
+    algorithm.learn_from = diverging  # type: ignore[method-assign]
     step = learn.warmup_steps + 5 * learn.update_every
     with pytest.raises(DivergedError, match=f"the loss is nan at environment step {step}$"):
-        list(train(Corridor(1), Corridor(1), agent, memory, learn))
+        list(train(Corridor(1), Corridor(1), algorithm, learn))
 
 
 def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
-    _, agent = events()
-    state = agent.policy.generator.get_state()
-    (first,), (again,) = (rollout(Corridor(1), agent.greedy) for _ in range(2))
-    assert torch.equal(agent.policy.generator.get_state(), state)
+    _, algorithm = events()
+    state = algorithm.policy.generator.get_state()
+    (first,), (again,) = (rollout(Corridor(1), algorithm.greedy) for _ in range(2))
+    assert torch.equal(algorithm.policy.generator.get_state(), state)
     assert first.episode_return == again.episode_return and torch.equal(first.actions, again.actions)
     assert first.q_values is not None
     assert torch.equal(first.q_values.argmax(-1), first.actions)
@@ -121,6 +121,6 @@ def test_learning_rate_falls_linearly_and_reaches_the_optimiser() -> None:
     assert learning_rate_at(0, learn) == 1e-3
     assert learning_rate_at(15, learn) == pytest.approx(5.5e-4)
     assert learning_rate_at(30, learn) == pytest.approx(1e-4)
-    _, agent = events(lr=1e-3, lr_end=1e-4)
+    _, algorithm = events(lr=1e-3, lr_end=1e-4)
     # The last update is made before the last episode ends.
-    assert agent.optimiser.param_groups[0]["lr"] < 2e-4
+    assert algorithm.optimiser.param_groups[0]["lr"] < 2e-4

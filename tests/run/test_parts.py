@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
-import torch
 from hydra import compose, initialize_config_dir
 from torch import Generator
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
-from ship_trl.learn.replay import StateReplay
+from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.double_dqn import build
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import write_demonstration
-from ship_trl.run.parts import preload_replay
+from ship_trl.run.parts import show_demonstrations
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -26,11 +27,15 @@ def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
         run = make_run(to_config(compose("config", words)))
-    replay = StateReplay(1000, 0.1, Generator().manual_seed(0), torch.device("cpu"))
+    env, replay = ShipEnv(case, world, 3), Generator().manual_seed(0)
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0))
+    setup = Setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
+    algorithm = build(setup)
     # Three ships repeat the actions, and the steps of one are kept.
-    preload_replay(run, ShipEnv(case, world, 3), replay)
-    assert len(replay) == 2 * len(plan.actions)
-    rows = replay[:]
+    show_demonstrations(run, env, algorithm)
+    assert algorithm.updates == algorithm.steps == 0
+    assert len(algorithm.replay) == 2 * len(plan.actions)
+    rows = algorithm.replay[:]
     assert rows["action"].tolist() == 2 * plan.actions
     assert abs(float(rows["next", "reward"].sum()) * 10 - 2 * plan.episode_return) < 1e-2
     assert int(rows["next", "done"].sum()) == 2

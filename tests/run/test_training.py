@@ -5,7 +5,7 @@ import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ import torch
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import read_curve
+from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.run import training
 from ship_trl.run.checkpoint import FOLDER, About, Checkpoints
 from ship_trl.run.experiment import run_experiment
@@ -207,7 +208,7 @@ WRONG = [
     ("training.counters", torch.tensor(3)),
     ("training.counters", torch.tensor([5.0, 300.0, 10.0])),
     ("training.returns", torch.zeros(7)),
-    ("training.replay.generator", torch.zeros(16)),
+    ("training.algorithm.replay.generator", torch.zeros(16)),
     ("curve", torch.tensor([255], dtype=torch.uint8)),
     ("curve", torch.from_numpy(np.frombuffer(b"episode,return\n1,2,3\n", dtype=np.uint8).copy())),
 ]
@@ -244,7 +245,7 @@ def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(
 
     def spoil() -> None:
         with torch.no_grad():
-            made[0].agent.network.shared.weight.fill_(float("inf"))
+            cast(DoubleDQN, made[0].algorithm).online_network.shared.weight.fill_(float("inf"))
 
     after(9, spoil)
     with pytest.raises(ConfigError, match=r"finite after environment step \d+.* episode 5 is kept"):

@@ -13,7 +13,9 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network, plain
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import copy_layers, load_weights, permute_values, save_weights, saved_network
+from ship_trl.transfer.layers import load_weights, save_weights, saved_network
+from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods.controls import permute_values
 
 FIVE = load_network("five")
 
@@ -48,7 +50,7 @@ def test_just_the_first_layers_are_copied(
     save_weights(path, network(1, config=config), {})
     fresh, target = network(2, config=config), network(2, config=config)
     weights = load_weights(path, target)
-    copy_layers(target, weights, Arm.parse(arm))
+    make_method(Arm.parse(arm)).copy(target, weights)
     copied = [*target.conv_names, "shared", "value", "advantage"][:count]
     for name, parameter in target.named_parameters():
         wanted = weights[name] if name.split(".")[0] in copied else fresh.get_parameter(name)
@@ -69,7 +71,7 @@ def test_permuting_keeps_the_numbers_of_each_tensor_and_no_order() -> None:
 
 def test_saving_and_loading_keeps_every_bit_and_the_layout(saved: Path) -> None:
     source, target = network(1), network(2)
-    copy_layers(target, load_weights(saved, target), Arm.parse("FTW"))
+    make_method(Arm.parse("FTW")).copy(target, load_weights(saved, target))
     for a, b in zip(source.parameters(), target.parameters(), strict=True):
         assert torch.equal(a, b) and a.stride() == b.stride()
     assert [path.name for path in saved.parent.iterdir()] == [saved.name]

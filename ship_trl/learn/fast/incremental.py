@@ -5,9 +5,6 @@ activation in every frame, so it is computed once per batch. A layer's activatio
 one for each window of the background, then one for each window of a frame that differs. An index maps windows
 to rows, and a layer is one matrix product over gathered rows. The result is exact for any background, but
 only a similar one saves work.
-
-`Incremental` is for learning. `inference.CachedInference` is for acting on a few frames: there the
-background's rows would be most of the work, so it caches them.
 """
 
 from __future__ import annotations
@@ -127,6 +124,8 @@ class Incremental:
         dtype: precision of the conv layers; weights and their gradients stay float32.
         geometry: conv layers of all networks that use it; `supports_incremental` must be true for them.
     """
+
+    name = "incremental"
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
         self.dtype, self.geometry = dtype, geometry

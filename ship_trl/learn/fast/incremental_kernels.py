@@ -94,8 +94,8 @@ def compile_copy_windows(kernel: int, stride: int) -> Loop:
     """Compile `copy_windows` for windows of `kernel` pixels that are `stride` apart."""
 
     @compiled()
-    def copy_windows(pixels: Array, table: Array, side: int, values: Array, rows: Array, base: int) -> None:
-        """Copy the touched windows of conv1 into `rows`; `rows[0]` has row number `base`.
+    def copy_windows(pixels: Array, table: Array, side: int, values: Array, rows: Array) -> None:
+        """Copy the touched windows of conv1 into `rows`.
 
         Shapes: pixels uint8 [B, C, H, H]; table [B, S * S]; values [256], one for each pixel level; rows
         [R, kernel * kernel * C], in the order row, column, channel.
@@ -108,7 +108,7 @@ def compile_copy_windows(kernel: int, stride: int) -> Loop:
                     if row < side * side:
                         continue
                     for i in range(kernel):
-                        window = rows[row - base, kernel * i * channels : kernel * (i + 1) * channels]
+                        window = rows[row, kernel * i * channels : kernel * (i + 1) * channels]
                         for c in range(channels):
                             line = pixels[b, c, stride * y + i, stride * x : stride * x + kernel]
                             for j in range(kernel):
@@ -126,15 +126,14 @@ def index_windows(
     kernel: int,
     stride: int,
     index: Array,
-    base: int,
 ) -> None:
     """Write into `index`, for each row of a layer, the row numbers of the layer below that its window covers.
 
     Shapes: below [B, S * S] and table [B, T * T], row numbers in the layer below and in this one; index
-    int32 [R, K * K], where `index[0]` is for row number `base`.
+    int32 [R, K * K].
     """
     # Frame -1 is the background. Its row numbers are the positions of its windows.
-    for b in range(-1 if base == 0 else 0, table.shape[0]):
+    for b in range(-1, table.shape[0]):
         for y in range(side):
             for x in range(side):
                 row = y * side + x if b < 0 else table[b, y * side + x]
@@ -142,7 +141,7 @@ def index_windows(
                     for i in range(kernel):
                         for j in range(kernel):
                             place = (y * stride + i) * side_below + x * stride + j
-                            index[row - base, i * kernel + j] = place if b < 0 else below[b, place]
+                            index[row, i * kernel + j] = place if b < 0 else below[b, place]
 
 
 @compiled()

@@ -1,4 +1,4 @@
-"""Extract the windows of frames that differ from a background, for `incremental` and `inference`."""
+"""Extract the windows of frames that differ from a background, for `incremental`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Rows(NamedTuple):
     Attributes:
         values: activations, or windows of pixels, [R, C].
         indices: for each remaining conv layer, the rows in each of its T windows, int32 [T, K]; None if the
-            rows are the windows. Row numbers count the background's rows first, even if `values` lacks them.
+            rows are the windows. The background's rows come first.
     """
 
     values: Tensor
@@ -55,27 +55,24 @@ class WindowExtractor:
         windows = windows.permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
         self.background_windows = (windows / 255.0).to(dtype)
 
-    def __call__(self, frames: Tensor, background: bool = True) -> Rows:
-        """Extract the windows that differ; with `background`, its own windows come first."""
+    def __call__(self, frames: Tensor) -> Rows:
+        """Extract the windows that differ, behind those of the background."""
         batch, sides = frames.shape[0], self.sides
         frames = frames.contiguous()
         touched = [np.empty((batch, side, side), np.bool_) for side in sides]
         tables = [np.empty((batch, side * side), np.int32) for side in sides]
-        # Row number of the first row in `values`.
-        base = [0 if background else side * side for side in sides]
         self._mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
         rows = [kernels.number_windows(touched[0], tables[0])]
         for n, (_, kernel, stride, _) in enumerate(self.layers[1:], 1):
             kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
             rows.append(kernels.number_windows(touched[n], tables[n]))
-        windows = torch.zeros(round_up(rows[0] - base[0]), self.background_windows.shape[1], dtype=self.dtype)
-        if background:
-            windows[: len(self.background_windows)] = self.background_windows
-        self._copy_windows(frames.numpy(), tables[0], sides[0], self.levels, as_numpy(windows), base[0])
+        windows = torch.zeros(round_up(rows[0]), self.background_windows.shape[1], dtype=self.dtype)
+        windows[: len(self.background_windows)] = self.background_windows
+        self._copy_windows(frames.numpy(), tables[0], sides[0], self.levels, as_numpy(windows))
         indices: list[Tensor | None] = [None]
         for n, (_, kernel, stride, below) in enumerate(self.layers[1:], 1):
-            index = np.zeros((round_up(rows[n] - base[n]), kernel * kernel), np.int32)
-            kernels.index_windows(tables[n - 1], below, tables[n], sides[n], kernel, stride, index, base[n])
+            index = np.zeros((round_up(rows[n]), kernel * kernel), np.int32)
+            kernels.index_windows(tables[n - 1], below, tables[n], sides[n], kernel, stride, index)
             indices.append(torch.from_numpy(index))
         return Rows(windows, (*indices, torch.from_numpy(tables[-1]), *[None] * (self.linear - 1)))
 

@@ -1,21 +1,16 @@
 """The incremental backend computes the same function as stock convolutions."""
 
-import copy
-from itertools import pairwise
 from typing import Any
 
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
 from ship_trl.learn.fast.incremental import Incremental
-from ship_trl.learn.fast.inference import CachedInference
-from ship_trl.learn.fast.windows import Rows, WindowExtractor, round_up
+from ship_trl.learn.fast.windows import Rows
 from ship_trl.learn.network import DuelingNetwork
-from tests.learn.networks import NETWORKS, ODD, network, plain_forward
+from tests.learn.networks import NETWORKS, ODD, network
 
 PAPER = geometry(NETWORKS["paper"])
 # Windows of the first three layers of the paper's network.
@@ -51,149 +46,6 @@ def incremental(net: DuelingNetwork, frames: Tensor, background: Tensor, dtype: 
     net.backend = Incremental(background, dtype, net.geometry)
     q = net(frames)
     return q.detach(), gradients(net, q)
-
-
-@pytest.mark.parametrize("name", NETWORKS)
-@settings(max_examples=12)
-@given(
-    batch=st.integers(1, 4),
-    channels=st.sampled_from([1, 3]),
-    patches=st.integers(0, 4),
-    frozen=st.integers(0, 5),
-    seed=st.integers(0, 1000),
-)
-def test_incremental_equals_the_network_and_its_gradient(
-    name: str, batch: int, channels: int, patches: int, frozen: int, seed: int
-) -> None:
-    background, frames = scene(batch, channels, patches, seed)
-    frozen = min(frozen, len(NETWORKS[name].conv))
-    dense = network(name, channels, frozen)
-    q = plain_forward(dense, frames)
-    wanted = gradients(dense, q)
-    got_q, got = incremental(network(name, channels, frozen), frames, background, torch.float32)
-    torch.testing.assert_close(got_q, q.detach(), rtol=1e-4, atol=1e-5)
-    assert got.keys() == wanted.keys()
-    for key, gradient in wanted.items():
-        # Thousands of rounded numbers are added in another order; small sums of large ones are left.
-        torch.testing.assert_close(got[key], gradient, rtol=1e-3, atol=1e-4 * float(gradient.abs().max() + 1))
-
-
-def test_the_background_changes_the_work_and_not_the_result() -> None:
-    background, frames = scene(3, 1, 2, 0)
-    net, wrong = network(), torch.zeros_like(background)
-    right, dense = (WindowExtractor(still, torch.float32, PAPER)(frames) for still in (background, wrong))
-    assert len(right.values) < len(dense.values)
-    found = [incremental(net, frames, picture, torch.float32)[0] for picture in (background, wrong)]
-    torch.testing.assert_close(*found, rtol=1e-4, atol=1e-5)
-
-
-def test_frames_equal_to_the_background_add_no_rows() -> None:
-    background, frames = scene(5, 1, 0, 0)
-    rows = WindowExtractor(background, torch.float32, PAPER)(frames)
-    assert row_counts(rows) == tuple(round_up(count) for count in WINDOWS)
-
-
-def test_bfloat16_is_close_and_leaves_the_weights_float32() -> None:
-    background, frames = scene(8, 1, 3, 4)
-    dense = network()
-    q = dense(frames)
-    wanted = gradients(dense, q)
-    net = network()
-    got_q, got = incremental(net, frames, background, torch.bfloat16)
-    assert (got_q - q).abs().max() < 0.02 * q.abs().max()
-    assert got_q.dtype is torch.float32 and all(p.dtype is torch.float32 for p in net.parameters())
-    for name, gradient in wanted.items():
-        if gradient.numel() == 1:  # the value's bias: these weights of the Q-values sum to zero
-            continue
-        cosine = torch.nn.functional.cosine_similarity(got[name].flatten(), gradient.flatten(), dim=0)
-        assert cosine > 0.95, name
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-@pytest.mark.parametrize("frozen", [0, 2])
-def test_weights_and_frames_may_change_at_any_time(dtype: torch.dtype, frozen: int) -> None:
-    background, frames = scene(2, 1, 2, 1)
-    net = network(frozen=frozen)
-    net.backend = Incremental(background, dtype, net.geometry)
-
-    def alone() -> Tensor:
-        other = copy.deepcopy(net)
-        other.backend = Incremental(background, dtype, net.geometry)
-        return other(frames)
-
-    found = [net(frames)]
-    for name in ("conv1", "conv3", "value"):
-        with torch.no_grad():
-            getattr(net, name).weight.mul_(1.5)
-        found.append(net(frames))
-        assert torch.equal(found[-1], alone())
-    frames[0, :, 30:40] = 7
-    found.append(net(frames))
-    assert torch.equal(found[-1], alone())
-    assert all(not torch.equal(one, other) for one, other in pairwise(found))
-
-
-def test_networks_with_different_frozen_layers_may_share_it() -> None:
-    background, frames = scene(2, 1, 2, 1)
-    nets = [network(frozen=2, seed=seed) for seed in (0, 1)]
-    backend = Incremental(background, torch.float32, nets[0].geometry)
-    for net in nets:
-        wanted = net(frames)
-        net.backend = backend
-        torch.testing.assert_close(net(frames), wanted, rtol=1e-4, atol=1e-5)
-
-
-def test_weights_in_another_memory_layout_are_refused() -> None:
-    background, frames = scene(1, 1, 1, 0)
-    net = network()
-    net.convs[1].weight.data = net.convs[1].weight.data.contiguous()
-    net.backend = Incremental(background, torch.float32, net.geometry)
-    with pytest.raises(RuntimeError, match="view"):
-        net(frames)
-
-
-@pytest.mark.parametrize("name", NETWORKS)
-@settings(max_examples=12)
-@given(
-    batch=st.integers(1, 3),
-    channels=st.sampled_from([1, 3]),
-    patches=st.integers(0, 4),
-    frozen=st.integers(0, 5),
-    seed=st.integers(0, 1000),
-)
-def test_cached_inference_decides_like_the_network(
-    name: str, batch: int, channels: int, patches: int, frozen: int, seed: int
-) -> None:
-    background, frames = scene(batch, channels, patches, seed)
-    frozen = min(frozen, len(NETWORKS[name].conv))
-    net = network(name, channels, frozen)
-    inference = CachedInference(net, background, frozen)
-    for change in (1.0, -1.3):  # the cache becomes stale when weights change
-        with torch.no_grad():
-            for parameter in net.parameters():
-                if parameter.requires_grad:
-                    parameter.mul_(change)
-        assert torch.equal(inference.actions(frames), net(frames).argmax(-1))
-        # No frame depends on the others of its batch.
-        one_by_one = torch.cat([inference.actions(frame.unsqueeze(0)) for frame in frames])
-        assert torch.equal(one_by_one, net(frames).argmax(-1))
-    if frozen >= net.linear_from:
-        features, layer = inference.encode(frames), net.geometry[frozen - 1]
-        assert features.shape == (batch, layer.filters * layer.side**2)
-        torch.testing.assert_close(net(features), net(frames), rtol=1e-4, atol=1e-5)
-        assert torch.equal(inference.actions_from_features(features), net(frames).argmax(-1))
-
-
-def test_cached_inference_computes_only_what_differs() -> None:
-    background, frames = scene(1, 1, 2, 5)
-    extract = WindowExtractor(background, torch.float32, PAPER)
-    counts = [row_counts(extract(frames, background=with_background)) for with_background in (True, False)]
-    for with_background, without, windows in zip(*counts, WINDOWS, strict=True):
-        assert 0 < without <= with_background - windows + 8
-    assert len(extract(background[None], background=False).values) == 0
-    net = network()
-    actions = CachedInference(net, background, 0).actions(background[None])
-    assert torch.equal(actions, net(background[None]).argmax(-1))
 
 
 @pytest.mark.parametrize("name", ODD)

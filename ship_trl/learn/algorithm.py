@@ -1,0 +1,146 @@
+"""The seam between the training loop and what learns.
+
+The loop knows an `Algorithm` and nothing of replay, loss or exploration. A builder, named by the setting
+`algorithm.build`, makes one from a `Setup`. `double_dqn.build` is the paper's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import torch
+from tensordict import TensorDictBase
+from torch import Generator, Tensor, nn
+
+from ship_trl.config.imports import import_function
+from ship_trl.config.types import Learn
+from ship_trl.learn.backend import Draw
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.rollout import Policy
+
+
+class Algorithm(Protocol):
+    """Acts in a batched environment and learns from what follows."""
+
+    @property
+    def encoders(self) -> Mapping[str, Callable[[Tensor], Tensor]]:
+        """Further observations that the environment gives, each a function of states [N, S]."""
+        ...
+
+    @property
+    def network(self) -> DuelingNetwork:
+        """The network of the greedy policy, which is evaluated and saved."""
+        ...
+
+    @property
+    def greedy(self) -> Policy:
+        """The policy of evaluations, which draws no random number."""
+        ...
+
+    @property
+    def epsilon(self) -> float:
+        """Share of random actions; NaN where actions are drawn otherwise."""
+        ...
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """Number format of the conv layers in training."""
+        ...
+
+    @property
+    def backend(self) -> str:
+        """Name of what computes the conv layers in training."""
+        ...
+
+    def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
+        """Write `action` [N] of the exploring policy, when `episode` training episodes have ended."""
+        ...
+
+    def observe(self, step: TensorDictBase) -> None:
+        """Take note of a step [N] of the environment, with `action` and `next`."""
+        ...
+
+    def update(self) -> list[Tensor]:
+        """Make the updates that are due, and return their losses."""
+        ...
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return what a checkpoint needs to go on with the same bits; tensors are not copied."""
+        ...
+
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned.
+
+        Raises:
+            KeyError, RuntimeError: the state does not fit this algorithm.
+        """
+        ...
+
+
+class Method(Protocol):
+    """What a method of transfer asks of an algorithm while it learns; see `ship_trl.transfer.methods`.
+
+    Attributes:
+        thaws: whether layers that are frozen at first learn later.
+    """
+
+    thaws: bool
+
+    def frozen_layers(self, progress: float) -> int:
+        """Return how many layers, counted from the input, do not learn at a share of the episodes."""
+        ...
+
+    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
+        """Return what is added to the loss of a batch, or None for nothing."""
+        ...
+
+
+class NoTransfer:
+    """The method of learning from scratch: everything learns, and nothing is added to the loss."""
+
+    thaws = False
+
+    def frozen_layers(self, progress: float) -> int:
+        """Return that no layer is frozen."""
+        return 0
+
+    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
+        """Return that nothing is added to the loss."""
+        return None
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a builder makes an algorithm from.
+
+    Attributes:
+        network: the initial weights, on the device of the training.
+        draw: maps states to the network's input.
+        num_actions: A.
+        learn: hyperparameters.
+        exploration: random generator of the acting policy, on the device.
+        replay: random generator of the batches, on the device.
+        method: what a transfer asks of learning.
+        options: the settings below `algorithm`.
+    """
+
+    network: DuelingNetwork
+    draw: Draw
+    num_actions: int
+    learn: Learn
+    exploration: Generator
+    replay: Generator
+    method: Method = field(default_factory=NoTransfer)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def build_algorithm(setup: Setup) -> Algorithm:
+    """Make the algorithm whose builder `setup.options["build"]` names.
+
+    Raises:
+        ConfigError: there is no such builder, or it refuses its settings.
+    """
+    build: Callable[[Setup], Algorithm] = import_function(setup.options["build"], "algorithm.build")
+    return build(setup)

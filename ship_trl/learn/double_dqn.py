@@ -1,0 +1,222 @@
+"""Double DQN on replayed transitions: the paper's algorithm (section 3.2), and the default."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+from torchrl.modules import QValueActor
+
+from ship_trl.config.types import Learn
+from ship_trl.learn.algorithm import Method, NoTransfer, Setup
+from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
+from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
+from ship_trl.learn.fast.incremental import Incremental
+from ship_trl.learn.fast.weights_version import count_untracked_write
+from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
+from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
+from ship_trl.learn.prefix import add_prefix, strip_prefix
+from ship_trl.learn.replay import DrawPixels, StateReplay
+from ship_trl.learn.rollout import Policy
+from ship_trl.learn.schedule import epsilon_at, learning_rate_at
+
+
+class DoubleDQN:
+    """Acts by an exploring policy, stores what follows, and learns from batches of it.
+
+    The online network explores, as in the paper. Evaluations use the target network, which is the running
+    average of the online network over the last 1/tau updates. Q-values of actions are often almost equal
+    (one second at 12 m/s instead of 15 costs 0.7 of a return of 84). So each update changes some choices
+    of the online network, but few of the average.
+
+    Args:
+        loss: of a batch, with the online and the target network.
+        target_update: moves the target network after each update.
+        optimiser: of the layers that learn.
+        replay: stores the transitions and draws batches.
+        policy: explores.
+        draw: maps states to the network's input.
+        learn: the schedule of updates, exploration and learning rate.
+        method: what a transfer asks of learning.
+        encoders: see `Algorithm`.
+    """
+
+    def __init__(
+        self,
+        loss: DoubleDQNLoss,
+        target_update: ForeachSoftUpdate,
+        optimiser: ChannelsLastAdam,
+        replay: StateReplay,
+        policy: EpsilonGreedy,
+        draw: Draw,
+        learn: Learn,
+        method: Method | None = None,
+        encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
+    ) -> None:
+        self.loss, self.target_update, self.optimiser = loss, target_update, optimiser
+        self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
+        self._method: Method = method or NoTransfer()
+        self.encoders: Mapping[str, Callable[[Tensor], Tensor]] = dict(encoders or {})
+        self.online_network: DuelingNetwork = loss.network
+        self.dtype = self.online_network.backend.dtype
+        self.backend = self.online_network.backend.name
+        # Environment steps and updates so far.
+        self.steps = self.updates = 0
+        self._judge()
+
+    def _judge(self) -> None:
+        """Make the network and the policy of evaluations, which compute whole frames in float32."""
+        self.network: DuelingNetwork = copy.copy(self.loss.target_network)
+        self.network.backend = Dense()
+        self.greedy: Policy = greedy_policy(self.network, self._draw)
+
+    @property
+    def epsilon(self) -> float:
+        """Share of random actions."""
+        return self.policy.epsilon
+
+    def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
+        """Write `action`, when `episode` training episodes have ended."""
+        self.policy.epsilon = epsilon_at(episode, self._learn)
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate_at(episode, self._learn)
+        if self._method.thaws:
+            self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
+        self.steps += step.batch_size[0]
+        return self.policy(step)
+
+    def observe(self, step: TensorDictBase) -> None:
+        """Store a step."""
+        self.replay.extend(step)
+
+    def update(self) -> list[Tensor]:
+        """Make the updates that are due, and return their losses."""
+        learn, losses = self._learn, []
+        due = max(0, self.steps - learn.warmup_steps) // learn.update_every
+        while self.updates < due:
+            losses.append(self.learn_from(self.replay.sample(learn.batch_size)))
+            self.updates += 1
+        return losses
+
+    def learn_from(self, batch: TensorDictBase) -> Tensor:
+        """Take one gradient step on a batch, update the target network, and return the loss."""
+        loss = self.loss(batch)["loss"]
+        if (penalty := self._method.penalty(self.online_network, batch)) is not None:
+            loss = loss + penalty
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        self.optimiser.step()
+        self.target_update.step()
+        return loss.detach()
+
+    def freeze(self, layers: int) -> None:
+        """Freeze the first `layers` layers, and let the others learn.
+
+        Loss and target updater fix their lists of parameters when they are built, so they are built anew:
+        else a thawed layer would train while its target stands still.
+        """
+        if layers == self.online_network.frozen:
+            return
+        self.online_network.freeze(layers)
+        averages = self.loss.target_network.state_dict()
+        self.loss = self.loss.rebuild()
+        # An updater begins by copying the online network.
+        self.target_update = ForeachSoftUpdate(self.loss, tau=self._learn.tau)
+        self.loss.target_network.load_state_dict(averages)
+        known = {id(parameter) for group in self.optimiser.param_groups for parameter in group["params"]}
+        thawed = [p for p in learning_parameters(self.online_network) if id(p) not in known]
+        if thawed:
+            self.optimiser.add_param_group({"params": thawed})
+        count_untracked_write()
+        self._judge()
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return networks, Adam's averages, replay, generators and counters; tensors are not copied."""
+        online, target = self.online_network.state_dict(), self.network.state_dict()
+        # Both networks share the tensors of frozen layers.
+        own = {key: value for key, value in target.items() if value.data_ptr() != online[key].data_ptr()}
+        state = add_prefix("online", online) | add_prefix("target", own)
+        for name, parameter in self.online_network.named_parameters():
+            for key, value in self.optimiser.state.get(parameter, {}).items():
+                state[f"adam.{name}.{key}"] = value
+        return (
+            state
+            | add_prefix("replay", self.replay.compact_state_dict())
+            | {"exploration": self.policy.generator.get_state()}
+            | {"counters": torch.tensor([self.steps, self.updates, self.online_network.frozen])}
+        )
+
+    @torch.no_grad()
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned into the memory of these networks.
+
+        Raises:
+            KeyError, RuntimeError, TypeError: the state does not fit this algorithm.
+        """
+        if state["counters"].dtype is not torch.int64:
+            raise TypeError("counters must be int64")
+        self.steps, self.updates, frozen = state["counters"].tolist()
+        self.freeze(frozen)
+        for name, network in (("online", self.online_network), ("target", self.network)):
+            for key, value in network.state_dict().items():
+                value.copy_(state.get(f"{name}.{key}", state[f"online.{key}"]))
+        # Makes caches of weights stale.
+        count_untracked_write()
+        for name, parameter in self.online_network.named_parameters():
+            if f"adam.{name}.step" in state:
+                for key, value in self.optimiser.init_state(parameter).items():
+                    value.copy_(state[f"adam.{name}.{key}"])
+        self.policy.generator.set_state(state["exploration"].cpu())
+        self.replay.load_compact_state_dict(strip_prefix("replay", state))
+
+
+def learning_parameters(network: DuelingNetwork) -> list[Tensor]:
+    """Return the parameters that learn."""
+    return [parameter for parameter in network.parameters() if parameter.requires_grad]
+
+
+def build(setup: Setup, make_replay: Callable[..., StateReplay] = StateReplay) -> DoubleDQN:
+    """Make double DQN; `make_replay` takes the arguments of `StateReplay`."""
+    network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
+    device = network.advantage.weight.device
+    network.freeze(method.frozen_layers(0.0))
+    dtype = choose_dtype(learn.precision, device)
+    network.backend = choose_backend(learn.backend, draw, dtype, device, network.geometry)
+    is_incremental = isinstance(network.backend, Incremental)
+    encoders: dict[str, Callable[[Tensor], Tensor]] = {}
+    if is_incremental and not method.thaws and network.frozen >= network.linear_from:
+        encoders[FEATURES] = FrozenFeatures(network, draw, dtype)
+    observation = FEATURES if encoders else "state"
+    network_input = FEATURES if encoders else "pixels"
+    actor = QValueActor(network, in_keys=[network_input], action_space="categorical")
+    loss = DoubleDQNLoss(
+        actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
+    )
+
+    def best_actions(observed: Tensor) -> Tensor:
+        return network(observed if encoders else draw(observed)).argmax(-1)
+
+    return DoubleDQN(
+        loss=loss,
+        target_update=ForeachSoftUpdate(loss, tau=learn.tau),
+        optimiser=ChannelsLastAdam(learning_parameters(network), lr=learn.lr),
+        replay=make_replay(
+            learn.replay_size,
+            learn.reward_scale,
+            setup.replay,
+            device,
+            observation,
+            None if encoders else DrawPixels(draw),
+            encode=encoders.get(FEATURES),
+        ),
+        policy=EpsilonGreedy(best_actions, observation, setup.num_actions, setup.exploration),
+        draw=draw,
+        learn=learn,
+        method=method,
+        encoders=encoders,
+    )

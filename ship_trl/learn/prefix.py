@@ -1,0 +1,17 @@
+"""Join and split the parts of a checkpoint by dotted names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from torch import Tensor
+
+
+def add_prefix(name: str, state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Prefix each key with a name and a dot."""
+    return {f"{name}.{key}": value for key, value in state.items()}
+
+
+def strip_prefix(name: str, state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return the entries whose key has a name and a dot as prefix, and strip the prefix."""
+    return {key.removeprefix(f"{name}."): v for key, v in state.items() if key.startswith(f"{name}.")}

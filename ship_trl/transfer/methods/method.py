@@ -1,0 +1,41 @@
+"""What every method of transfer answers; a method overrides what it does otherwise."""
+
+from __future__ import annotations
+
+from tensordict import TensorDictBase
+from torch import Tensor, nn
+
+from ship_trl.config.arm import Arm
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.transfer.layers import Weights
+
+
+class TransferMethod:
+    """Copy the arm's layers, and let every layer learn.
+
+    Args:
+        arm: which layers are copied.
+
+    Attributes:
+        thaws: whether layers that are frozen at first learn later.
+    """
+
+    thaws = False
+
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
+
+    def copy(self, network: DuelingNetwork, weights: Weights) -> None:
+        """Copy layers of the source into the network, without freezing them."""
+        copied = network.conv_names[: self.arm.copied_layers(len(network.conv_names))]
+        for key, parameter in network.named_parameters():
+            if self.arm.copies_all or key.split(".")[0] in copied:
+                parameter.data.copy_(weights[key])
+
+    def frozen_layers(self, progress: float) -> int:
+        """Return how many layers, counted from the input, do not learn at a share of the episodes."""
+        return 0
+
+    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
+        """Return what is added to the loss of a batch, or None for nothing."""
+        return None

@@ -46,7 +46,8 @@ What to run
 
 How
   profile=NAME          {profiles} (default quick)
-  learn.KEY=VALUE       any value of conf/learn/paper.yaml, as learn.episodes=1000
+  learn.KEY=VALUE       any value of conf/algorithm, exploration, replay and schedule, as learn.episodes=1000
+  algorithm=NAME        {algorithms} (default double_dqn), with keys of their own, as algorithm.steps=3
   network=NAME          {networks} (default paper)
   device=cpu|cuda       colour=true|false
   logger=NAME           csv (always written), wandb, tensorboard, or all
@@ -67,6 +68,6 @@ Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
 
 def print_help() -> None:
     """Print the help."""
-    groups = ("pair", "case", "arm", "profile", "network", "sweep")
+    groups = ("pair", "case", "arm", "profile", "algorithm", "network", "sweep")
     verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
     print(HELP.format(**{f"{group}s": group_names(group) for group in groups}, verbs=verbs), end="")

@@ -9,6 +9,7 @@ import importlib.util
 
 from omegaconf import DictConfig
 
+from ship_trl.config.algorithm import read_algorithm
 from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
@@ -34,6 +35,7 @@ def to_config(values: DictConfig) -> Config:
     bfloat16_allowed()
     check_world(config.world)
     check_learner(config)
+    config.algorithm = read_algorithm(config.algorithm, config.learn)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
     check_backend(config, layers)

@@ -148,7 +148,7 @@ class Reader:
             self.refuse(key, name_of(schema), values)
         prefix = f"{key}." if key else ""
         if not self.from_json and (unknown := [name for name in values if name not in fields]):
-            allowed = ", ".join(fields)
+            allowed = ", ".join(fields) or "none"
             raise ConfigError(f"{self.where}{prefix}{unknown[0]}: unknown key; allowed here: {allowed}")
         found = {}
         for name, (field, hint) in fields.items():

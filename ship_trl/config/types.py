@@ -146,29 +146,52 @@ class Network:
 
 
 @dataclass
-class Learn:
-    """The double dueling DQN and its schedule (section 3.2)."""
+class Updates:
+    """How a network is updated (section 3.2), and how its conv layers are computed; conf/algorithm."""
 
-    episodes: Count
-    num_envs: Positive
     gamma: Share
     lr: LearningRate
     lr_end: LearningRate
     batch_size: Positive
-    replay_size: Positive
-    warmup_steps: Annotated[int, limit(0, MAX_COUNT)]
     update_every: Count
     tau: PositiveShare
     loss: Loss
     huber_delta: Annotated[float, limit(above=0, high=MAX_HUBER_DELTA)]
+    reward_scale: Annotated[float, limit(above=0, high=MAX_REWARD_SCALE)]
     precision: Precision
     backend: BackendName
-    reward_scale: Annotated[float, limit(above=0, high=MAX_REWARD_SCALE)]
+
+
+@dataclass
+class Replay:
+    """The transitions that batches are drawn from; conf/replay."""
+
+    replay_size: Positive
+    warmup_steps: Annotated[int, limit(0, MAX_COUNT)]
+
+
+@dataclass
+class Exploration:
+    """Epsilon, annealed over a share of the episodes (section 4.2); conf/exploration."""
+
     epsilon_start: Share
     epsilon_end: Share
     epsilon_fraction: PositiveShare
+
+
+@dataclass
+class Schedule:
+    """How long a run trains, in how many environments, and when it is evaluated; conf/schedule."""
+
+    episodes: Count
+    num_envs: Positive
     evaluate_every: Count
     jumpstart_draws: Annotated[int, limit(0, MAX_DRAWS)]
+
+
+@dataclass
+class Learn(Updates, Exploration, Replay, Schedule):
+    """Training: the keys of four config groups in one namespace, so that `learn.KEY` names each."""
 
 
 @dataclass
@@ -220,6 +243,8 @@ class Config:
     world: World
     network: Network
     learn: Learn
+    # `build` names the function that makes the learner; the rest are its own keys (algorithm.py).
+    algorithm: dict[str, Any]
     checkpoint: Checkpoint
     wandb: Wandb
 

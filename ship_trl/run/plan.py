@@ -11,6 +11,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from ship_trl.config.algorithm import non_default_algorithm
 from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
@@ -130,6 +131,12 @@ def hash_of(
     }
     if network := non_default_network(config.network):
         values["network"] = network
+    if algorithm := non_default_algorithm(config.algorithm):
+        file, _, function = algorithm["build"].rpartition(":")
+        if file.endswith(".py"):
+            content = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+            algorithm = algorithm | {"build": f"{content}:{function}"}
+        values["algorithm"] = algorithm
     if demonstrations:
         values["demonstrations"] = [one.actions for one in demonstrations]
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]

@@ -199,7 +199,7 @@ REFUSED = {
     "+pair=high layers=3 device=cuda": "device: no CUDA device",
     "+pair=high layers=3 hydra/job_logging=[[1]]": "overrides: Hydra cannot read them (",
     "target=1 method=scratch ~network.conv.0": "overrides: Hydra cannot read them (",
-    "+pair=high layers=3 learn=null": "overrides: Config group override must be a string or a list",
+    "+pair=high layers=3 learn=null": "learn: must be a group of episodes, num_envs, ",
     "target=broken.yaml method=scratch": "broken.yaml: goal: missing",
     "+pair=high layers=3 source_file=pickle.safetensors": "source_file: pickle.safetensors is not a whole",
     "+pair=high layers=3 output=taken": "output: taken is not a folder that can be written",

@@ -79,7 +79,7 @@ def test_whole_numbers_are_accepted_as_actions() -> None:
     assert make_run(whole).config_hash == make_run(real).config_hash
 
 
-@pytest.mark.parametrize("group", ["world", "learn"])
+@pytest.mark.parametrize("group", ["world", "algorithm", "replay", "exploration", "schedule"])
 def test_every_other_group_composes(group: str) -> None:
     for name in options(group):
         composed(*HIGH, f"{group}={name}")
@@ -103,7 +103,10 @@ def test_every_group_is_covered() -> None:
         "suite",
         "profile",
         "world",
-        "learn",
+        "algorithm",
+        "replay",
+        "exploration",
+        "schedule",
         "network",
         "sweep",
         "hydra/launcher",
@@ -191,6 +194,19 @@ WRONG_VALUES = {
     "learn.epsilon_start=2": "learn.epsilon_start: must be from 0 to 1",
     "learn.epsilon_end=-1": "learn.epsilon_end: must be from 0 to 1",
     "learn.epsilon_fraction=0": "learn.epsilon_fraction: must be above 0",
+    "algorithm.build=sarsa": "algorithm.build: must be module:function or file.py:function, got sarsa",
+    "algorithm.build='a-b:build'": "algorithm.build: must be module:function or file.py:function, got a-b",
+    "algorithm.build='numpy:'": "algorithm.build: must be module:function or file.py:function, got numpy:",
+    "algorithm.build=null": "algorithm.build: must be module:function or file.py:function, got None",
+    "algorithm.build='none.py:build'": "algorithm.build: no file none.py; allowed: module:function or",
+    "algorithm.build='nowhere.learn:build'": "algorithm.build: no module nowhere; allowed: module:function",
+    "algorithm.build='__main__x:build'": "algorithm.build: no module __main__x; allowed: module:function",
+    "+algorithm.steps=3": "algorithm.steps: unknown key; allowed here: none",
+    "algorithm=n_step algorithm.steps=0": "algorithm.steps: must be from 1 to 1000, got 0",
+    "algorithm=n_step ~algorithm.steps": "algorithm.steps: missing; a value is needed",
+    "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",
+    "algorithm=ppo algorithm.clip_epsilon=2": "algorithm.clip_epsilon: must be above 0 and at most 1, got 2",
+    "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 128 (rollout_steps of",
     "world.dt=0": "world.dt: must be from 0.001 to 1000 (seconds), got 0",
     "world.max_steps=0": "world.max_steps: must be from 1 to 1000 (the planner's memo",
     "world.max_steps=1000000": "world.max_steps: must be from 1 to 1000 (the planner'",
@@ -259,6 +275,19 @@ def test_wrong_values_are_refused(line: str, told: str) -> None:
     message = str(caught.value)
     assert message.startswith(told)
     assert "\n" not in message
+
+
+def test_a_builder_of_ones_own_takes_any_keys() -> None:
+    Path("mine.py").write_text("")
+    values = composed(*HIGH, "algorithm.build='mine.py:build'", "+algorithm.steps=[1,{deep: 2}]").algorithm
+    assert values == {"build": "mine.py:build", "steps": [1, {"deep": 2}]}
+    assert composed(*HIGH, "algorithm.build='json.decoder:build'").algorithm["build"] == "json.decoder:build"
+
+
+def test_groups_of_learn_yield_to_the_algorithm_and_that_to_profiles() -> None:
+    assert composed(*HIGH, "algorithm=ppo").learn.num_envs == 16
+    rates = [composed(*HIGH, f"profile={name}", "algorithm=ppo").learn.lr for name in ("paper", "quick")]
+    assert rates == [2.5e-4, 5e-4]
 
 
 def test_large_values_are_accepted() -> None:

@@ -46,6 +46,15 @@ def test_a_source_file_is_known_by_its_content(tmp_path: Path) -> None:
     assert len(hashes) == 4
 
 
+def test_a_builder_is_known_by_the_content_of_its_file() -> None:
+    hashes = set()
+    for content in ("one", "another"):
+        Path("mine.py").write_text(content)
+        for function in ("build", "make"):
+            hashes.add(run(*HIGH, f"algorithm.build='mine.py:{function}'").config_hash)
+    assert len(hashes) == 4
+
+
 def test_a_run_of_another_network_has_another_source() -> None:
     paper, five = run(*HIGH), run(*HIGH, "network=five")
     assert paper.source is not None and five.source is not None
@@ -62,6 +71,7 @@ def test_a_run_of_another_network_has_another_source() -> None:
         "colour=true",
         "network=five",
         "network.hidden=100",
+        "algorithm=n_step",
         "learn.lr=0.5",
         "learn.episodes=7",
         "source=3",

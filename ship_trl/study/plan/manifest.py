@@ -12,6 +12,7 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
 
+from ship_trl.config.algorithm import non_default_algorithm
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.hydra import explain_hydra
@@ -134,8 +135,11 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
         "world": plain(shared.world),
         "colour": shared.colour,
     }
-    network = non_default_network(shared.network)
-    return settings if network is None else {**settings, "network": network}
+    if network := non_default_network(shared.network):
+        settings["network"] = network
+    if algorithm := non_default_algorithm(shared.algorithm):
+        settings["algorithm"] = algorithm
+    return settings
 
 
 def read_plan(path: Path, key: str) -> dict[str, Any]:

@@ -31,6 +31,7 @@ def test_pairs_and_seeds_may_be_added(tmp_path: Path) -> None:
     [
         (["overrides=[learn.lr=0.1]"], "study with other settings \\(learn\\)"),
         (["overrides=[network=five]"], "study with other settings \\(network\\)"),
+        (["overrides=[algorithm=n_step]"], "study with other settings \\(algorithm\\)"),
         (["overrides=[colour=true]"], "study with other settings \\(colour\\)"),
         (["first_seed=5"], "study with other settings \\(first_seed\\)"),
     ],

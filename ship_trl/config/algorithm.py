@@ -1,0 +1,98 @@
+"""The keys of each bundled algorithm, and the check of the function that builds one. No torch."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import is_path
+from ship_trl.config.schema import limit, read_as
+from ship_trl.config.types import MAX_STEPS, Count, Learn, Share
+
+DEFAULT = {"build": "ship_trl.learn.double_dqn:build"}
+ALLOWED = "module:function or file.py:function"
+# Steps of each environment that are held in memory; pictures that are computed at once.
+MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
+
+
+@dataclass
+class DoubleDQN:
+    """Double dueling DQN has no keys of its own; all are in `learn`."""
+
+
+@dataclass
+class NStep:
+    """Double dueling DQN with targets of `steps` rewards."""
+
+    steps: Annotated[int, limit(1, MAX_STEPS)]
+
+
+@dataclass
+class PPO:
+    """Proximal policy optimisation.
+
+    An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments.
+    """
+
+    rollout_steps: Annotated[int, limit(1, MAX_ROLLOUT_STEPS)]
+    epochs: Count
+    minibatch_size: Annotated[int, limit(1, MAX_MINIBATCH)]
+    clip_epsilon: Annotated[float, limit(above=0, high=1)]
+    gae_lambda: Share
+    entropy_coeff: Annotated[float, limit(0, 1)]
+    critic_coeff: Annotated[float, limit(0, 1000)]
+    max_grad_norm: Annotated[float, limit(above=0)]
+
+
+# The keys of each bundled algorithm beside `build`; a builder of one's own takes any.
+SETTINGS: dict[str, type] = {
+    DEFAULT["build"]: DoubleDQN,
+    "ship_trl.learn.n_step:build": NStep,
+    "ship_trl.learn.ppo:build": PPO,
+}
+
+
+def is_installed(package: str) -> bool:
+    """Return whether a package can be found; it is not imported."""
+    try:
+        return importlib.util.find_spec(package) is not None
+    except ValueError:  # a module without a spec, as `__main__`
+        return False
+
+
+def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
+    """Check `build` and the keys of a bundled algorithm; return them with their types.
+
+    Raises:
+        ConfigError: `build` names no function, its file or package is missing, or a key is unknown or wrong.
+    """
+    options = dict(values)
+    build = options.pop("build", None)
+    where, _, function = build.rpartition(":") if isinstance(build, str) else ("", "", "")
+    is_file, package = where.endswith(".py"), where.split(".")[0]
+    if not function.isidentifier() or not (is_file or all(map(str.isidentifier, where.split(".")))):
+        raise ConfigError(f"algorithm.build: must be {ALLOWED}, got {build}")
+    if is_file and not (is_path(where) and Path(where).is_file()):
+        raise ConfigError(f"algorithm.build: no file {where}; allowed: {ALLOWED}")
+    if not is_file and not is_installed(package):
+        raise ConfigError(f"algorithm.build: no module {package}; allowed: {ALLOWED}")
+    if (schema := SETTINGS.get(build)) is None:
+        return values
+    settings: Any = read_as(schema, options, key="algorithm")
+    if isinstance(settings, PPO):
+        most = settings.rollout_steps * learn.num_envs
+        if settings.minibatch_size > most:
+            raise ConfigError(
+                f"algorithm.minibatch_size: must be at most {most} (rollout_steps of learn.num_envs="
+                f"{learn.num_envs} environments), got {settings.minibatch_size}"
+            )
+    return {"build": build, **dataclasses.asdict(settings)}
+
+
+def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the values of `algorithm`, and None for those of the paper's, which files do not name."""
+    return None if algorithm == DEFAULT else algorithm

@@ -103,7 +103,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         exploration=streams["exploration"],
         replay=streams["replay"],
         method=method,
-        options={"build": "ship_trl.learn.double_dqn:build"},
+        options=config.algorithm,
     )
     algorithm = build_algorithm(setup)
     env = make_env(learn.num_envs, encoders=algorithm.encoders)

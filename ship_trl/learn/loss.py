@@ -16,6 +16,9 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 from ship_trl.config.types import Loss
 from ship_trl.learn.fast.weights_version import count_untracked_write, untracked_writes
 
+# Key of the number of steps whose rewards a transition sums, [B, 1]; one without it.
+STEPS = "steps_to_next_obs"
+
 
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
     """Compute the mean loss of Q-values [B, 1] against their TD targets [B, 1].
@@ -109,7 +112,10 @@ class DoubleDQNLoss(DQNLoss):
 
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """Compute the loss of transitions [B]; if `write_td_error`, write the squared `td_error` [B, 1]."""
+        """Compute the loss of transitions [B], of one step or of `steps_to_next_obs` [B, 1].
+
+        If `write_td_error`, write the squared `td_error` [B, 1].
+        """
         keys, (observation,) = self.tensor_keys, self.value_network_in_keys
         following = tensordict.get("next")
         with torch.no_grad():
@@ -118,7 +124,8 @@ class DoubleDQNLoss(DQNLoss):
             value = self.target_network(next_observation).gather(-1, choice)
             # A truncated step is not terminated, so it bootstraps.
             terminated = following.get(keys.terminated)
-            td_target = following.get(keys.reward) + self.gamma * value * ~terminated
+            gamma = self.gamma if (steps := tensordict.get(STEPS, None)) is None else self.gamma**steps
+            td_target = following.get(keys.reward) + gamma * value * ~terminated
         action = tensordict.get(keys.action).unsqueeze(-1)
         q = self.network(tensordict.get(observation)).gather(-1, action)
         if self.write_td_error:

@@ -139,6 +139,7 @@ class StateReplay(TensorDictReplayBuffer):
         batch_size: default of `sample()` and of iteration.
         encode: maps states [N, S] to the observation [N, ...]. The replay then stores both, but a checkpoint
             only the states: observations are a hundred times larger.
+        make_storage: class of the storage.
     """
 
     def __init__(
@@ -151,13 +152,14 @@ class StateReplay(TensorDictReplayBuffer):
         transform: Transform | None = None,
         batch_size: int | None = None,
         encode: Callable[[Tensor], Tensor] | None = None,
+        make_storage: type[TransitionStorage] = TransitionStorage,
     ) -> None:
         # Writing one step costs as much as writing many, so steps are collected until a batch is drawn.
-        self._pending: list[dict[str | tuple[str, str], Tensor]] = []
+        self._pending: list[dict[NestedKey, Tensor]] = []
         self.reward_scale, self.observation = reward_scale, observation
         self.generator, self._encode = generator, encode
         hidden = frozenset[NestedKey](STATES if encode is not None else ())
-        storage, writer = TransitionStorage(capacity, device, hidden), RoundRobinWriter()
+        storage, writer = make_storage(capacity, device, hidden), RoundRobinWriter()
         super().__init__(
             storage=storage,
             writer=writer,
@@ -174,22 +176,22 @@ class StateReplay(TensorDictReplayBuffer):
 
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
         """Store a step of N environments: tensordict [N] with the observation, `action` and `next`."""
-        following = tensordicts.get("next")
-        extra_keys = STATES if self._encode is not None else ()
-        # Copies, because the caller may reuse its memory before they are written.
-        self._pending.append(
-            {key: tensordicts.get(key).clone() for key in extra_keys}
-            | {
-                self.observation: tensordicts.get(self.observation).clone(),
-                "action": tensordicts.get("action").clone(),
-                ("next", self.observation): following.get(self.observation).clone(),
-                ("next", "reward"): following.get("reward") * self.reward_scale,
-                ("next", "done"): following.get("done").clone(),
-                ("next", "terminated"): following.get("terminated").clone(),
-            }
-        )
+        self._pending.append(self.entries(tensordicts))
         if len(self._pending) == MAX_PENDING:
             self._store()
+
+    def entries(self, step: TensorDictBase) -> dict[NestedKey, Tensor]:
+        """Return what is stored of a step: copies, because the caller may reuse its memory."""
+        following = step.get("next")
+        extra_keys = STATES if self._encode is not None else ()
+        return {key: step.get(key).clone() for key in extra_keys} | {
+            self.observation: step.get(self.observation).clone(),
+            "action": step.get("action").clone(),
+            ("next", self.observation): following.get(self.observation).clone(),
+            ("next", "reward"): following.get("reward") * self.reward_scale,
+            ("next", "done"): following.get("done").clone(),
+            ("next", "terminated"): following.get("terminated").clone(),
+        }
 
     def add(self, data: TensorDictBase) -> None:
         """Store one step of one environment."""

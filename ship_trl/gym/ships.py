@@ -34,7 +34,6 @@ class Ships:
         self.world = load_world()
         self.suite = load_suite(case, self.world, "case")
         self._starts, self._generator = Starts(self.suite, self.world), Generator().manual_seed(0)
-        self._start = self._starts.states[0].numpy()
         rasteriser = Rasteriser(self.world, colour=colour)
         assert rasteriser.compiled is not None
         self._draw = rasteriser.compiled.draw_into
@@ -52,10 +51,7 @@ class Ships:
 
     def reset(self, rows: Flags | slice = slice(None)) -> None:
         """Begin an episode in some rows, or in all."""
-        if self.suite.is_fixed:  # torch would add a sixth to a step of 64 ships
-            self.state[rows] = self._start
-        else:
-            self.state[rows] = self._starts.sample(len(self.dcpa[rows]), self._generator).numpy()
+        self.state[rows] = self._starts.sample(len(self.dcpa[rows]), self._generator).numpy()
         self.dcpa[rows] = np.inf
 
     def advance(self, actions: NDArray[np.int64]) -> tuple[NDArray[np.float32], Flags]:

@@ -1,10 +1,15 @@
-"""Draw the initial states of a suite's episodes."""
+"""Draw the initial states of a suite's episodes.
+
+Environments reset a few rows at nearly every step, so this is NumPy: torch takes ten times as long on them.
+"""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
@@ -12,12 +17,13 @@ from ship_trl.config.types import World
 from ship_trl.sim.state import (
     HEADING,
     SHIP_SPEED,
+    SHIP_Y,
     X,
     Y,
-    goal_distance,
+    goal,
     initial_state,
     is_present,
-    relative_positions,
+    position,
     target_ships,
 )
 from ship_trl.sim.suites import Suite
@@ -27,7 +33,7 @@ MAX_DRAWS = 100
 
 
 class Starts:
-    """Draws initial states of a suite.
+    """Draws initial states of a suite. All its random numbers are those of the generator that is passed in.
 
     Args:
         suite: cases and perturbation.
@@ -38,49 +44,68 @@ class Starts:
     """
 
     def __init__(self, suite: Suite, world: World) -> None:
-        self.suite, self.world = suite, world
+        self.suite = suite
         self.states = torch.stack([initial_state(case, world, suite.places) for case in suite.cases])
+        self._is_perturbed = not suite.perturbation.is_none
+        present = is_present(self.states)
+        # The largest change of each number, and its least value.
+        bounds, least = torch.zeros_like(self.states), torch.full_like(self.states[0], -math.inf)
+        position(bounds)[:] = suite.perturbation.own_position
+        bounds[:, HEADING] = math.radians(suite.perturbation.own_heading)
+        target_ships(bounds)[..., : SHIP_Y + 1] = suite.perturbation.ship_position * present[..., None]
+        target_ships(bounds)[..., SHIP_SPEED] = suite.perturbation.ship_speed * present
+        target_ships(least)[..., SHIP_SPEED] = 0.0
+        self._low, self._width = (self.states - bounds).numpy(), (2 * bounds).numpy()
+        self._least = least.numpy()
+        # Columns of goal and ships [1 + K, 2], and the distances to keep from them [cases, 1 + K].
+        columns = torch.arange(self.states.shape[1])
+        points = torch.cat((goal(columns)[None], target_ships(columns)[:, : SHIP_Y + 1]))
+        keep = torch.full((len(self.states), 1), world.goal_distance), world.safe_distance * present
+        self._points, self._keep = points.numpy(), torch.cat(keep, 1).numpy()
 
     def sample(self, count: int, generator: Generator) -> Tensor:
-        """Return initial states [count, S]. A suite whose episodes begin alike draws no numbers.
+        """Return initial states [count, S] of random cases. A fixed suite draws no numbers.
 
         Raises:
             ConfigError: too few perturbed starts keep the safe distance.
         """
         if len(self.states) == 1:
-            states = self.states.repeat(count, 1)
-        else:
-            states = self.states[torch.randint(len(self.states), (count,), generator=generator)]
-        if self.suite.perturbation.is_none:
-            return states
-        perturbed, invalid = states.clone(), torch.ones(count, dtype=torch.bool)
+            return self._begin(np.zeros(count, np.int64), generator)
+        return self._begin(torch.randint(len(self.states), (count,), generator=generator).numpy(), generator)
+
+    def balanced(self, count: int, generator: Generator) -> Tensor:
+        """Return initial states [count, S] of the cases in turn: row i is of case i modulo their number.
+
+        Raises:
+            ConfigError: as `sample`.
+        """
+        return self._begin(np.arange(count) % len(self.states), generator)
+
+    def _begin(self, cases: NDArray[np.int64], generator: Generator) -> Tensor:
+        """Return initial states [N, S] of cases, int64 [N]; perturb them until they are valid."""
+        states = self._draw(cases, generator)
+        if not self._is_perturbed:
+            return torch.from_numpy(states)
         for _ in range(MAX_DRAWS):
-            perturbed[invalid] = self._perturb(states[invalid], generator)
-            invalid = ~self._is_valid(perturbed)
-            if not bool(invalid.any()):
-                return perturbed
+            invalid = self._find_invalid(states, cases)
+            if not invalid.size:
+                return torch.from_numpy(states)
+            states[invalid] = self._draw(cases[invalid], generator)
         raise ConfigError(
             f"suite {self.suite.name}: perturbation: too large, as nearly every start is inside the safe "
             "distance or at the goal; allowed: smaller bounds"
         )
 
-    def _perturb(self, states: Tensor, generator: Generator) -> Tensor:
-        """Return perturbed copies of states [N, S]."""
-        bounds, count, places = self.suite.perturbation, len(states), self.suite.places
-        own = 2 * torch.rand(count, 3, generator=generator) - 1
-        other = 2 * torch.rand(count, places, 3, generator=generator) - 1
-        states = states.clone()
-        states[:, [X, Y]] += bounds.own_position * own[:, :2]
-        states[:, HEADING] += math.radians(bounds.own_heading) * own[:, 2]
-        ships = target_ships(states)
-        here = is_present(states)[..., None]
-        ships[..., :2] += bounds.ship_position * other[..., :2] * here
-        speed = ships[..., SHIP_SPEED] + bounds.ship_speed * other[..., 2]
-        ships[..., SHIP_SPEED] = speed.clamp(min=0.0) * here[..., 0]
+    def _draw(self, cases: NDArray[np.int64], generator: Generator) -> NDArray[np.float32]:
+        """Return initial states [N, S] of cases [N], perturbed if the suite is."""
+        states: NDArray[np.float32] = self._low.take(cases, 0)
+        if self._is_perturbed:
+            states += self._width.take(cases, 0) * torch.rand(states.shape, generator=generator).numpy()
+            np.maximum(states, self._least, out=states)
         return states
 
-    def _is_valid(self, states: Tensor) -> Tensor:
-        """Return which states [N, S] keep the safe distance and have a way to go, bool [N]."""
-        distance = torch.linalg.vector_norm(relative_positions(states), dim=-1)
-        is_clear = (distance >= self.world.safe_distance) | ~is_present(states)
-        return is_clear.all(-1) & (goal_distance(states) > self.world.goal_distance)
+    def _find_invalid(self, states: NDArray[np.float32], cases: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the rows inside the safe distance of a ship, or at the goal."""
+        away = states[:, self._points] - states[:, None, X : Y + 1]
+        distance = np.hypot(away[..., 0], away[..., 1])
+        return (distance < self._keep.take(cases, 0)).any(1).nonzero()[0]

@@ -21,6 +21,9 @@ from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.sim.transition import Transition
 
+# False in every row that an action is taken in: a row in which one of them is true begins a new episode.
+FLAGS = ("goal", "collision", "done", "terminated", "truncated")
+
 
 class ShipEnv(EnvBase):
     """Steer own ship to the goal, and keep every target ship outside the safe distance.
@@ -75,8 +78,8 @@ class ShipEnv(EnvBase):
         self.from_pixels = from_pixels
         self._encoders = dict(encoders or {})
         self._make_specs()
-        first = self._initial_entries(self._starts.states[:1].to(self.device))
-        self._own_keys = {*first, "action", "reward", "next"}
+        first = self._observe(self._starts.states[:1].to(self.device))
+        self._own_keys = {*first, "dcpa", *FLAGS, "action", "reward", "next"}
         # If all episodes begin alike, their first observation is computed once.
         self._first = first if self.suite.is_fixed else None
 
@@ -121,31 +124,26 @@ class ShipEnv(EnvBase):
         if seed is not None:
             self.generator.manual_seed(seed)
 
-    def _observe(self, state: Tensor, dcpa: Tensor, goal: Tensor, collision: Tensor) -> dict[str, Tensor]:
-        """Return the observation of states [N, S]; the other arguments are [N, 1]."""
-        observation = {"state": state, "dcpa": dcpa, "goal": goal, "collision": collision}
+    def _observe(self, state: Tensor) -> dict[str, Tensor]:
+        """Return what is observed of states [N, S] alone."""
+        observation = {"state": state}
         if self.from_pixels:
             observation["pixels"] = self.rasteriser(state)
         return observation | {key: encode(state) for key, encode in self._encoders.items()}
 
-    def _initial_entries(self, state: Tensor) -> dict[str, Tensor]:
-        """Return the observation and done flags of initial states [N, S]."""
-        count = len(state)
-        dcpa = torch.full((count, 1), math.inf, device=self.device)
-        false = torch.zeros((count, 1), dtype=torch.bool, device=self.device)
-        done = {"done": false.clone(), "terminated": false.clone(), "truncated": false.clone()}
-        return self._observe(state, dcpa, false, false.clone()) | done
-
     def _begin(self, count: int) -> dict[str, Tensor]:
-        """Return the entries of `count` new episodes."""
+        """Return what is observed at the start of `count` episodes."""
         if self._first is not None:
             return {key: value.expand(count, *value.shape[1:]) for key, value in self._first.items()}
-        return self._initial_entries(self._starts.sample(count, self.generator).to(self.device))
+        return self._observe(self._starts.sample(count, self.generator).to(self.device))
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Return the initial entries of all rows; in a partial reset TorchRL keeps the other rows."""
-        entries = {key: value.clone() for key, value in self._begin(self.batch_size[0]).items()}
-        return TensorDict(entries, batch_size=self.batch_size, device=self.device)
+        count, device = self.batch_size[0], self.device
+        entries = {key: value.clone() for key, value in self._begin(count).items()}
+        entries["dcpa"] = torch.full((count, 1), math.inf, device=device)
+        entries |= {key: torch.zeros((count, 1), dtype=torch.bool, device=device) for key in FLAGS}
+        return TensorDict(entries, batch_size=self.batch_size, device=device)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Take one action in each row; return observation, reward and done flags."""
@@ -154,8 +152,11 @@ class ShipEnv(EnvBase):
         truncated = after.truncated.unsqueeze(-1)
         dcpa = torch.minimum(tensordict["dcpa"], after.min_distance.unsqueeze(-1))
         return TensorDict(
-            self._observe(after.state, dcpa, after.goal.unsqueeze(-1), after.collision.unsqueeze(-1))
+            self._observe(after.state)
             | {
+                "dcpa": dcpa,
+                "goal": after.goal.unsqueeze(-1),
+                "collision": after.collision.unsqueeze(-1),
                 "reward": after.reward.unsqueeze(-1),
                 "done": terminated | truncated,
                 "terminated": terminated,
@@ -179,7 +180,10 @@ class ShipEnv(EnvBase):
                 following.set(key, tensordict.get(key))
         rows = outcome["done"].squeeze(-1).nonzero().squeeze(-1)
         if rows.numel():
+            # New tensors: the final step's entries stay unchanged in `tensordict["next"]`.
             for key, initial in self._begin(rows.numel()).items():
-                # `index_copy` copies, so the final step's entries stay unchanged in `tensordict["next"]`.
                 following.set(key, following.get(key).index_copy(0, rows, initial))
+            following.set("dcpa", following.get("dcpa").index_fill(0, rows, math.inf))
+            for key in FLAGS:
+                following.set(key, torch.zeros_like(following.get(key)))
         return tensordict, following

@@ -62,6 +62,10 @@ class Starts:
         points = torch.cat((goal(columns)[None], target_ships(columns)[:, : SHIP_Y + 1]))
         keep = torch.full((len(self.states), 1), world.goal_distance), world.safe_distance * present
         self._points, self._keep = points.numpy(), torch.cat(keep, 1).numpy()
+        # Starts are checked only where the bounds let a ship or the goal come too near.
+        reach = math.sqrt(2) * (suite.perturbation.own_position + suite.perturbation.ship_position)
+        cases = np.arange(len(self.states))
+        self._may_fail = self._find_invalid(self.states.numpy(), cases, reach).size > 0
 
     def sample(self, count: int, generator: Generator) -> Tensor:
         """Return initial states [count, S] of random cases. A fixed suite draws no numbers.
@@ -84,7 +88,7 @@ class Starts:
     def _begin(self, cases: NDArray[np.int64], generator: Generator) -> Tensor:
         """Return initial states [N, S] of cases, int64 [N]; perturb them until they are valid."""
         states = self._draw(cases, generator)
-        if not self._is_perturbed:
+        if not self._may_fail:
             return torch.from_numpy(states)
         for _ in range(MAX_DRAWS):
             invalid = self._find_invalid(states, cases)
@@ -104,8 +108,10 @@ class Starts:
             np.maximum(states, self._least, out=states)
         return states
 
-    def _find_invalid(self, states: NDArray[np.float32], cases: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the rows inside the safe distance of a ship, or at the goal."""
+    def _find_invalid(
+        self, states: NDArray[np.float32], cases: NDArray[np.int64], reach: float = 0.0
+    ) -> NDArray[np.int64]:
+        """Return the rows nearer to a ship or the goal than allowed, by up to `reach` metres."""
         away = states[:, self._points] - states[:, None, X : Y + 1]
         distance = np.hypot(away[..., 0], away[..., 1])
-        return (distance < self._keep.take(cases, 0)).any(1).nonzero()[0]
+        return (distance < self._keep.take(cases, 0) + reach).any(1).nonzero()[0]

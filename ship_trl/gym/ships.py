@@ -52,10 +52,10 @@ class Ships:
     def reset(self, rows: Flags | slice = slice(None)) -> None:
         """Begin an episode in some rows, or in all."""
         self.dcpa[rows] = np.inf
-        if self.suite.is_fixed:  # `sample` would add a twentieth to a step of 64 ships
+        if self.suite.is_fixed:  # `draw` would add a twentieth to a step of 64 ships
             self.state[rows] = self._starts.states.numpy()
         else:
-            self.state[rows] = self._starts.sample(len(self.dcpa[rows]), self._generator).numpy()
+            self.state[rows] = self._starts.draw(len(self.dcpa[rows]), self._generator)
 
     def advance(self, actions: NDArray[np.int64]) -> tuple[NDArray[np.float32], Flags]:
         """Advance by a step; return raw rewards [N], and goal, collision and truncated [3, N].

@@ -30,6 +30,9 @@ from ship_trl.sim.suites import Suite
 
 # Perturbed starts inside the safe distance or at the goal are drawn again, at most this often.
 MAX_DRAWS = 100
+# Arrays: states [N, S], and indices of the suite's cases [N].
+States = NDArray[np.float32]
+Cases = NDArray[np.int64]
 
 
 class Starts:
@@ -65,52 +68,58 @@ class Starts:
         # Starts are checked only where the bounds let a ship or the goal come too near.
         reach = math.sqrt(2) * (suite.perturbation.own_position + suite.perturbation.ship_position)
         cases = np.arange(len(self.states))
-        self._may_fail = self._find_invalid(self.states.numpy(), cases, reach).size > 0
+        self._may_fail = self._is_perturbed and self._find_invalid(self.states.numpy(), cases, reach).size > 0
 
     def sample(self, count: int, generator: Generator) -> Tensor:
+        """Return initial states [count, S] of random cases, as `draw`."""
+        return torch.from_numpy(self.draw(count, generator))
+
+    def draw(self, count: int, generator: Generator) -> States:
         """Return initial states [count, S] of random cases. A fixed suite draws no numbers.
 
         Raises:
             ConfigError: too few perturbed starts keep the safe distance.
         """
-        if len(self.states) == 1:
-            return self._begin(np.zeros(count, np.int64), generator)
-        return self._begin(torch.randint(len(self.states), (count,), generator=generator).numpy(), generator)
+        cases = np.zeros(count, np.int64)
+        if len(self._low) > 1:
+            torch.from_numpy(cases).random_(0, len(self._low), generator=generator)
+        return self._begin(cases, generator)
 
     def balanced(self, count: int, generator: Generator) -> Tensor:
         """Return initial states [count, S] of the cases in turn: row i is of case i modulo their number.
 
         Raises:
-            ConfigError: as `sample`.
+            ConfigError: as `draw`.
         """
-        return self._begin(np.arange(count) % len(self.states), generator)
+        return torch.from_numpy(self._begin(np.arange(count) % len(self._low), generator))
 
-    def _begin(self, cases: NDArray[np.int64], generator: Generator) -> Tensor:
-        """Return initial states [N, S] of cases, int64 [N]; perturb them until they are valid."""
-        states = self._draw(cases, generator)
+    def _begin(self, cases: Cases, generator: Generator) -> States:
+        """Return initial states [N, S] of cases [N]; draw invalid ones again."""
+        states = self._perturb(cases, generator)
         if not self._may_fail:
-            return torch.from_numpy(states)
+            return states
         for _ in range(MAX_DRAWS):
             invalid = self._find_invalid(states, cases)
             if not invalid.size:
-                return torch.from_numpy(states)
-            states[invalid] = self._draw(cases[invalid], generator)
+                return states
+            states[invalid] = self._perturb(cases[invalid], generator)
         raise ConfigError(
             f"suite {self.suite.name}: perturbation: too large, as nearly every start is inside the safe "
             "distance or at the goal; allowed: smaller bounds"
         )
 
-    def _draw(self, cases: NDArray[np.int64], generator: Generator) -> NDArray[np.float32]:
+    def _perturb(self, cases: Cases, generator: Generator) -> States:
         """Return initial states [N, S] of cases [N], perturbed if the suite is."""
-        states: NDArray[np.float32] = self._low.take(cases, 0)
+        states: States = self._low.take(cases, 0)
         if self._is_perturbed:
-            states += self._width.take(cases, 0) * torch.rand(states.shape, generator=generator).numpy()
+            # Filling an array costs half as much as `torch.rand`.
+            share = np.empty_like(states)
+            torch.from_numpy(share).uniform_(generator=generator)
+            states += self._width.take(cases, 0) * share
             np.maximum(states, self._least, out=states)
         return states
 
-    def _find_invalid(
-        self, states: NDArray[np.float32], cases: NDArray[np.int64], reach: float = 0.0
-    ) -> NDArray[np.int64]:
+    def _find_invalid(self, states: States, cases: Cases, reach: float = 0.0) -> NDArray[np.int64]:
         """Return the rows nearer to a ship or the goal than allowed, by up to `reach` metres."""
         away = states[:, self._points] - states[:, None, X : Y + 1]
         distance = np.hypot(away[..., 0], away[..., 1])

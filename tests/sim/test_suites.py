@@ -90,6 +90,44 @@ def test_ships_do_not_go_astern_and_absent_ones_stay_absent(world: World) -> Non
     assert not bool(target_ships(states)[~is_present(states)].any())
 
 
+def test_starts_inside_the_safe_distance_are_drawn_again(world: World) -> None:
+    case = load_case("4", world)
+    near = replace(case, target_ships=[replace(case.target_ships[0], x=0.0, y=60.0)])
+    # Between 45 and 60 m half of the places are too near; the first case has nothing to check.
+    suite = replace(suite_of(near, Perturbation(ship_position=40.0)), cases=(load_case("1", world), near))
+    states = Starts(suite, world).sample(400, draw())
+    distance = relative_positions(states).norm(dim=-1)[is_present(states)]
+    assert 150 < len(distance) < 250
+    assert world.safe_distance <= float(distance.min()) < world.safe_distance + 5
+
+
+def test_balanced_starts_take_the_cases_in_turn(world: World) -> None:
+    suite = load_suite("paper", world)
+    starts, generator = Starts(suite, world), draw()
+    before = generator.get_state()
+    states = starts.balanced(16, generator)
+    assert torch.equal(states, starts.states[torch.arange(16) % 7])
+    assert torch.equal(generator.get_state(), before)
+    perturbed = Starts(replace(suite, perturbation=BOUNDS), world)
+    moved = perturbed.balanced(16, generator)
+    assert torch.equal(moved[:, SHIP_COUNT], states[:, SHIP_COUNT])
+    assert float((moved - states)[:, [X, Y]].abs().max()) <= 30
+    assert torch.equal(moved, perturbed.balanced(16, draw()))
+    assert len({row.numpy().tobytes() for row in moved}) == 16
+
+
+def test_starts_go_on_from_a_saved_state_of_the_generator(world: World) -> None:
+    starts = Starts(replace(load_suite("paper", world), perturbation=BOUNDS), world)
+    generator = draw()
+    starts.sample(5, generator)
+    saved = generator.get_state()
+    wanted = starts.sample(9, generator)
+    assert torch.equal(starts.sample(9, Generator().set_state(saved)), wanted)
+    # A drawn start is the caller's own.
+    wanted.zero_()
+    assert bool(starts.states.any()) and not torch.equal(starts.sample(9, generator), wanted)
+
+
 def test_a_perturbation_that_leaves_no_start_is_refused(world: World) -> None:
     near = replace(load_case("1", world), goal=[0.0, 61.0])
     wide = replace(suite_of(near), perturbation=Perturbation(own_position=0.5))

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.state import select_ships
+from ship_trl.sim.state import select_ships, target_ships
 
 # Side of the occluding square, in pixels; a target ship is 7 pixels long.
 PATCH = 7
@@ -36,7 +36,7 @@ class Erased:
 def erase_things(env: ShipEnv, states: Tensor) -> list[Erased]:
     """Erase the line to the goal, each target ship, and all ships from the pictures of states [N, S]."""
     pixels, background = env.rasteriser(states), env.rasteriser.background
-    ships = list(range(len(env.case.target_ships)))
+    ships = list(range(target_ships(states).shape[-2]))
 
     def draw_ships(shown: list[int]) -> Tensor:
         return env.rasteriser(select_ships(states, shown))

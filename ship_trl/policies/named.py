@@ -82,7 +82,7 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     if name in POLICIES:
         return POLICIES[name](env, seed)
     if is_pretrained(name):
-        name = str(find(name, env.case).file)
+        name = str(find(name, None if ":" in name else env.case).file)
     if Path(name).suffix == ".safetensors":
         layers = saved_network(Path(name), "policy")
         network = DuelingNetwork(env.rasteriser.channels, len(env.world.actions), Generator(), layers)

@@ -18,12 +18,14 @@ from ship_trl.sim.cases import Case
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
 from ship_trl.sim.state import (
     HEADING,
+    SHIP_COUNT,
     SHIP_HEADING,
     SHIP_SPEED,
     SHIP_Y,
     SPEED,
     goal_distance,
     relative_positions,
+    select_ships,
     target_ships,
 )
 from ship_trl.sim.transition import Transition
@@ -116,6 +118,8 @@ def measure(
 ) -> Telemetry:
     """Measure an episode so far: states float [T + 1, S], actions int64 [T], q_values float [T, A]."""
     motion = Transition(world)
+    # Of a suite, empty places for target ships are left out.
+    states = select_ships(states, range(int(states[0, SHIP_COUNT])))
     after = motion(states[:-1], actions)
     goal, collision, truncated = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
     away = relative_positions(states)

@@ -43,6 +43,20 @@ def test_it_renders_a_large_picture() -> None:
     assert picture is not None and picture.shape == (600, 600, 3) and picture.std() > 5
 
 
+def test_of_a_suite_it_renders_the_ships_of_the_scene_alone() -> None:
+    env = ShipCollisionEnv(case="paper", render_mode="rgb_array")
+    pictures = {}
+    for name in ("1", "2", "3", "4", "5", "6", "new"):
+        single = ShipCollisionEnv(case=name, render_mode="rgb_array")
+        single.reset()
+        pictures[np.asarray(single.render()).tobytes()] = name
+    seen = set()
+    for seed in range(12):
+        env.reset(seed=seed)
+        seen.add(pictures[np.asarray(env.render()).tobytes()])
+    assert len(seen) > 3 and "1" in seen
+
+
 def test_stable_baselines3_trains_on_it_unchanged() -> None:
     env = gymnasium.make(ENV_ID, case="2")
     check_sb3(env.unwrapped, warn=True)

@@ -186,6 +186,35 @@ def test_a_mixed_batch_steps_as_its_rows_alone(world: World) -> None:
         current = stepped
 
 
+def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World) -> None:
+    suite = replace(load_suite("paper", world), perturbation=BOUNDS)
+    count, actions, ended = 12, draw(3), 0
+    env = ShipEnv(suite, world, count, from_pixels=True, generator=draw(1))
+    single, starts, chance = ShipEnv(suite, world, 1, from_pixels=True), Starts(suite, world), draw(1)
+    current, states = env.reset(), starts.sample(count, chance)
+    alone = [single.reset().set("state", row[None]) for row in states]
+    for row in alone:
+        row.set("pixels", single.rasteriser(row["state"]))
+    for _ in range(90):
+        for n, row in enumerate(alone):
+            for key in row.keys():  # noqa: SIM118
+                assert torch.equal(current[key][n], row[key][0]), key
+        action = torch.randint(7, (count,), generator=actions)
+        action[0] = 3  # a timeout or a collision, so that rows end at different steps
+        stepped, current = env.step_and_maybe_reset(current.set("action", action))
+        ends = stepped["next", "done"].squeeze(-1)
+        begun, ended = iter(starts.sample(int(ends.sum()), chance)), ended + int(ends.sum())
+        for n, row in enumerate(alone):
+            after = single.step(row.set("action", action[n : n + 1]))["next"]
+            for key in after.keys():  # noqa: SIM118
+                assert torch.equal(stepped["next", key][n], after[key][0]), key
+            alone[n] = after.exclude("reward")
+            if bool(ends[n]):
+                state = next(begun)[None]
+                alone[n] = single.reset().update({"state": state, "pixels": single.rasteriser(state)})
+    assert ended > count
+
+
 def test_rows_that_end_begin_with_fresh_starts(world: World) -> None:
     suite = replace(load_suite("4", world), perturbation=BOUNDS)
     env = ShipEnv(suite, world, 4, generator=draw(5))

@@ -3,16 +3,24 @@
 import re
 import subprocess
 import sys
+import warnings
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
+from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
+from ship_trl.gym.ships import Pixels
 from ship_trl.gym.vector import ShipCollisionVectorEnv
+from ship_trl.sim.starts import Starts
+from ship_trl.sim.suites import Perturbation, Suite, load_suite
 from tests.command import ROOT, environment
 
 
@@ -110,6 +118,59 @@ def test_bad_input_is_refused() -> None:
         ShipCollisionVectorEnv(2).step(np.array([0, 7]))
     with pytest.raises(ValueError, match="actions: must have the shape"):
         ShipCollisionVectorEnv(2).step(np.array([0, 1, 2]))
+
+
+@pytest.fixture
+def mixed(world: World, monkeypatch: pytest.MonkeyPatch) -> Suite:
+    """Let the Gymnasium environments begin with a perturbed suite of seven cases."""
+    suite = replace(
+        load_suite("paper", world), perturbation=Perturbation(30.0, 20.0, ship_position=100.0, ship_speed=5.0)
+    )
+    monkeypatch.setattr("ship_trl.gym.ships.load_suite", lambda *_: suite)
+    return suite
+
+
+def begin(single: ShipCollisionEnv, state: Tensor) -> tuple[Pixels, NDArray[np.float32]]:
+    """Begin an episode in a given state; return picture and state."""
+    single.reset()
+    ships = single._ships
+    ships.state[0] = state.numpy()
+    return ships.draw(ships.state)[0], ships.state[0]
+
+
+def test_a_mixed_perturbed_batch_and_its_resets_equal_single_ships(mixed: Suite, world: World) -> None:
+    count, ended, draws = 8, 0, np.random.default_rng(3)
+    envs, starts, chance = ShipCollisionVectorEnv(count), Starts(mixed, world), Generator().manual_seed(5)
+    pixels, infos = envs.reset(seed=5)
+    singles, begun = [ShipCollisionEnv() for _ in range(count)], starts.sample(count, chance)
+    alone = [begin(single, state) for single, state in zip(singles, begun, strict=True)]
+    for _ in range(90):
+        for n, (picture, state) in enumerate(alone):
+            assert np.array_equal(pixels[n], picture) and np.array_equal(infos["state"][n], state)
+        actions = draws.integers(7, size=count)
+        pixels, reward, terminated, truncated, infos = envs.step(actions)
+        over = terminated | truncated
+        fresh, ended = iter(starts.sample(int(over.sum()), chance)), ended + int(over.sum())
+        for n, single in enumerate(singles):
+            picture, *result, info = single.step(actions[n])
+            assert result == [reward[n], terminated[n], truncated[n]]
+            alone[n] = picture, info["state"]
+            if over[n]:
+                assert np.array_equal(infos["final_obs"][n], picture)
+                alike({key: values[n] for key, values in infos["final_info"].items()}, info)
+                alone[n] = begin(single, next(fresh))
+    assert ended > count
+
+
+def test_gymnasium_accepts_a_mixed_perturbed_suite(mixed: Suite) -> None:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*render modes.*|.*spec is None.*")
+        check_env(ShipCollisionEnv(), skip_render_check=True)
+    envs = ShipCollisionVectorEnv(6)
+    seen = [envs.reset(seed=seed)[0] for seed in (1, 1, 2)]
+    assert all(pixels in envs.observation_space for pixels in seen)
+    assert np.array_equal(seen[0], seen[1]) and not np.array_equal(seen[0], seen[2])
+    assert len({row.tobytes() for row in seen[0]}) == 6 and len(mixed.cases) == 7
 
 
 def test_a_suite_draws_its_starts_from_the_seed() -> None:

@@ -20,6 +20,18 @@ from ship_trl.learn.fast.weights_version import count_untracked_write, untracked
 STEPS = "steps_to_next_obs"
 
 
+def double_dqn_target(
+    next_q: Tensor, next_target_q: Tensor, reward: Tensor, terminated: Tensor, gamma: float | Tensor
+) -> Tensor:
+    """Return TD targets [..., 1]: the online network chooses the next action, the target network rates it.
+
+    Shapes: Q-values of the next state by both networks [..., A]; reward, terminated and gamma [..., 1].
+    """
+    value = next_target_q.gather(-1, next_q.argmax(-1, keepdim=True))
+    # A truncated step is not terminated, so it bootstraps.
+    return reward + gamma * value * ~terminated
+
+
 def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
     """Compute the mean loss of Q-values [B, 1] against their TD targets [B, 1].
 
@@ -120,12 +132,14 @@ class DoubleDQNLoss(DQNLoss):
         following = tensordict.get("next")
         with torch.no_grad():
             next_observation = following.get(observation)
-            choice = self.network(next_observation).argmax(-1, keepdim=True)
-            value = self.target_network(next_observation).gather(-1, choice)
-            # A truncated step is not terminated, so it bootstraps.
-            terminated = following.get(keys.terminated)
             gamma = self.gamma if (steps := tensordict.get(STEPS, None)) is None else self.gamma**steps
-            td_target = following.get(keys.reward) + gamma * value * ~terminated
+            td_target = double_dqn_target(
+                self.network(next_observation),
+                self.target_network(next_observation),
+                following.get(keys.reward),
+                following.get(keys.terminated),
+                gamma,
+            )
         action = tensordict.get(keys.action).unsqueeze(-1)
         q = self.network(tensordict.get(observation)).gather(-1, action)
         if self.write_td_error:

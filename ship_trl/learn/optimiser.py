@@ -64,6 +64,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
 
 def in_memory_order(tensor: Tensor, parameter: Tensor) -> Tensor:
     """Return a tensor contiguously in the memory order of a parameter; a view where possible."""
-    if parameter.dim() == 4 and not parameter.is_contiguous():
-        return tensor.permute(0, 2, 3, 1).contiguous()
-    return tensor.contiguous()
+    if parameter.is_contiguous():
+        return tensor.contiguous()
+    # Filters are channels last, alone or stacked: the kernel would update a copy of them.
+    order = sorted(range(parameter.dim()), key=parameter.stride, reverse=True)
+    return tensor.permute(order).contiguous()

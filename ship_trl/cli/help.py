@@ -49,7 +49,7 @@ How
   learn.KEY=VALUE       any value of conf/algorithm, exploration, replay and schedule, as learn.episodes=1000
   algorithm=NAME        {algorithms} (default double_dqn), with keys of their own, as algorithm.steps=3
   network=NAME          {networks} (default paper)
-  device=cpu|cuda       colour=true|false
+  device=cpu|cuda       colour=true|false fast=true|false (false: torch alone, no compiled loops)
   logger=NAME           csv (always written), wandb, tensorboard, or all
                         wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>

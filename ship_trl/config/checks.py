@@ -88,12 +88,15 @@ def check_learner(config: Config) -> None:
 
 
 def check_backend(config: Config, layers: Geometry) -> None:
-    """Check that `learn.backend=incremental` can compute the network."""
+    """Check that `learn.backend=incremental` can compute the network; `fast=false` makes all layers dense."""
     if config.learn.backend is BackendName.incremental:
         key, name = "learn.backend", config.learn.backend.name
+        require(config.fast, key, "auto or dense with fast=false", name)
         require(config.device == "cpu", key, f"auto or dense with device={config.device}", name)
         allowed = f"auto or dense with network.conv={config.network.conv}"
         require(supports_incremental(layers), key, allowed, name)
+    if not config.fast:
+        config.learn.backend = BackendName.dense
 
 
 def check_memory(config: Config, layers: Geometry) -> None:

@@ -233,6 +233,7 @@ class Config:
     layers: Any
     seed: Seed
     device: Device
+    fast: bool
     colour: bool
     logger: Logger
     objective: Objective

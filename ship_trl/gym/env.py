@@ -28,6 +28,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         colour: three channels instead of one.
         reward_scale: factor of the reward; raw rewards reach 200.
         render_mode: "rgb_array" for the large picture, or None.
+        fast: whether compiled loops step and draw; else torch does, which rounds differently.
 
     Raises:
         ConfigError: no such case.
@@ -42,8 +43,9 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
         colour: bool = False,
         reward_scale: float = 1.0,
         render_mode: str | None = None,
+        fast: bool = True,
     ) -> None:
-        self._ships = Ships(1, case, colour)
+        self._ships = Ships(1, case, colour, fast)
         self._scale, self.render_mode = reward_scale, render_mode
         self.observation_space, self.action_space = self._ships.observation_space, self._ships.action_space
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
+import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from torch import Generator
 
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
-from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import load_suite
@@ -26,18 +28,27 @@ Infos = dict[str, Any]
 class Ships:
     """N own ships, each in its own episode: `state` float32 [N, S] and `dcpa` float32 [N] so far.
 
+    If not `fast`, torch steps and draws in place of compiled loops, and rounds differently.
+
     Raises:
         ConfigError: no such case.
     """
 
-    def __init__(self, count: int, case: str, colour: bool) -> None:
+    _draw: Callable[..., None]
+    _step: Callable[..., None]
+
+    def __init__(self, count: int, case: str, colour: bool, fast: bool = True) -> None:
         self.world = load_world()
         self.suite = load_suite(case, self.world, "case")
         self._starts, self._generator = Starts(self.suite, self.world), Generator().manual_seed(0)
-        rasteriser = Rasteriser(self.world, colour=colour)
-        assert rasteriser.compiled is not None
-        self._draw = rasteriser.compiled.draw_into
-        self._step = CompiledStep(Transition(self.world)).step_into
+        rasteriser, transition = Rasteriser(self.world, colour=colour, fast=fast), Transition(self.world)
+        if rasteriser.compiled is not None:
+            # Imported here: without compiled loops nothing needs numba.
+            from ship_trl.sim.fast.compiled import CompiledStep
+
+            self._draw, self._step = rasteriser.compiled.draw_into, CompiledStep(transition).step_into
+        else:
+            self._draw, self._step = partial(draw_into, rasteriser), partial(step_into, transition)
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
         self.observation_space = spaces.Box(0, 255, self._shape, np.uint8)
         self.action_space = spaces.Discrete(len(self.world.actions))
@@ -76,3 +87,25 @@ class Ships:
         pictures = np.empty((len(state), channels, math.prod(image)), np.uint8)
         self._draw(state, pictures)
         return np.ascontiguousarray(pictures.swapaxes(1, 2)).reshape(len(state), *image, channels)
+
+
+def step_into(
+    transition: Transition,
+    state: NDArray[np.float32],
+    action: NDArray[np.int64],
+    after: NDArray[np.float32],
+    reward: NDArray[np.float32],
+    flags: Flags,
+    distance: NDArray[np.float32],
+) -> None:
+    """Take a step in torch and write its results, as `CompiledStep.step_into`."""
+    if action.min() < 0:  # torch would count from the last action
+        raise IndexError("action index out of range")
+    outcome = transition(torch.from_numpy(state), torch.from_numpy(action))
+    after[:], reward[:], distance[:] = outcome.state, outcome.reward, outcome.min_distance
+    flags[:] = torch.stack((outcome.goal, outcome.collision, outcome.truncated))
+
+
+def draw_into(rasteriser: Rasteriser, state: NDArray[np.float32], pictures: Pixels) -> None:
+    """Draw states [N, S] in torch into `pictures`, uint8 [N, C, 84 * 84]."""
+    pictures[:] = rasteriser.reference(torch.from_numpy(state))

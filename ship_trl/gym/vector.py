@@ -36,11 +36,16 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
 
     def __init__(
-        self, num_envs: int = 1, case: str = "1", colour: bool = False, reward_scale: float = 1.0
+        self,
+        num_envs: int = 1,
+        case: str = "1",
+        colour: bool = False,
+        reward_scale: float = 1.0,
+        fast: bool = True,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs: must be at least 1, got {num_envs}")
-        self._ships = Ships(num_envs, case, colour)
+        self._ships = Ships(num_envs, case, colour, fast)
         self._scale, self.num_envs = np.float32(reward_scale), num_envs
         self.single_observation_space: spaces.Box = self._ships.observation_space
         self.single_action_space = self._ships.action_space

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from ship_trl.config.network import Geometry, supports_incremental
 from ship_trl.config.types import BackendName, Precision, bfloat16_allowed
-from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.network import Backend, Dense
 
 
@@ -32,6 +31,9 @@ def choose_backend(
     chosen = fastest if wanted is BackendName.auto else wanted
     if chosen is BackendName.dense:
         return Dense(dtype)
+    # Imported here: where all layers are dense, nothing needs numba.
+    from ship_trl.learn.fast.incremental import Incremental
+
     return Incremental(draw.background, dtype, geometry)
 
 

@@ -14,7 +14,6 @@ from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import Method, NoTransfer, Setup
 from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
 from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
-from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import Dense, DuelingNetwork
@@ -187,7 +186,7 @@ def build(setup: Setup, make_replay: Callable[..., StateReplay] = StateReplay) -
     network.freeze(method.frozen_layers(0.0))
     dtype = choose_dtype(learn.precision, device)
     network.backend = choose_backend(learn.backend, draw, dtype, device, network.geometry)
-    is_incremental = isinstance(network.backend, Incremental)
+    is_incremental = not isinstance(network.backend, Dense)
     encoders: dict[str, Callable[[Tensor], Tensor]] = {}
     if is_incremental and not method.thaws and network.frozen >= network.linear_from:
         encoders[FEATURES] = FrozenFeatures(network, draw, dtype)

@@ -58,7 +58,7 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         config_hash=run.config_hash,
         source_network=parts.origin,
         best_known_return=known,
-        random_return=random_return(run.target, config.world),
+        random_return=random_return(run.target, config.world, fast=config.fast),
         scratch=summarise(parts.scratch, 0),
         before=evaluated[0],
         best=summarise(best.greedy_episode, best.episode),

@@ -53,6 +53,7 @@ class Parts:
         algorithm, device = self.algorithm, self.eval_env.device
         precision = str(algorithm.dtype).removeprefix("torch.")
         place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
+        place += " uncompiled" if device.type == "cpu" and self.draw.compiled is None else ""
         rounding = digest_rounding(algorithm.dtype, device)
         return f"{precision} {algorithm.backend} {place} torch-{torch.__version__} {rounding}"
 
@@ -85,8 +86,8 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     # the device that uses them, as torch demands.
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
-    make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device)
-    draw = Rasteriser(world, colour=config.colour, device=device)
+    make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device, fast=config.fast)
+    draw = Rasteriser(world, colour=config.colour, device=device, fast=config.fast)
     eval_env = make_env(1)
     actions = len(world.actions)
     network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
@@ -155,6 +156,7 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Rasteriser, eval_env
     if run.arm.copies_all:
         return [rollout(eval_env, algorithm.greedy)[0].episode_return]
     batch = min(count, JUMPSTART_BATCH)
-    env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=str(eval_env.device))
+    place, fast = str(eval_env.device), config.fast
+    env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=place, fast=fast)
     generator = Generator().manual_seed(run.stream("jumpstart"))
     return jumpstart(env, draw, algorithm.network, copied, count, generator)

@@ -15,11 +15,10 @@ from torchrl.envs import EnvBase
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import Suite, suite_of
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.transition import make_step
 
 # False in every row that an action is taken in: a row in which one of them is true begins a new episode.
 FLAGS = ("goal", "collision", "done", "terminated", "truncated")
@@ -50,6 +49,7 @@ class ShipEnv(EnvBase):
         encoders: maps each further observation key to a function from states [N, S] to features [N, F].
         device: where to simulate.
         generator: random generator of the initial states, on the CPU; one with seed 0 by default.
+        fast: whether compiled loops step and draw on the CPU; else torch does, which rounds differently.
     """
 
     batch_locked = True
@@ -65,16 +65,15 @@ class ShipEnv(EnvBase):
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         device: str | torch.device = "cpu",
         generator: Generator | None = None,
+        fast: bool = True,
     ) -> None:
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.suite = suite_of(suite) if isinstance(suite, Case) else suite
         self.world = world
         self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
         self._starts = Starts(self.suite, world)
-        self._transition = Transition(world, self.device)
-        on_cpu = self.device.type == "cpu"
-        self._simulate = CompiledStep(self._transition) if on_cpu else self._transition
-        self.rasteriser = Rasteriser(world, colour=colour, device=self.device)
+        self._simulate = make_step(world, self.device, fast=fast)
+        self.rasteriser = Rasteriser(world, colour=colour, device=self.device, fast=fast)
         self.from_pixels = from_pixels
         self._encoders = dict(encoders or {})
         self._make_specs()

@@ -7,20 +7,21 @@ from torch import Generator
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.transition import make_step
 
 # With this many episodes the standard error of the mean return is about 2.
 EPISODES = 10_000
 
 
-def random_return(case: Case, world: World, seed: int = 0, episodes: int = EPISODES) -> float:
+def random_return(
+    case: Case, world: World, seed: int = 0, episodes: int = EPISODES, *, fast: bool = True
+) -> float:
     """Return the mean undiscounted raw return of uniform random actions in a case.
 
-    All runs use the same seed of the actions, so that their scores share one zero.
+    All runs use the same seed of the actions, so that their scores share one zero. `fast` is of `make_step`.
     """
-    step, generator = CompiledStep(Transition(world)), Generator().manual_seed(seed)
+    step, generator = make_step(world, fast=fast), Generator().manual_seed(seed)
     state = initial_state(case, world).expand(episodes, -1).contiguous()
     total = torch.zeros(episodes, dtype=torch.float64)
     running = torch.ones(episodes, dtype=torch.bool)

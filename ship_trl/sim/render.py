@@ -8,6 +8,7 @@ anti-aliased: a pixel's coverage is its signed distance to the edge, clamped to 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -15,7 +16,6 @@ from torchrl.data import Bounded
 
 from ship_trl.config.types import World
 from ship_trl.sim import scene
-from ship_trl.sim.fast.compiled import CompiledDrawing
 from ship_trl.sim.geometry import polygon_edges
 from ship_trl.sim.state import (
     HEADING,
@@ -26,6 +26,9 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
+
+if TYPE_CHECKING:
+    from ship_trl.sim.fast.compiled import CompiledDrawing
 
 
 def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
@@ -44,16 +47,18 @@ class Rasteriser:
     """Draws states as the network sees them; every row of a batch may be another case.
 
     `rasteriser(state)` takes float [..., S] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
-    else 1 (grey). A compiled loop draws on the CPU, torch on other devices.
+    else 1 (grey). A compiled loop draws on the CPU, torch on other devices or if not `fast`.
 
     Attributes:
         size: width and height of the picture in pixels.
         channels: C.
         background: the picture without line and target ships, uint8 [C, 84, 84].
-        compiled: the compiled loop; None where the device is not the CPU.
+        compiled: the compiled loop; None where torch draws.
     """
 
-    def __init__(self, world: World, *, colour: bool = False, device: str | torch.device = "cpu") -> None:
+    def __init__(
+        self, world: World, *, colour: bool = False, device: str | torch.device = "cpu", fast: bool = True
+    ) -> None:
         self.size, self.channels = scene.SIZE, 3 if colour else 1
         self.device = torch.device(device)
         # On the CPU, because the corners are read as Python floats.
@@ -67,7 +72,10 @@ class Rasteriser:
         self._background = self._draw_background(world)
         self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
         self.compiled: CompiledDrawing | None = None
-        if self.device.type == "cpu":
+        if fast and self.device.type == "cpu":
+            # Imported here: without compiled loops nothing needs numba.
+            from ship_trl.sim.fast.compiled import CompiledDrawing
+
             self.compiled = CompiledDrawing(
                 self._outline,
                 self._line_ink,
@@ -108,7 +116,7 @@ class Rasteriser:
         """Draw states, float [..., S]; return uint8 [..., C, 84, 84].
 
         Raises:
-            ValueError: on the CPU, a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
+            ValueError: if compiled, a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
         """
         flat = state.reshape(-1, state.shape[-1])
         pixels = self.compiled(flat) if self.compiled else self.reference(flat)

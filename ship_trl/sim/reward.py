@@ -1,7 +1,8 @@
 """The reward (equations 4 to 6), with the paper's weights from `World`. The formula is written only here.
 
 torch evaluates `step_reward` with tensors (`transition`, `value_bound`), and `write_rewards` with numbers in
-a compiled loop. The loop is in this file because numba recompiles a loop only when its own file changes.
+a loop that `fast.step_kernel` compiles. It is in this file because numba recompiles a loop only when its own
+file changes.
 """
 
 from __future__ import annotations
@@ -10,10 +11,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import float32
 
 from ship_trl.config.types import Reward
-from ship_trl.jit import RELAXED, compiled
 
 Array = np.ndarray[Any, Any]
 # A tensor [...] in torch, a number in the compiled loop.
@@ -66,10 +65,6 @@ def step_reward(
     return shaping + goal * reached + collision * collided
 
 
-compiled_step_reward = compiled(RELAXED)(step_reward)
-
-
-@compiled(RELAXED)
 def write_rewards(
     action: Array,
     actions: Array,
@@ -87,8 +82,6 @@ def write_rewards(
     """
     for n in range(action.shape[0]):
         speed, turn = actions[action[n]]
-        reached, collided = float32(flags[0, n]), float32(flags[1, n])
-        distance, nearest = float32(to_goal[0, n]), min(min_distance[n], float32(MAX_SHIP_DISTANCE))
-        reward[n] = compiled_step_reward(
-            constants, distance, to_goal[1, n], reached, collided, nearest, speed, turn
-        )
+        reached, collided = np.float32(flags[0, n]), np.float32(flags[1, n])
+        distance, nearest = np.float32(to_goal[0, n]), min(min_distance[n], np.float32(MAX_SHIP_DISTANCE))
+        reward[n] = step_reward(constants, distance, to_goal[1, n], reached, collided, nearest, speed, turn)

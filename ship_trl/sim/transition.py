@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -33,6 +34,9 @@ class Outcome(NamedTuple):
     collision: Tensor
     truncated: Tensor
     min_distance: Tensor
+
+
+Step = Callable[[Tensor, Tensor], Outcome]
 
 
 class Transition:
@@ -68,3 +72,14 @@ class Transition:
         )
         truncated = (after[:, STEP] >= world.max_steps) & ~reached & ~collision
         return Outcome(after, reward, reached, collision, truncated, nearest)
+
+
+def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = True) -> Step:
+    """Return the simulation step: a compiled loop on the CPU, torch elsewhere or if not `fast`."""
+    transition = Transition(world, device)
+    if not fast or torch.device(device).type != "cpu":
+        return transition
+    # Imported here: without compiled loops nothing needs numba.
+    from ship_trl.sim.fast.compiled import CompiledStep
+
+    return CompiledStep(transition)

@@ -170,6 +170,8 @@ WRONG_VALUES = {
     "learn.loss=l3": "learn.loss: must be one of l2, huber, got l3",
     "learn.precision=fp8": "learn.precision: must be one of auto, fp32, bf16, got fp8",
     "learn.backend=fast": "learn.backend: must be one of auto, incremental, dense, go",
+    "learn.backend=incremental fast=false": "learn.backend: must be auto or dense with fast=false, got inc",
+    "fast=perhaps": "fast: must be true or false, got perhaps",
     "learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
     "device=tpu": "device: must be cpu or cuda, got tpu",
     "seed=-1": "seed: must be at least 0",

@@ -66,6 +66,21 @@ def test_stable_baselines3_trains_on_it_unchanged() -> None:
     assert not bool((before == next(model.q_net.parameters())).all())
 
 
+def test_torch_alone_steps_and_draws_alike() -> None:
+    compiled, plain = (ShipCollisionEnv(case="4", fast=fast) for fast in (True, False))
+    assert np.abs(compiled.reset()[0].astype(int) - plain.reset()[0]).max() <= 1
+    for action in np.array([3] * 10 + [0] * 5 + [6] * 3):
+        (pixels, reward, *ends, info), (other, paid, *others, told) = (
+            compiled.step(action),
+            plain.step(action),
+        )
+        assert np.abs(pixels.astype(int) - other).max() <= 1 and ends[:2] == others[:2]
+        assert abs(reward - paid) < 1e-3 and abs(info["dcpa"] - told["dcpa"]) < 1e-3
+    for action in (-1, 7):
+        with pytest.raises(IndexError):
+            plain.step(np.int64(action))
+
+
 @pytest.mark.parametrize("colour", [False, True])
 def test_it_shows_what_the_network_sees_channels_last(colour: bool) -> None:
     env, world = ShipCollisionEnv(case="4", colour=colour), load_world()

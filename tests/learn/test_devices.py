@@ -35,13 +35,6 @@ def meta_device() -> Iterator[None]:
         torch.set_default_device(None)
 
 
-def as_on_a_gpu(env: ShipEnv) -> ShipEnv:
-    """Make an environment use the code for other devices."""
-    env._simulate = env._transition
-    env.rasteriser.compiled = None
-    return env
-
-
 def test_the_guard_notices_a_tensor_without_a_device(meta_device: None) -> None:
     with pytest.raises(RuntimeError):
         _ = torch.zeros(3, device=CPU) + torch.zeros(3)
@@ -49,7 +42,7 @@ def test_the_guard_notices_a_tensor_without_a_device(meta_device: None) -> None:
 
 @pytest.mark.parametrize("colour", [False, True])
 def test_simulator_and_rasteriser_name_their_device(meta_device: None, colour: bool) -> None:
-    env = as_on_a_gpu(ShipEnv(load_case("4", WORLD), WORLD, 3, from_pixels=True, colour=colour, device=CPU))
+    env = ShipEnv(load_case("4", WORLD), WORLD, 3, from_pixels=True, colour=colour, device=CPU, fast=False)
     current = env.reset()
     for _ in range(30):
         current["action"] = torch.full((3,), 3, device=CPU)
@@ -65,10 +58,9 @@ def test_the_learner_names_its_device(
 ) -> None:
     monkeypatch.setattr(double_dqn, "choose_backend", lambda *_: Dense())
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
-    env = as_on_a_gpu(ShipEnv(case, WORLD, learn.num_envs, device=CPU))
-    eval_env = as_on_a_gpu(ShipEnv(case, WORLD, 1, device=CPU))
-    draw = Rasteriser(WORLD, device=CPU)
-    draw.compiled = None
+    env = ShipEnv(case, WORLD, learn.num_envs, device=CPU, fast=False)
+    eval_env = ShipEnv(case, WORLD, 1, device=CPU, fast=False)
+    draw = Rasteriser(WORLD, device=CPU, fast=False)
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved
         network = DuelingNetwork(1, 7, generators[0])

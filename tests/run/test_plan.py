@@ -94,6 +94,7 @@ def test_config_hash_tells_runs_apart(change: str) -> None:
         "overwrite=true",
         "learn.jumpstart_draws=0",
         "learn.backend=dense",
+        "fast=false",
     ],
 )
 def test_config_hash_ignores_what_is_not_learned_from(change: str) -> None:

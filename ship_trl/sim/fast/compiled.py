@@ -10,7 +10,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.fast import draw_kernels, step_kernel
 from ship_trl.sim.fast.step_kernel import Array
 from ship_trl.sim.geometry import polygon_edges
-from ship_trl.sim.reward import POSITION_TOLERANCE, reward_constants, write_rewards
+from ship_trl.sim.reward import POSITION_TOLERANCE, reward_constants
 from ship_trl.sim.transition import Outcome, Transition
 
 
@@ -49,7 +49,8 @@ class CompiledStep:
         """
         to_goal = np.empty((2, len(action)))
         step_kernel.step(state, action, *self._constants, after, to_goal, flags, min_distance)
-        write_rewards(action, self._actions, self._reward_constants, to_goal, flags, min_distance, reward)
+        paid = action, self._actions, self._reward_constants, to_goal, flags, min_distance
+        step_kernel.write_rewards(*paid, reward)
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """Take one action with each ship, as `step_into`; return the results as an `Outcome`."""

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 from numba import float32
+from numba.extending import register_jitable
 
 from ship_trl.jit import RELAXED, compiled
+from ship_trl.sim import reward
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -36,6 +38,9 @@ Number = Any
 
 # A Python float would turn every sum into float64.
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
+
+register_jitable(fastmath=RELAXED)(reward.step_reward)
+write_rewards = compiled(RELAXED)(reward.write_rewards)
 
 
 @compiled(RELAXED)
@@ -62,7 +67,7 @@ def step(
 ) -> None:
     """Take one action with each of N ships, and write the results into the last four arguments.
 
-    The rewards are computed in `reward.write_rewards`.
+    The rewards are computed in `write_rewards`.
 
     Shapes, float32 unless said otherwise:
         Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4]: dt (s), safe

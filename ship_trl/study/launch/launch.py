@@ -28,7 +28,7 @@ from ship_trl.transfer.casebase import POLICY
 
 LOG, JOBS, CASE_BASE = "log.txt", "jobs", "case_base"
 # Keys that all runs of a study share, beside "learn".
-SHARED_KEYS = ("profile", "device", "colour", "world", "network", "algorithm")
+SHARED_KEYS = ("profile", "device", "fast", "colour", "world", "network", "algorithm")
 
 
 def write_jobs(jobs: list[Job], config: StudyConfig) -> None:

@@ -1,0 +1,34 @@
+"""With `fast=false` a run needs no compiled loops: numba cannot be imported."""
+
+from pathlib import Path
+
+import yaml
+
+from ship_trl.files.result import read_result
+from tests.command import ship_trl
+
+# A blocked import raises. Gymnasium's environments are stepped in the same process.
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = None
+import numpy
+from ship_trl.gym.vector import ShipCollisionVectorEnv
+envs = ShipCollisionVectorEnv(3, "4", fast=False)
+envs.reset()
+envs.step(numpy.zeros(3, numpy.int64))
+"""
+LINE = ("profile=smoke", "+pair=high", "method=feature_extraction", "layers=3")
+
+
+def test_a_whole_run_needs_no_numba(tmp_path: Path) -> None:
+    ship_trl(*LINE, "fast=false", folder=tmp_path, first=WITHOUT_NUMBA, new_process=True)
+    folder = tmp_path / "outputs/smoke/high/FE3/seed=0"
+    assert read_result(folder).backend == "dense"
+    values = yaml.safe_load((folder / "config.yaml").read_text())
+    assert values["fast"] is False and values["learn"]["backend"] == "dense"
+
+
+def test_compiled_loops_need_numba(tmp_path: Path) -> None:
+    first = "import sys; sys.modules['numba'] = None"
+    done = ship_trl(*LINE, folder=tmp_path, first=first, new_process=True, code=1)
+    assert "numba" in done.stderr

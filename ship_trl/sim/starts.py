@@ -61,9 +61,12 @@ class Starts:
         self._low, self._width = (self.states - bounds).numpy(), (2 * bounds).numpy()
         self._least = least.numpy()
         # Columns of goal and ships [1 + K, 2], and the distances to keep from them [cases, 1 + K].
-        columns = torch.arange(self.states.shape[1])
+        columns = torch.arange(self.states.shape[1], device="cpu")
         points = torch.cat((goal(columns)[None], target_ships(columns)[:, : SHIP_Y + 1]))
-        keep = torch.full((len(self.states), 1), world.goal_distance), world.safe_distance * present
+        keep = (
+            torch.full((len(self.states), 1), world.goal_distance, device="cpu"),
+            world.safe_distance * present,
+        )
         self._points, self._keep = points.numpy(), torch.cat(keep, 1).numpy()
         # Starts are checked only where the bounds let a ship or the goal come too near.
         reach = math.sqrt(2) * (suite.perturbation.own_position + suite.perturbation.ship_position)

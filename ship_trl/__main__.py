@@ -29,10 +29,10 @@ def train(words: list[str]) -> None:
     from ship_trl.cli.errors import check_words, hydra_errors, job_errors, refusals
     from ship_trl.config.checks import to_config
     from ship_trl.config.paths import conf_dir
-    from ship_trl.run.launchers import die_with_launcher, mark_launcher, place_in_grid
+    from ship_trl.grid.launchers import die_with_launcher, mark_launcher, place_in_grid
+    from ship_trl.grid.sweep import objective
     from ship_trl.run.plan import make_run
     from ship_trl.run.stop import end_at_sigterm
-    from ship_trl.run.sweep import objective
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
     def entry(values: DictConfig) -> float:

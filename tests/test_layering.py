@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "ship_trl"
 # The rooms from the bottom up: each may import what stands before it.
 ROOMS = (
-    "config", "files", "jit", "sim", "learn", "transfer", "policies", "view", "gym", "run", "study",
+    "config", "files", "jit", "sim", "learn", "transfer", "policies", "view", "gym", "run", "grid", "study",
     "explain", "cli", "__main__",
 )  # fmt: skip
 # Where a room may import what stands above it.
@@ -21,8 +21,8 @@ STUDY = ("rules", "plan", "records", "analysis", "claims", "report", "launch")
 WITHOUT_TORCH = (
     "config", "files", "cli", "__main__", "sim/cases", "transfer/similarity", "transfer/casebase",
     "transfer/measured", "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
-    "run/folder", "run/plan", "run/stop", "run/progress", "run/launchers", "run/entries", "run/results",
-    "run/grid", "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",
+    "run/folder", "run/plan", "run/stop", "run/progress", "grid/launchers", "run/results",
+    "grid/check", "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))
 BENCHMARKS = PACKAGE.parent / "benchmarks"

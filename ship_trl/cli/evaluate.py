@@ -14,13 +14,13 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.types import Positive
 from ship_trl.policies.entry import SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
-from ship_trl.run.entries import find_entries
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
@@ -51,8 +51,8 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     """Roll out every entry and print a table; return a line for each that does not reach its claim."""
     from ship_trl.cli.table import show
     from ship_trl.policies.demonstrations import write_demonstration
+    from ship_trl.policies.reference import best_known
     from ship_trl.run.process import configure_process
-    from ship_trl.sim.reference import best_known
 
     configure_process()
     rows, wrong = [], []

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl import __version__
+from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry
-from ship_trl.run.entries import drop_last_networks, find_entries
 
 if TYPE_CHECKING:
     from tensordict import TensorDictBase

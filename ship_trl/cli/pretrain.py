@@ -112,7 +112,7 @@ def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
     """Write the best network of a run as `CASE.safetensors`; return its entry in the manifest."""
     import torch
 
-    from ship_trl.sim.reference import best_known
+    from ship_trl.policies.reference import best_known
     from ship_trl.transfer.layers import save_weights
 
     world = load_world()

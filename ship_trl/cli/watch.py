@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import shlex
 
+from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
-from ship_trl.run.entries import find_entries
 
 DEFAULT_WORDS = ["pretrained", "target=4"]
 

@@ -16,7 +16,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
 from ship_trl.files.result import ResultError, read_result
 from ship_trl.policies.pretrained import PRETRAINED
-from ship_trl.run.entries import read_settings
+from ship_trl.run.folder import read_settings
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan

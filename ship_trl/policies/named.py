@@ -18,8 +18,8 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
 from ship_trl.policies.pretrained import find, is_pretrained
+from ship_trl.policies.reference import best_known
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.reference import best_known
 from ship_trl.sim.state import STEP
 from ship_trl.transfer.layers import load_weights, saved_network
 

@@ -11,13 +11,13 @@ from ship_trl import __version__
 from ship_trl.config.network import non_default_network
 from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
 from ship_trl.learn.rollout import Episode
+from ship_trl.policies.random_policy import random_return
 from ship_trl.run import console
 from ship_trl.run.parts import Parts
 from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.run.process import processor_name
 from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
-from ship_trl.sim.random_policy import random_return
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
 from ship_trl.view.curves import draw_curve, draw_transfer

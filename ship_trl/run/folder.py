@@ -9,9 +9,12 @@ from typing import Any
 
 import yaml
 from omegaconf import OmegaConf
+from yaml import YAMLError
 
+from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, one_line
-from ship_trl.config.types import plain
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import World, plain
 from ship_trl.files.disk import atomic_write, links, remove
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
@@ -21,7 +24,18 @@ from ship_trl.transfer.casebase import CONFIG, LOCKS, CaseBase
 
 # Settings that do not change what a run learns.
 IGNORED_KEYS = {
-    *("output", "case_base", "overwrite", "logger", "wandb", "checkpoint", "objective", "pair", "profile")
+    *(
+        "output",
+        "case_base",
+        "overwrite",
+        "logger",
+        "wandb",
+        "checkpoint",
+        "objective",
+        "pair",
+        "profile",
+        "fast",
+    )
 }
 MAX_DIFFERENCES_SHOWN = 3
 
@@ -126,3 +140,17 @@ def open_folder(run: Run, resume: bool = False) -> None:
     except OSError as error:
         place = error.filename or run.folder
         raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None
+
+
+def read_settings(folder: Path) -> tuple[World, bool]:
+    """Read a run's world, and whether its pictures have colours, from its configuration."""
+    path = folder / CONFIG
+    try:
+        values: Any = read_yaml(path)
+        world = read_as(World, values.world, key="world")
+        check_world(world)
+        return world, bool(values.colour)
+    except ConfigError as error:
+        raise ConfigError(f"policy: {path}: {error}") from None
+    except (OSError, AttributeError, ValueError, YAMLError) as error:
+        raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None

@@ -17,6 +17,7 @@ from ship_trl.files.disk import remove, sync
 from ship_trl.files.result import Result, write_result
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
+from ship_trl.policies.reference import best_known
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.conclude import make_result, retain, write_files
@@ -27,7 +28,6 @@ from ship_trl.run.source import Source
 from ship_trl.run.stop import Stop, StoppedError, stop_on_signal
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.cases import shadowing_case
-from ship_trl.sim.reference import best_known
 from ship_trl.transfer.casebase import PLANS, POLICY
 from ship_trl.transfer.layers import save_weights
 

@@ -21,11 +21,11 @@ from ship_trl.files.result import ResultError, read_result
 from ship_trl.files.untrusted import MAX_YAML_BYTES, Bounded, read_yaml
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import read_demonstration
+from ship_trl.policies.reference import best_known, plan_name
 from ship_trl.run.checkpoint import CheckpointError
 from ship_trl.run.checkpoint import read as read_checkpoint
-from ship_trl.run.entries import read_settings
+from ship_trl.run.folder import read_settings
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.reference import best_known, plan_name
 from ship_trl.study.plan.manifest import read_plan
 from ship_trl.study.records.tables import CURVES, KEPT, PLAN, RUNS, digest, read_tables
 from ship_trl.transfer.casebase import CaseBase
@@ -115,7 +115,7 @@ def test_skipped_files_are_not_executed(
     write(entry)
     assert CaseBase(tmp_path / "base").entries() == []
     case.goal = [0.0, 500.0]  # there is no bundled plan for it
-    monkeypatch.setattr("ship_trl.sim.reference._cached_plans", {})
+    monkeypatch.setattr("ship_trl.policies.reference._cached_plans", {})
     plan = tmp_path / "plans" / plan_name(case, world)
     plan.parent.mkdir()
     write(plan)

@@ -8,8 +8,8 @@ import pytest
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations, write_demonstration
+from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.reference import best_known
 from tests.command import ship_trl
 
 WORLD = load_world()

@@ -14,9 +14,9 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies import pretrained
+from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.reference import best_known
 from tests.cli.test_evaluate import table
 from tests.command import ROOT, refused, ship_trl
 

@@ -11,11 +11,11 @@ from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import write_demonstration
+from ship_trl.policies.reference import best_known
 from ship_trl.run.parts import show_demonstrations
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.reference import best_known
 
 
 def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:

@@ -12,11 +12,11 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.files.curve import read_curve, split
 from ship_trl.policies import pretrained
 from ship_trl.policies.demonstrations import write_demonstration
+from ship_trl.policies.reference import best_known
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.reference import best_known
 from tests.command import ship_trl
 
 SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.jumpstart_draws=0")

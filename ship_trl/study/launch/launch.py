@@ -17,8 +17,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, plain
 from ship_trl.files.disk import atomic_write, links
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.grid.launchers import die_with_parent
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
-from ship_trl.run.launchers import die_with_parent
 from ship_trl.run.plan import DAMAGED
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PARTS, Job, source_folder

@@ -19,7 +19,7 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import limit, read_as
 from ship_trl.config.types import Logger, Positive, Seed, WandbMode
-from ship_trl.run.launchers import check_slurm
+from ship_trl.grid.launchers import check_slurm
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS, WHOLE
 
 # Section 4.3: the case most similar to the new one, and the pair and arm that made the reused network.

@@ -9,8 +9,8 @@ import torch
 
 from ship_trl.config.types import World
 from ship_trl.policies.demonstrations import write_demonstration
+from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import Case
-from ship_trl.sim.reference import best_known
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition

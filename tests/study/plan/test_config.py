@@ -68,7 +68,7 @@ def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_slurm_is_looked_for_before_anything_is_started(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda _: None)
+    monkeypatch.setattr("ship_trl.grid.launchers.shutil.which", lambda _: None)
     with pytest.raises(
         ConfigError, match=r"^launcher: slurm needs sbatch, which is not found here; allowed: sl"
     ):
@@ -77,7 +77,7 @@ def test_slurm_is_looked_for_before_anything_is_started(monkeypatch: pytest.Monk
 
 
 def test_processes_are_of_joblib(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr("ship_trl.grid.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
     with pytest.raises(ConfigError, match="processes: must be left out with launcher=slurm, which has its"):
         to_study(["launcher=slurm", "processes=1"])
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.policies.demonstrations import read_demonstrations
+from ship_trl.policies.reference import best_known, follow_plan
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.reference import best_known, follow_plan
 from ship_trl.view.window.game import Game
 from tests.view.episodes import press
 

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
+from ship_trl.policies.value_bound import ValueBound
 from ship_trl.sim.cases import Case
 from ship_trl.sim.geometry import unit_vector
 from ship_trl.sim.state import (
@@ -27,7 +28,6 @@ from ship_trl.sim.state import (
     target_ships,
 )
 from ship_trl.sim.transition import Transition
-from ship_trl.sim.value_bound import ValueBound
 
 
 class Resolution(NamedTuple):

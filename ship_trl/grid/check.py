@@ -16,7 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.run.launchers import check_slurm, exit_with, list_runs
+from ship_trl.grid.launchers import check_slurm, exit_with, list_runs
 from ship_trl.run.plan import TakenError, make_run
 
 

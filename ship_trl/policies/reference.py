@@ -1,6 +1,7 @@
 """The best known plan of each case, cached as a JSON file because the search takes long.
 
-`plans/` has those of the bundled cases in the paper's world; `python -m ship_trl.sim.reference` rewrites it.
+`plans/` has those of the bundled cases in the paper's world; `python -m
+ship_trl.policies.reference` rewrites it.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ import torch
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World, plain
 from ship_trl.files.disk import atomic_write, read_json
+from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.planner import Plan, best_plan
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 

@@ -8,14 +8,15 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim import transition, value_bound
+from ship_trl.policies import value_bound
+from ship_trl.policies.planner import Plan, best_plan, passing_distance
+from ship_trl.policies.value_bound import ValueBound
+from ship_trl.sim import transition
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.planner import Plan, best_plan, passing_distance
 from ship_trl.sim.reward import step_reward
 from ship_trl.sim.state import goal_distance, initial_state
 from ship_trl.sim.transition import Transition
-from ship_trl.sim.value_bound import ValueBound
 from tests.sim.scenes import scenes
 
 MakeCase = Callable[..., Case]

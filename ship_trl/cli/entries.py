@@ -9,21 +9,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
-from yaml import YAMLError
-
-from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.config.schema import read_as
 from ship_trl.config.types import World
 from ship_trl.files.result import RESULT
-from ship_trl.files.untrusted import read_yaml
 from ship_trl.policies.entry import Entry
 from ship_trl.policies.pretrained import PRETRAINED, find, is_pretrained, networks
+from ship_trl.run.folder import read_settings
 from ship_trl.run.results import collect
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
+from ship_trl.transfer.casebase import POLICY, POLICY_LAST
 
 
 def find_entries(words: list[str], colour: bool) -> list[Entry]:
@@ -113,17 +108,3 @@ def drop_last_networks(entries: list[Entry]) -> list[Entry]:
     if not best:
         raise ConfigError(f"policy: {entries[0].policy} is a last network; {POLICY} is missing")
     return best
-
-
-def read_settings(folder: Path) -> tuple[World, bool]:
-    """Read a run's world, and whether its pictures have colours, from its configuration."""
-    path = folder / CONFIG
-    try:
-        values: Any = read_yaml(path)
-        world = read_as(World, values.world, key="world")
-        check_world(world)
-        return world, bool(values.colour)
-    except ConfigError as error:
-        raise ConfigError(f"policy: {path}: {error}") from None
-    except (OSError, AttributeError, ValueError, YAMLError) as error:
-        raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None

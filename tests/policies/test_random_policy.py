@@ -4,9 +4,9 @@ import pytest
 import torch
 from torch import Generator
 
+from ship_trl.policies.random_policy import random_return
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.random_policy import random_return
 
 WORLD = load_world()
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from joblib import Parallel, delayed
 
-from ship_trl.run.launchers import JOBLIB, close_token
+from ship_trl.grid.launchers import JOBLIB, close_token
 from ship_trl.study.launch.launch import batches, command, processes
 from ship_trl.study.plan.config import LAUNCHERS, to_study
 from ship_trl.study.plan.jobs import plan_jobs
@@ -39,7 +39,7 @@ def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None
 
 
 def test_launchers_overrides_are_not_of_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.run.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr("ship_trl.grid.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
     config = to_study(["launcher=slurm", "overrides=[hydra.launcher.partition=gpu,learn.lr=0.1]"])
     assert config.run_overrides == ["learn.lr=0.1"]
     assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
@@ -64,7 +64,7 @@ def test_the_processes_of_a_grid_are_known_by_their_name() -> None:
 def test_a_process_whose_launcher_is_gone_before_it_begins_ends(name: str, code: int) -> None:
     program = (
         "from multiprocessing import current_process\n"
-        "from ship_trl.run.launchers import die_with_launcher\n"
+        "from ship_trl.grid.launchers import die_with_launcher\n"
         f"current_process().name = {name!r}\n"
         "die_with_launcher()\n"
     )

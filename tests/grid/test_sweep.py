@@ -8,9 +8,9 @@ import yaml
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE, read_curve, split
 from ship_trl.files.result import read_result
+from ship_trl.grid.sweep import objective
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
-from ship_trl.run.sweep import objective
 from tests.a_result import a_result, an_evaluation
 from tests.command import ship_trl
 from tests.config.test_config import composed

@@ -7,9 +7,9 @@ import pytest
 
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.sim import reference
+from ship_trl.policies import reference
+from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.planner import Plan, best_plan
 
 WORLD = load_world()
 
@@ -67,7 +67,7 @@ def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Pat
 def test_every_bundled_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [load_case(str(path), WORLD) for path in sorted((conf_dir() / "case").glob("*.yaml"))]
     names = {reference.plan_name(case, WORLD) for case in cases}
-    # If this fails, run `python -m ship_trl.sim.reference`.
+    # If this fails, run `python -m ship_trl.policies.reference`.
     assert {path.name for path in reference.BUNDLED_PLANS.iterdir()} == names
     monkeypatch.setattr(reference, "_cached_plans", {})
     monkeypatch.delattr(reference, "best_plan")

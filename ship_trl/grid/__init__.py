@@ -1,0 +1,1 @@
+"""Grids of runs by Hydra: check them, launch them, sweep."""

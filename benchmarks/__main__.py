@@ -17,6 +17,7 @@ PARTS = {
     "loop": "Training loop beside Stable-Baselines3, TorchRL's usual way and tuned PyTorch",
     "update": "One gradient step of each",
     "frozen": "Training loop with frozen layers",
+    "vector": "Training loop on numbers in place of pixels, 64 environments, batches of 128",
     "simulator": "Simulation and drawing of 84x84 pixels beside pygame",
     "memory": "Memory of a replay beside Stable-Baselines3's, and of a whole run",
     "checkpoints": "Checkpoints of a run of the paper's length, replay full",
@@ -76,6 +77,7 @@ def run(options: argparse.Namespace) -> None:
         "loop": learning.loop_probes,
         "update": learning.update_probes,
         "frozen": learning.frozen_probes,
+        "vector": learning.vector_probes,
         "simulator": simulator.probes,
     }
     sizes: dict[str, Callable[[], list[Measurement]]] = {

@@ -69,6 +69,14 @@ def frozen_probes() -> list[Probe]:
     return probes
 
 
+def vector_probes() -> list[Probe]:
+    """Return the loop on numbers, with an update every 16 environment steps."""
+    words = ("observation=vector", "learn.num_envs=64", "learn.batch_size=128", "learn.update_every=16")
+    return [
+        Probe("", "ours, 3 x 256", start_loop(make_ours("scratch", *words)), STEPS_PER_CALL, is_ours=True)
+    ]
+
+
 def update_probes() -> list[Probe]:
     """Return one update of each learner, on a batch that stays the same (Stable-Baselines3 draws its own)."""
     probes = []

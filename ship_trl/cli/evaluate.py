@@ -56,10 +56,10 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
 
     configure_process()
     rows, wrong = [], []
-    film: tuple[Entry, Any, Episode] | None = None
+    film: tuple[Entry, Any, Any, Episode] | None = None
     for entry in entries:
         try:
-            env, _, episodes = rollout_entry(entry, options.episodes, options.seed)
+            env, policy, episodes = rollout_entry(entry, options.episodes, options.seed)
         except ConfigError as error:
             # The other networks of a folder are shown, but a policy that was named must be valid.
             if entry.label == entry.policy or len(entries) == 1:
@@ -71,7 +71,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
         rows.append(row(entry, episodes, reached, best_known(entry.case, entry.world).episode_return))
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
-        film = entry, env, episodes[0]
+        film = entry, env, policy, episodes[0]
         if options.demonstrations is not None:
             for one in episodes:
                 end = one.episode_return, one.outcome
@@ -79,10 +79,12 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
                 write_demonstration(folder, entry.case, entry.world, actions, end, entry.label)
     show(HEADINGS, rows, options.markdown)
     if options.gif is not None and film is not None:
+        from ship_trl.policies.named import network_of
         from ship_trl.view.film import write_gif
 
-        entry, env, episode = film
-        write_gif(options.gif, entry.case, entry.world, episode, env.rasteriser, entry.label)
+        entry, env, policy, episode = film
+        network = network_of(policy)
+        write_gif(options.gif, entry.case, entry.world, episode, env.rasteriser, entry.label, network)
         sys.stdout.write(f"{options.gif}\n")
     return wrong
 

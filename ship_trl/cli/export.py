@@ -1,9 +1,10 @@
 """`python -m ship_trl export POLICY FILE.onnx [target=CASE]`: convert a network to ONNX.
 
 POLICY is a result folder (its best network, on its own target) or a safetensors file. The model maps
-`pixels`, uint8 [batch, C, 84, 84], to `action_value`, the float32 Q-values [batch, A]. Its metadata has the
-actions' speeds and rates of turn. If onnxruntime is installed, model and network are compared on a whole
-episode, and a model that differs is not written.
+`pixels`, uint8 [batch, C, 84, 84], to `action_value`, the float32 Q-values [batch, A]; or, of a network that
+sees numbers, `vector`, float32 [batch, F]. Its metadata has the actions' speeds and rates of turn. If
+onnxruntime is installed, model and network are compared on a whole episode, and a model that differs is not
+written.
 """
 
 from __future__ import annotations
@@ -21,19 +22,19 @@ from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.config.types import PICTURE
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry
 
 if TYPE_CHECKING:
     from tensordict import TensorDictBase
+    from torch import Tensor
 
     from ship_trl.learn.network import DuelingNetwork
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
 
 REQUIRED, RUNTIME = ("onnx", "onnxscript"), "onnxruntime"
-INPUT, OUTPUT = "pixels", "action_value"
+OUTPUT = "action_value"
 # Maximum error of Q-values relative to the largest; summing float32 in another order gives less.
 TOLERANCE = 1e-4
 
@@ -71,22 +72,25 @@ def export(entry: Entry, path: Path) -> None:
     configure_process()
     env = ShipEnv(entry.case, entry.world, colour=entry.colour)
     policy, network = load_with_network(entry.policy, env)
-    channels, actions = env.rasteriser.channels, len(entry.world.actions)
-    program = trace(network, channels)
+    # The exporter would treat a batch size of one as constant.
+    observation = env.observer(network.config)(env.reset()["state"].expand(2, -1))
+    program = trace(network, observation)
     program.model.metadata_props.update(metadata_of(entry))
-    shapes = f"{INPUT} uint8 [batch, {channels}, {PICTURE}, {PICTURE}] -> {OUTPUT} float32 [batch, {actions}]"
+    kind, size = str(observation.dtype).removeprefix("torch."), ", ".join(map(str, observation.shape[1:]))
+    actions = len(entry.world.actions)
+    shapes = f"{network.observes} {kind} [batch, {size}] -> {OUTPUT} float32 [batch, {actions}]"
     with atomic_write(path) as draft:
         program.save(draft)
         checked = f"not checked: {RUNTIME} is not installed"
         if importlib.util.find_spec(RUNTIME) is not None:
-            checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env))[0])
+            checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env, network))[0])
     sys.stdout.write(f"{path}: case {entry.case.name}, {entry.label}; {shapes}\n{checked}\n")
 
 
-def trace(network: DuelingNetwork, channels: int) -> Any:
-    """Return the network as an ONNX program that accepts any batch size."""
+def trace(network: DuelingNetwork, observation: Tensor) -> Any:
+    """Return the network as an ONNX program that accepts any batch size, from an example of two rows."""
     import torch
-    from torch import Tensor, nn
+    from torch import nn
 
     class QValues(nn.Module):
         """The network without its backend, whose branches cannot be exported."""
@@ -95,8 +99,8 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
             super().__init__()
             self.network = network
 
-        def forward(self, pixels: Tensor) -> Tensor:
-            return self.network.dueling(self.network.convolve(pixels))
+        def forward(self, observed: Tensor) -> Tensor:
+            return self.network.dueling(self.network.encode(observed))
 
     # The exporter logs that torchvision is missing, which is not needed, and warns about its own calls.
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
@@ -104,13 +108,12 @@ def trace(network: DuelingNetwork, channels: int) -> Any:
         warnings.simplefilter("ignore")
         return torch.onnx.export(
             QValues().eval(),
-            # The exporter would treat a batch size of one as constant.
-            (torch.zeros(2, channels, PICTURE, PICTURE, dtype=torch.uint8),),
+            (observation,),
             dynamo=True,
             verbose=False,
-            input_names=[INPUT],
+            input_names=[network.observes],
             output_names=[OUTPUT],
-            dynamic_shapes={INPUT: {0: torch.export.Dim("batch")}},
+            dynamic_shapes={"observed": {0: torch.export.Dim("batch")}},
         )
 
 
@@ -132,8 +135,8 @@ def metadata_of(entry: Entry) -> dict[str, str]:
     return found
 
 
-def onnx_policy(path: Path, env: ShipEnv) -> Policy:
-    """Return the greedy policy of a model that onnxruntime runs."""
+def onnx_policy(path: Path, env: ShipEnv, network: DuelingNetwork) -> Policy:
+    """Return the greedy policy of a network's model that onnxruntime runs."""
     import onnxruntime
     import torch
 
@@ -141,9 +144,11 @@ def onnx_policy(path: Path, env: ShipEnv) -> Policy:
     options.intra_op_num_threads = 1
     session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
 
+    observe = env.observer(network.config)
+
     def policy(step: TensorDictBase) -> TensorDictBase:
-        pixels = env.rasteriser(step["state"])
-        values = torch.from_numpy(session.run([OUTPUT], {INPUT: pixels.numpy()})[0])
+        observed = observe(step["state"]).numpy()
+        values = torch.from_numpy(session.run([OUTPUT], {network.observes: observed})[0])
         return step.set(OUTPUT, values).set("action", values.argmax(-1))
 
     return policy

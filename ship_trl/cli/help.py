@@ -36,7 +36,7 @@ What to run
   source=CASE           {cases}, or a YAML file
   target=CASE           the same
   method=METHOD         scratch, feature_extraction, finetune (default)
-  layers=N              1 to 4 conv layers (as many as the network has), or all (finetune only)
+  layers=N              1 to 4 layers (as many as the network has), or all (finetune only)
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file
   source=pretrained     the bundled network of the pair's source, or of the most similar case
@@ -48,6 +48,7 @@ How
   profile=NAME          {profiles} (default quick)
   learn.KEY=VALUE       any value of conf/algorithm, exploration, replay and schedule, as learn.episodes=1000
   algorithm=NAME        {algorithms} (default double_dqn), with keys of their own, as algorithm.steps=3
+  observation=NAME      pixels (default) or vector: the scene as numbers, with network=vector
   network=NAME          {networks} (default paper)
   device=cpu|cuda       colour=true|false fast=true|false (false: torch alone, no compiled loops)
   logger=NAME           csv (always written), wandb, tensorboard, or all

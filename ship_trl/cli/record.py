@@ -92,6 +92,8 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
         first, second = distinct_policies(entries, True)[:2]
         acts = [[first, replace(second, case=first.case)]]
     views = [[view_entry(entry, options.seed) for entry in act] for act in acts]
+    if options.saliency and any(view.sees_numbers for act in views for view in act):
+        raise ConfigError("--saliency: allowed for networks that see pixels")
     look = Look(options.absolute, options.to_scale, options.saliency)
     write_film(options.output, draw_film(views, look, options.size, options.fps, options.speed), options.fps)
     sys.stdout.write(f"{options.output}\n")

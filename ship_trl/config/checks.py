@@ -6,6 +6,7 @@ Every error is a `ConfigError` whose one line names the key and what is allowed.
 from __future__ import annotations
 
 import importlib.util
+from operator import mul
 
 from omegaconf import DictConfig
 
@@ -14,7 +15,17 @@ from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import MAX_DISTANCE, PICTURE, BackendName, Config, Logger, World, bfloat16_allowed
+from ship_trl.config.types import (
+    MAX_DISTANCE,
+    PICTURE,
+    BackendName,
+    Config,
+    Logger,
+    Observation,
+    Precision,
+    World,
+    bfloat16_allowed,
+)
 
 # The planner tries each action at each step: ten actions and a thousand steps take it about ten minutes.
 MAX_ACTIONS, MAX_PLANNED = 100, 10_000
@@ -38,6 +49,7 @@ def to_config(values: DictConfig) -> Config:
     config.algorithm = read_algorithm(config.algorithm, config.learn)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
+    check_observation(config)
     check_backend(config, layers)
     check_logger(config.logger)
     check_arm(config)
@@ -87,6 +99,20 @@ def check_learner(config: Config) -> None:
     require_at_most(most, "learn.reward_scale", learn.reward_scale, "with the constants of world.reward")
 
 
+def check_observation(config: Config) -> None:
+    """Check that the network sees what is observed, and that a vector comes with no setting of pixels."""
+    seen, network, learn = config.observation, config.network, config.learn
+    fitting, layers = (Observation.vector, "linear") if network.linear else (Observation.pixels, "conv")
+    require(seen is fitting, "observation", f"{fitting.name} with network.{layers}", seen.name)
+    if seen is Observation.vector:
+        allowed = "with observation=vector"
+        require(not config.colour, "colour", f"false {allowed}", "true")
+        is_dense = learn.backend is not BackendName.incremental
+        require(is_dense, "learn.backend", f"auto or dense {allowed}", learn.backend.name)
+        is_fp32 = learn.precision is not Precision.bf16
+        require(is_fp32, "learn.precision", f"auto or fp32 {allowed}", learn.precision.name)
+
+
 def check_backend(config: Config, layers: Geometry) -> None:
     """Check that `learn.backend=incremental` can compute the network; `fast=false` makes all layers dense."""
     if config.learn.backend is BackendName.incremental:
@@ -101,20 +127,27 @@ def check_backend(config: Config, layers: Geometry) -> None:
 
 def check_memory(config: Config, layers: Geometry) -> None:
     """Check what a run holds at once: weights, maps and replay."""
-    learn, channels = config.learn, 3 if config.colour else 1
-    weights, below = 0, channels
-    for layer in layers:
-        weights, below = weights + below * layer.filters * layer.kernel**2, layer.filters
-    weights += below * config.network.hidden
-    require_at_most(MAX_WEIGHTS, "network.conv", weights, "weights; they take 2 GB in training")
-    maps = channels * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
-    for key, value in (("num_envs", learn.num_envs), ("batch_size", learn.batch_size)):
-        require_at_most(MAX_MAP_NUMBERS // maps, f"learn.{key}", value, "4 GB of the maps of network.conv")
+    learn, network, channels = config.learn, config.network, 3 if config.colour else 1
+    if network.linear:
+        key, widths = "network.linear", [network.inputs, *network.linear]
+        weights, maps = sum(map(mul, widths, widths[1:])), sum(widths)
+    else:
+        key, weights, below = "network.conv", 0, channels
+        for layer in layers:
+            weights, below = weights + below * layer.filters * layer.kernel**2, layer.filters
+        weights += below * network.hidden
+        maps = channels * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
+    require_at_most(MAX_WEIGHTS, key, weights, "weights; they take 2 GB in training")
+    for name, value in (("num_envs", learn.num_envs), ("batch_size", learn.batch_size)):
+        require_at_most(MAX_MAP_NUMBERS // maps, f"learn.{name}", value, f"4 GB of the maps of {key}")
     size, frozen = TRANSITION_BYTES, config.arm.frozen_layers
     is_incremental = learn.backend is not BackendName.dense and supports_incremental(layers)
     # `Agent` then stores two states as features of the frozen layers, two bytes a number.
     if config.device == "cpu" and is_incremental and frozen >= linear_from(layers):
         size += 4 * layers[frozen - 1].filters * layers[frozen - 1].side ** 2
+    if network.linear:
+        # It stores two vectors of float32 in place of two states.
+        size += 8 * network.inputs
     most = MAX_REPLAY_BYTES // size
     require_at_most(most, "learn.replay_size", learn.replay_size, f"{MAX_REPLAY_BYTES >> 30} GB")
 
@@ -148,7 +181,7 @@ def check_arm(config: Config) -> None:
         require(is_bundled, "source_weights", left_out, weights.value)
         require(config.source_file is None, "source_file", left_out, config.source_file)
     require(config.source is not None, "source", f"a case, for method={method.value}", "none")
-    counts = range(1, len(config.network.conv) + 1)
+    counts = range(1, config.network.depth + 1)
     numbers = ", ".join(map(str, counts)) + (" or all" if method is Method.finetune else "")
     if layers is None:
         raise ConfigError(

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import PICTURE, Network, plain
+from ship_trl.config.types import MAX_UNITS, PICTURE, Network, plain
 
 # Pixels that the incremental backend compares at once.
 WORD = 4
@@ -42,12 +42,34 @@ def load_network(name: str = "paper") -> Network:
     return read_as(Network, OmegaConf.load(conf_dir() / "network" / f"{name}.yaml"))
 
 
-def geometry(network: Network) -> Geometry:
-    """Compute the input and output maps of the conv layers, from the picture on.
+def check_layers(network: Network) -> None:
+    """Check that a network has conv layers and a hidden one, or linear layers alone.
 
     Raises:
-        ConfigError: a kernel is larger than its map, or the last one does not cover its map.
+        ConfigError: it has not.
     """
+    if network.linear:
+        if network.conv or network.hidden:
+            key, got = ("conv", network.conv) if network.conv else ("hidden", network.hidden)
+            raise ConfigError(f"network.{key}: must be left out beside network.linear, got {got}")
+        if not network.ships:
+            raise ConfigError("network.ships: must be at least 1 with network.linear, got 0")
+    elif not network.conv:
+        raise ConfigError("network.conv: must be at least one [filters, kernel, stride], got []")
+    elif not network.hidden:
+        raise ConfigError(f"network.hidden: must be from 1 to {MAX_UNITS}, got 0")
+    elif network.ships:
+        raise ConfigError(f"network.ships: must be left out without network.linear, got {network.ships}")
+
+
+def geometry(network: Network) -> Geometry:
+    """Compute the input and output maps of the conv layers, from the picture on; a vector has none.
+
+    Raises:
+        ConfigError: a kernel is larger than its map, or the last one does not cover its map; or no network
+            has these keys.
+    """
+    check_layers(network)
     layers: list[ConvLayer] = []
     side = PICTURE
     for n, (filters, kernel, stride) in enumerate(network.conv):
@@ -66,12 +88,17 @@ def linear_from(layers: Geometry) -> int:
     return next((n for n, layer in enumerate(layers) if n > 0 and layer.whole), len(layers))
 
 
+def describe_network(network: Network) -> dict[str, Any]:
+    """Return a network as plain values, without the keys that its kind does not have."""
+    return {key: value for key, value in plain(network).items() if value}
+
+
 def non_default_network(network: Network) -> dict[str, Any] | None:
     """Return a network as plain values, and None for the paper's, which files do not name."""
-    return None if plain(network) == plain(load_network()) else plain(network)
+    values = describe_network(network)
+    return None if values == describe_network(load_network()) else values
 
 
 def supports_incremental(layers: Geometry) -> bool:
     """Return whether `learn.backend=incremental` can compute these layers: it compares words of pixels."""
-    first = layers[0]
-    return len(layers) > 1 and first.kernel % WORD == 0 and first.stride % WORD == 0
+    return len(layers) > 1 and layers[0].kernel % WORD == 0 and layers[0].stride % WORD == 0

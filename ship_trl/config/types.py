@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +23,8 @@ from ship_trl.config.schema import Rule, limit
 
 # Side in pixels of the picture that the network sees.
 PICTURE = 84
+# Numbers in the vector that it sees: of own ship, and of each target ship.
+OWN_NUMBERS, SHIP_NUMBERS = 5, 8
 # Environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
@@ -35,8 +37,8 @@ MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5
 MAX_REWARD_COEFFICIENT = 1e6
 # Adam's steps are about as large as the learning rate.
 MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9
-# Filters of a layer, and hidden units.
-MAX_UNITS = 4096
+# Filters of a layer, and hidden units; target ships that a network sees as numbers.
+MAX_UNITS, MAX_SHIPS = 4096, 100
 
 Seed = Annotated[int, limit(0)]
 Positive = Annotated[int, limit(1)]
@@ -85,6 +87,8 @@ class Logger(Enum):
 
 
 Loss = Enum("Loss", ["l2", "huber"])
+# What the network sees: pictures, or the scene as numbers in own ship's frame.
+Observation = Enum("Observation", ["pixels", "vector"])
 # What a sweeper maximises: the mean greedy return after exploration, the last one, or the highest.
 Objective = Enum("Objective", ["late", "final", "best"])
 # The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively.
@@ -135,14 +139,27 @@ class World:
 
 @dataclass
 class Network:
-    """The layers of the network (section 3.5).
+    """The layers of the network (section 3.5): conv layers for pixels, fully connected ones for a vector.
 
-    `conv` lists its conv layers from the picture on, each [filters, kernel, stride], square and without
-    padding. `hidden` is the width of the fully connected layer that value and advantage share.
+    `conv` lists conv layers from the picture on, each [filters, kernel, stride], square and without padding.
+    `hidden` is the width of the fully connected layer behind them, which value and advantage share.
+    `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`.
     """
 
-    conv: Annotated[list[ConvNumbers], Rule("at least one [filters, kernel, stride]", bool)]
-    hidden: Annotated[int, limit(1, MAX_UNITS)]
+    conv: list[ConvNumbers] = field(default_factory=list)
+    hidden: Annotated[int, limit(0, MAX_UNITS)] = 0
+    linear: list[Annotated[int, limit(1, MAX_UNITS)]] = field(default_factory=list)
+    ships: Annotated[int, limit(0, MAX_SHIPS)] = 0
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers a vector has."""
+        return OWN_NUMBERS + SHIP_NUMBERS * self.ships
+
+    @property
+    def depth(self) -> int:
+        """How many layers can be copied one by one: those of `conv`, or of `linear`."""
+        return len(self.conv) or len(self.linear)
 
 
 @dataclass
@@ -248,6 +265,7 @@ class Config:
     algorithm: dict[str, Any]
     checkpoint: Checkpoint
     wandb: Wandb
+    observation: Observation = Observation.pixels
 
     @property
     def arm(self) -> Arm:

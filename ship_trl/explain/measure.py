@@ -80,7 +80,7 @@ def measure(
 
     `erased` are pictures of the held-out states, `seed` is of shuffled labels and resamples.
     """
-    layers = (*networks[0].network.conv_names, "shared")
+    layers = (*networks[0].network.layer_names, "shared")
     held_out = np.flatnonzero(states.held_out)
     kernels: dict[tuple[str, str], Floats] = {}
     probes = {(PIXELS, PIXELS): fit_probes(gram(states.pixels), states, seed)}

@@ -14,10 +14,10 @@ from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Config, plain
+from ship_trl.config.types import Config
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import SHOWN, Entry
@@ -76,7 +76,9 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
     for entry, name in zip(entries, name_entries(entries), strict=True):
         env = ShipEnv(entry.case, entry.world, 1, colour=entry.colour)
         _, network = load_with_network(entry.policy, env)
-        if found and plain(network.config) != plain(found[0].network.config):
+        if network.config.linear:
+            raise ConfigError(f"policy: {entry.policy} sees numbers; allowed: networks that see pixels")
+        if found and network.config != found[0].network.config:
             raise ConfigError(
                 f"policy: {entry.policy} has other layers than {entries[0].policy}; "
                 "allowed: networks of the same layers"
@@ -126,10 +128,10 @@ def find_origin(entry: Entry, name: str) -> Origin:
             config = dataclasses.replace(config, source_file=given)
         case = load_case(result.target, entry.world, f"{folder / RESULT}: target")
         run = Run(config, case, None, folder, result.config_hash, pretrained)
-        channels, actions = (3 if entry.colour else 1), len(entry.world.actions)
         # The same weights as make_parts draws.
         weights = Generator().manual_seed(run.stream("weights"))
-        before = DuelingNetwork(channels, actions, weights, config.network)
+        actions = len(entry.world.actions)
+        before = make_network(config.network, actions, weights, colour=entry.colour)
         found, source = read_source(run), None
         if found is not None:
             source = copy.deepcopy(before)
@@ -144,7 +146,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
     if not abs(reached - expected) < SHOWN:
         print_error(f"{left_out}: it should return {expected:.1f} and returns {reached:.1f}")
         return Origin(result, source)
-    copied = before.conv_names[: run.arm.copied_layers(len(before.conv_names))]
+    copied = before.layer_names[: run.arm.copied_layers(len(before.layer_names))]
     return Origin(result, source, before, (*copied, "shared") if run.arm.copies_all else copied)
 
 

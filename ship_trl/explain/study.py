@@ -125,11 +125,12 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     def load(name: str | Path) -> DuelingNetwork:
         return load_with_network(str(name), env)[1]
 
-    pixels = draw_states(env, load(PRETRAINED), EPISODES, Generator().manual_seed(STATES_SEED)).pixels
+    states = draw_states(env, load(PRETRAINED), EPISODES, Generator().manual_seed(STATES_SEED)).states
 
     def kernels(network: DuelingNetwork) -> dict[str, Floats]:
         with torch.no_grad():
-            return {layer: gram(values) for layer, values in network.activations(pixels).items()}
+            found = network.activations(env.observer(network.config)(states))
+        return {layer: gram(values) for layer, values in found.items()}
 
     of_arm = {arm: kernels(load(run / POLICY)) for arm, run in runs.items()}
     untrained = make_untrained(load(runs[SCRATCH] / POLICY), Generator().manual_seed(seed))

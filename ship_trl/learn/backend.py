@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, cast
 
 import torch
 from torch import Tensor
@@ -13,13 +13,17 @@ from ship_trl.learn.network import Backend, Dense
 
 
 class Draw(Protocol):
-    """Draws states [..., S] as uint8 [..., C, 84, 84]; most frames resemble `background` [C, 84, 84]."""
-
-    background: Tensor
+    """Maps states [..., S] to the network's input: uint8 [..., C, 84, 84], or float32 [..., F]."""
 
     def __call__(self, state: Tensor) -> Tensor:
-        """Draw a frame for each state."""
+        """Return the input for each state."""
         ...
+
+
+class PixelDraw(Draw, Protocol):
+    """Draws frames, most of which resemble `background` [C, 84, 84]."""
+
+    background: Tensor
 
 
 def choose_backend(
@@ -34,7 +38,7 @@ def choose_backend(
     # Imported here: where all layers are dense, nothing needs numba.
     from ship_trl.learn.fast.incremental import Incremental
 
-    return Incremental(draw.background, dtype, geometry)
+    return Incremental(cast(PixelDraw, draw).background, dtype, geometry)
 
 
 def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:

@@ -184,14 +184,19 @@ def build(setup: Setup, make_replay: Callable[..., StateReplay] = StateReplay) -
     network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
     device = network.advantage.weight.device
     network.freeze(method.frozen_layers(0.0))
-    dtype = choose_dtype(learn.precision, device)
+    sees_numbers = bool(network.config.linear)
+    dtype = torch.float32 if sees_numbers else choose_dtype(learn.precision, device)
     network.backend = choose_backend(learn.backend, draw, dtype, device, network.geometry)
     is_incremental = not isinstance(network.backend, Dense)
     encoders: dict[str, Callable[[Tensor], Tensor]] = {}
-    if is_incremental and not method.thaws and network.frozen >= network.linear_from:
+    if sees_numbers:
+        # Quick to read and small, so the replay stores them in place of states.
+        encoders[network.observes] = draw
+    elif is_incremental and not method.thaws and network.frozen >= network.linear_from:
         encoders[FEATURES] = FrozenFeatures(network, draw, dtype)
-    observation = FEATURES if encoders else "state"
-    network_input = FEATURES if encoders else "pixels"
+    observation, network_input = "state", network.observes
+    for key in encoders:
+        observation = network_input = key
     actor = QValueActor(network, in_keys=[network_input], action_space="categorical")
     loss = DoubleDQNLoss(
         actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False

@@ -29,7 +29,7 @@ def jumpstart(
     Their other layers are drawn anew; `network` stays as it is. The batch size of `env` limits how many
     episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU.
     """
-    kept, redrawn = network.conv_names[:copied], copy.deepcopy(network).cpu()
+    kept, redrawn = network.layer_names[:copied], copy.deepcopy(network).cpu()
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
     for each in networks:
         each.backend = Dense()

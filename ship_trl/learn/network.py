@@ -1,8 +1,9 @@
-"""The dueling network: conv layers, then fully connected ones (figure 3)."""
+"""The dueling networks: conv layers on pixels, then fully connected ones (figure 3), or these alone."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import pairwise
 from typing import Any, Protocol
 
 import torch
@@ -21,62 +22,69 @@ class DuelingNetwork(nn.Module):
     value (1) and advantage (A).
 
     Args:
-        channels: 1 (grey) or 3 (colour).
+        inputs: channels of the pixels, 1 (grey) or 3 (colour).
         num_actions: A.
         generator: draws the initial weights.
         config: the layers; None for conf/network/paper.yaml.
 
     Attributes:
-        conv_names: names of the conv layers, `conv1` to the last.
+        observes: key of the observation that it reads.
+        layer_names: names of the layers that can be copied and frozen, `conv1` to the last.
         geometry: windows and maps of the conv layers.
         linear_from: index of the first conv layer whose window is its whole map, 3 in the paper's network.
             From there on, conv layers are linear layers.
         backend: computes the conv layers; replaceable at any time, because all compute the same function.
-        frozen: number of conv layers, counted from the image, that do not learn (see `freeze`).
+        frozen: number of layers, counted from the input, that do not learn (see `freeze`).
     """
 
+    observes = "pixels"
     frozen = 0
 
     def __init__(
-        self, channels: int, num_actions: int, generator: Generator, config: Network | None = None
+        self, inputs: int, num_actions: int, generator: Generator, config: Network | None = None
     ) -> None:
         super().__init__()
         self.config = config or load_network()
         self.geometry = geometry(self.config)
         self.linear_from = linear_from(self.geometry)
-        self.conv_names = tuple(f"conv{n}" for n in range(1, len(self.geometry) + 1))
-        for name, layer in zip(self.conv_names, self.geometry, strict=True):
-            conv = nn.Conv2d(channels, layer.filters, layer.kernel, layer.stride)
-            # Channels last throughout: oneDNN then needs no reordering of activations.
-            conv.weight.data = conv.weight.data.contiguous(memory_format=torch.channels_last)
-            self.add_module(name, conv)
-            channels = layer.filters
-        self.shared = nn.Linear(channels, self.config.hidden)
-        self.value = nn.Linear(self.config.hidden, 1)
-        self.advantage = nn.Linear(self.config.hidden, num_actions)
+        self.layer_names, features, hidden = self._add_layers(inputs)
+        self.shared = nn.Linear(features, hidden)
+        self.value = nn.Linear(hidden, 1)
+        self.advantage = nn.Linear(hidden, num_actions)
         self.backend: Backend = Dense()
         self.reset(generator)
 
+    def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
+        """Add the layers below `shared`; return `layer_names`, F and the width of `shared`."""
+        names = tuple(f"conv{n}" for n in range(1, len(self.geometry) + 1))
+        for name, layer in zip(names, self.geometry, strict=True):
+            conv = nn.Conv2d(inputs, layer.filters, layer.kernel, layer.stride)
+            # Channels last throughout: oneDNN then needs no reordering of activations.
+            conv.weight.data = conv.weight.data.contiguous(memory_format=torch.channels_last)
+            self.add_module(name, conv)
+            inputs = layer.filters
+        return names, inputs, self.config.hidden
+
     @property
-    def convs(self) -> list[nn.Conv2d]:
-        """Conv layers, counted from the image."""
-        return [getattr(self, name) for name in self.conv_names]
+    def layers(self) -> list[Any]:
+        """The layers of `layer_names`, counted from the input."""
+        return [getattr(self, name) for name in self.layer_names]
 
     def freeze(self, layers: int) -> None:
-        """Freeze the first `layers` conv layers, and unfreeze the others.
+        """Freeze the first `layers` layers, and unfreeze the others.
 
         Raises:
-            ValueError: the network has fewer conv layers.
+            ValueError: the network has fewer layers.
         """
-        if not 0 <= layers <= len(self.conv_names):
-            raise ValueError(f"layers to freeze: allowed: 0 to {len(self.conv_names)}, got {layers}")
-        for n, conv in enumerate(self.convs):
-            conv.requires_grad_(n >= layers)
+        if not 0 <= layers <= len(self.layer_names):
+            raise ValueError(f"layers to freeze: allowed: 0 to {len(self.layer_names)}, got {layers}")
+        for n, layer in enumerate(self.layers):
+            layer.requires_grad_(n >= layers)
         self.frozen = layers
 
     def conv_weights(self) -> list[Tensor]:
         """Return weight and bias of each conv layer, counted from the image."""
-        weights: list[Any] = [weight for conv in self.convs for weight in (conv.weight, conv.bias)]
+        weights: list[Any] = [weight for conv in self.layers for weight in (conv.weight, conv.bias)]
         return weights
 
     @torch.no_grad()
@@ -108,29 +116,29 @@ class DuelingNetwork(nn.Module):
         q = self.dueling(compute(self, observation.reshape(-1, *observation.shape[-dims:])))
         return q.reshape(*shape, self.advantage.out_features)
 
-    def convolve(self, pixels: Tensor, layers: int | None = None) -> Tensor:
+    def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
         """Compute the conv layers, or the first `layers` of them: uint8 [B, C, 84, 84] to [B, F]."""
-        convs = self.convs[:layers]
-        x = F.relu_(self._conv1(pixels))
+        convs = self.layers[:layers]
+        x = F.relu_(self._conv1(observation))
         for conv in convs[1 : self.linear_from]:
             x = F.relu_(conv(x))
         # Activations and weights are channels last, so flattening them makes views.
         return self._linear_convs(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 
-    def activations(self, pixels: Tensor) -> dict[str, Tensor]:
+    def activations(self, observation: Tensor) -> dict[str, Tensor]:
         """Compute each layer's activations after ReLU: uint8 [B, C, 84, 84] to float32 by layer name.
 
         Conv layers give [B, filters, side, side], `shared` gives [B, hidden].
         """
-        x = F.relu(self._conv1(pixels))
-        layers = {self.conv_names[0]: x}
-        for name, conv in zip(self.conv_names[1:], self.convs[1:], strict=True):
+        x = F.relu(self._conv1(observation))
+        layers = {self.layer_names[0]: x}
+        for name, conv in zip(self.layer_names[1:], self.layers[1:], strict=True):
             layers[name] = x = F.relu(conv(x))
         return layers | {"shared": F.relu(self.shared(x.flatten(1)))}
 
-    def convolve_from(self, frozen_features: Tensor) -> Tensor:
+    def encode_from(self, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones (`linear_from` or more): [B, K] to [B, F]."""
-        return self._linear_convs(frozen_features, self.convs[self.frozen :])
+        return self._linear_convs(frozen_features, self.layers[self.frozen :])
 
     def _linear_convs(self, x: Tensor, convs: list[nn.Conv2d]) -> Tensor:
         """Compute conv layers whose window is their whole map as linear layers, which is faster."""
@@ -146,7 +154,7 @@ class DuelingNetwork(nn.Module):
 
     def _conv1(self, pixels: Tensor) -> Tensor:
         """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S]."""
-        conv, stride = self.convs[0], self.geometry[0].stride
+        conv, stride = self.layers[0], self.geometry[0].stride
         batch, channels, side, _ = pixels.shape
         if self.geometry[0].kernel != 2 * stride or side % stride:
             return conv(pixels.to(conv.weight.dtype) * (1.0 / 255.0))
@@ -158,6 +166,50 @@ class DuelingNetwork(nn.Module):
         weight = conv.weight.reshape(-1, channels, 2, stride, 2, stride)
         weight = weight.permute(0, 2, 4, 1, 3, 5).reshape(-1, 2, 2, depth)
         return F.conv2d(blocks, weight.permute(0, 3, 1, 2), conv.bias)
+
+
+class VectorNetwork(DuelingNetwork):
+    """Q-values of all actions from numbers: float32 [..., F] to float32 [..., A].
+
+    Fully connected layers with ReLU, `linear1` on; the last one is `shared`, and can be copied as the others.
+    It computes in float32 without a backend. Otherwise it is a `DuelingNetwork`, whose `inputs` are F.
+    """
+
+    observes = "vector"
+
+    def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
+        """Add the layers below `shared`; return `layer_names`, their last width and that of `shared`."""
+        *widths, hidden = self.config.linear
+        names = tuple(f"linear{n}" for n in range(1, len(widths) + 1))
+        for name, (below, width) in zip(names, pairwise((inputs, *widths)), strict=True):
+            self.add_module(name, nn.Linear(below, width))
+        return (*names, "shared"), (inputs, *widths)[-1], hidden
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Compute the Q-values of all actions."""
+        return self.dueling(self.encode(observation))
+
+    def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
+        """Compute the layers below `shared`, or the first `layers` of them."""
+        for layer in self.layers[:-1][:layers]:
+            observation = F.relu_(layer(observation))
+        return observation
+
+    def activations(self, observation: Tensor) -> dict[str, Tensor]:
+        """Compute each layer's activations after ReLU, by layer name."""
+        found: dict[str, Tensor] = {}
+        for name, layer in zip(self.layer_names, self.layers, strict=True):
+            found[name] = observation = F.relu(layer(observation))
+        return found
+
+
+def make_network(
+    config: Network, num_actions: int, generator: Generator, *, colour: bool = False
+) -> DuelingNetwork:
+    """Make the network of a configuration: a `VectorNetwork` if it has no conv layers."""
+    if config.linear:
+        return VectorNetwork(config.inputs, num_actions, generator, config)
+    return DuelingNetwork(3 if colour else 1, num_actions, generator, config)
 
 
 class Backend(Protocol):
@@ -190,7 +242,7 @@ class Dense:
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers."""
         with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            features = network.convolve(pixels)
+            features = network.encode(pixels)
         # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
         return features.float()
 
@@ -198,5 +250,5 @@ class Dense:
         """Compute the conv layers after the frozen ones."""
         device = frozen_features.device.type
         with torch.autocast(device, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            features = network.convolve_from(frozen_features.float())
+            features = network.encode_from(frozen_features.float())
         return features.float()

@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from tensordict.nn import TensorDictModule, TensorDictModuleBase, TensorDictSequential
-from torch import Generator, Tensor, nn
+from torch import Generator, Tensor
 from torchrl.modules import QValueActor
 
+from ship_trl.learn.network import DuelingNetwork
 
-def greedy_policy(network: nn.Module, draw: Callable[[Tensor], Tensor]) -> TensorDictSequential:
+
+def greedy_policy(network: DuelingNetwork, draw: Callable[[Tensor], Tensor]) -> TensorDictSequential:
     """Return the policy that takes the action with the highest Q-value.
 
-    It reads `state` [N, S] and writes `pixels`, `action_value` float32 [N, A], `chosen_action_value` [N, 1]
-    and `action` int64 [N]. `draw` maps states to pixels, and `network` pixels to Q-values.
+    It reads `state` [N, S] and writes the key that the network observes, `action_value` float32 [N, A],
+    `chosen_action_value` [N, 1] and `action` int64 [N]. `draw` maps states to the network's input.
     """
+    keys: list[NestedKey] = [network.observes]
     return TensorDictSequential(
-        TensorDictModule(draw, in_keys=["state"], out_keys=["pixels"]),
-        QValueActor(network, in_keys=["pixels"], action_space="categorical"),
+        TensorDictModule(draw, in_keys=["state"], out_keys=keys),
+        QValueActor(network, in_keys=keys, action_space="categorical"),
     )
 
 

@@ -14,7 +14,7 @@ from torch import Generator, nn
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.imports import import_function
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
 from ship_trl.policies.pretrained import find, is_pretrained
@@ -85,9 +85,10 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
         name = str(find(name, None if ":" in name else env.case).file)
     if Path(name).suffix == ".safetensors":
         layers = saved_network(Path(name), "policy")
-        network = DuelingNetwork(env.rasteriser.channels, len(env.world.actions), Generator(), layers)
+        colour = env.rasteriser.channels == 3
+        network = make_network(layers, len(env.world.actions), Generator(), colour=colour)
         network.load_state_dict(dict(load_weights(Path(name), network, "policy")))
-        return greedy_policy(network.to(env.device), env.rasteriser)
+        return greedy_policy(network.to(env.device), env.observer(layers))
     if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
     return refusing_invalid_actions(import_function(name, "policy")(env, seed), name, env)

@@ -39,7 +39,8 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
     best = history.best.greedy_episode
     origin = "" if run.arm.is_scratch else f" from case {config.source}"
     title = f"{config.arm_label}{origin}, seed {config.seed}"
-    write_gif(folder / "episode.gif", run.target, config.world, best, parts.draw, title)
+    rasteriser, network = parts.eval_env.rasteriser, history.network
+    write_gif(folder / "episode.gif", run.target, config.world, best, rasteriser, title, network)
 
 
 def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:

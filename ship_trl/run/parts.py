@@ -11,8 +11,9 @@ from torch import Generator
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.learn.algorithm import Algorithm, Setup, build_algorithm
+from ship_trl.learn.backend import Draw
 from ship_trl.learn.jumpstart import jumpstart
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
@@ -20,7 +21,6 @@ from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.render import Rasteriser
 from ship_trl.transfer.methods import make_method
 
 # Networks that run side by side before training; each takes 3 MB.
@@ -33,15 +33,15 @@ RETURN_TOLERANCE = 0.01
 class Parts:
     """The parts of a training that has not started, and what was measured before it.
 
-    `eval_env` is the environment of greedy evaluations, `draw` draws states as pixels. `scratch` is the
-    greedy episode of the network before anything is copied, `draws` are greedy returns over random draws of
-    the layers that are not copied. `origin` names the copied weights; None from scratch.
+    `eval_env` is the environment of greedy evaluations, `draw` maps states to the network's input.
+    `scratch` is the greedy episode of the network before anything is copied, `draws` are greedy returns over
+    random draws of the layers that are not copied. `origin` names the copied weights; None from scratch.
     """
 
     training: Training
     algorithm: Algorithm
     eval_env: ShipEnv
-    draw: Rasteriser
+    draw: Draw
     history: History
     scratch: Episode
     draws: list[float]
@@ -53,7 +53,7 @@ class Parts:
         algorithm, device = self.algorithm, self.eval_env.device
         precision = str(algorithm.dtype).removeprefix("torch.")
         place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
-        place += " uncompiled" if device.type == "cpu" and self.draw.compiled is None else ""
+        place += " uncompiled" if device.type == "cpu" and self.eval_env.rasteriser.compiled is None else ""
         rounding = digest_rounding(algorithm.dtype, device)
         return f"{precision} {algorithm.backend} {place} torch-{torch.__version__} {rounding}"
 
@@ -87,10 +87,10 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device, fast=config.fast)
-    draw = Rasteriser(world, colour=config.colour, device=device, fast=config.fast)
     eval_env = make_env(1)
+    draw = eval_env.observer(config.network)
     actions = len(world.actions)
-    network = DuelingNetwork(draw.channels, actions, streams["weights"], config.network)
+    network = make_network(config.network, actions, streams["weights"], colour=config.colour)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))[0]
     method = make_method(run.arm)
@@ -109,7 +109,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     algorithm = build_algorithm(setup)
     env = make_env(learn.num_envs, encoders=algorithm.encoders)
     show_demonstrations(run, env, algorithm)
-    best = DuelingNetwork(draw.channels, actions, Generator(), config.network).to(device)
+    best = make_network(config.network, actions, Generator(), colour=config.colour).to(device)
     return Parts(
         history=History(best),
         training=Training(env, eval_env, algorithm, learn),
@@ -147,10 +147,10 @@ def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:
             )
 
 
-def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Rasteriser, eval_env: ShipEnv) -> list[float]:
+def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: ShipEnv) -> list[float]:
     """Return greedy returns before training, for random draws of the layers that are not copied."""
     config = run.config
-    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(algorithm.network.conv_names))
+    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(algorithm.network.layer_names))
     if count == 0:
         return []
     if run.arm.copies_all:

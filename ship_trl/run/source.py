@@ -8,7 +8,7 @@ from pathlib import Path
 from torch import Generator
 
 from ship_trl.config.arm import SourceWeights
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import make_network
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.run import Run
 from ship_trl.transfer.casebase import Entry
@@ -32,8 +32,8 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     if run.arm.is_scratch:
         return None
     config = run.config
-    channels = 3 if config.colour else 1
-    network = DuelingNetwork(channels, len(config.world.actions), Generator(), config.network)
+    actions = len(config.world.actions)
+    network = make_network(config.network, actions, Generator(), colour=config.colour)
     if run.arm.weights is SourceWeights.random:
         # An untrained network with the target's layers, drawn from a random stream of its own.
         generator = Generator().manual_seed(run.stream("random source"))

@@ -13,12 +13,13 @@ from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import World
+from ship_trl.config.types import Network, World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.sim.transition import make_step
+from ship_trl.sim.vector import VectorObservation
 
 # False in every row that an action is taken in: a row in which one of them is true begins a new episode.
 FLAGS = ("goal", "collision", "done", "terminated", "truncated")
@@ -92,6 +93,10 @@ class ShipEnv(EnvBase):
         if len(self.suite.cases) > 1:
             raise ConfigError(f"suite {self.suite.name}: has several cases; allowed: one case")
         return self.suite.cases[0]
+
+    def observer(self, network: Network) -> Rasteriser | VectorObservation:
+        """Return what maps states to the input of a network."""
+        return VectorObservation(self.world, network.ships) if network.linear else self.rasteriser
 
     def _make_specs(self) -> None:
         """Set the specs of observation, state, action, reward and done."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.config.types import World
+from ship_trl.config.types import SHIP_NUMBERS, World
 from ship_trl.sim import scene
 from ship_trl.sim.geometry import angle_off_bow, unit_vector
 from ship_trl.sim.state import (
@@ -21,8 +21,6 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
-
-OWN_NUMBERS, SHIP_NUMBERS = 5, 8
 
 
 class VectorObservation:
@@ -42,12 +40,8 @@ class VectorObservation:
     def __init__(self, world: World, ships: int) -> None:
         self.ships = ships
         self.max_speed = max(abs(speed) for speed, _ in world.actions)
-        self.max_turn = max(abs(turn) for _, turn in world.actions) or 1.0
-
-    @property
-    def size(self) -> int:
-        """F, the count of numbers."""
-        return OWN_NUMBERS + SHIP_NUMBERS * self.ships
+        # Above zero in float32 too, where no action turns.
+        self.max_turn = max(1e-6, *(abs(turn) for _, turn in world.actions))
 
     def __call__(self, state: Tensor) -> Tensor:
         """Observe states [..., S]; return float32 [..., F]."""

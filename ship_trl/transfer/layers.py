@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,9 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import geometry, load_network
+from ship_trl.config.network import describe_network, geometry, load_network
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Network, plain
+from ship_trl.config.types import Network
 from ship_trl.files.disk import atomic_write, write_tensors
 from ship_trl.learn.network import DuelingNetwork
 
@@ -31,7 +32,7 @@ def save_weights(
         key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
     }
     with atomic_write(path) as draft:
-        about = {**about, "network": plain(network.config)}
+        about = {**about, "network": describe_network(network.config)}
         write_tensors(draft, tensors, {"ship_trl": json.dumps(about, sort_keys=True)})
 
 
@@ -67,16 +68,26 @@ def saved_network(path: Path, key: str) -> Network:
             return load_network()
         network = read_as(Network, about["network"], key="network", from_json=True)
         # Check shapes before allocating: a small file must not claim a large network.
-        maps = shapes.get("conv1.weight", [0, 0])[1]
-        for n, layer in enumerate(geometry(network), 1):
-            if shapes.get(f"conv{n}.weight") != [layer.filters, maps, layer.kernel, layer.kernel]:
-                raise ConfigError(f"conv{n}.weight has another shape")
-            maps = layer.filters
-        if shapes.get("shared.weight") != [network.hidden, maps]:
-            raise ConfigError("shared.weight has another shape")
+        for name, shape in expected_shapes(network, shapes).items():
+            if shapes.get(name) != shape:
+                raise ConfigError(f"{name} has another shape")
     except (ValueError, TypeError, RecursionError, ConfigError) as error:
         raise ConfigError(f"{key}: {path}: its header does not describe its network ({error})") from None
     return network
+
+
+def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[str, list[int]]:
+    """Return the shapes of a network's weights below its heads; the file's `shapes` say the channels."""
+    layers = geometry(network)
+    if network.linear:
+        names = (*(f"linear{n}" for n in range(1, len(network.linear))), "shared")
+        sizes = zip(names, pairwise((network.inputs, *network.linear)), strict=True)
+        return {f"{name}.weight": [width, below] for name, (below, width) in sizes}
+    maps, found = shapes.get("conv1.weight", [0, 0])[1], {}
+    for n, layer in enumerate(layers, 1):
+        found[f"conv{n}.weight"] = [layer.filters, maps, layer.kernel, layer.kernel]
+        maps = layer.filters
+    return found | {"shared.weight": [network.hidden, maps]}
 
 
 def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:
@@ -89,9 +100,10 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
     with open_safetensors(path, key) as file:
         names = set(file.keys())
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
-        if plain(saved := saved_network(path, key)) != plain(network.config):
-            layers = [f"conv={each.conv} hidden={each.hidden}" for each in (saved, network.config)]
-            raise ConfigError(f"{key}: {path} has other layers: {layers[0]}; allowed: {layers[1]}")
+        if (saved := saved_network(path, key)) != network.config:
+            layers = [describe_network(each).items() for each in (saved, network.config)]
+            got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)
+            raise ConfigError(f"{key}: {path} has other layers: {got}; allowed: {allowed}")
         problem = describe_mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
         if problem:
             raise ConfigError(f"{key}: {path} does not fit the network: {problem}")

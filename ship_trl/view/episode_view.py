@@ -36,12 +36,19 @@ class EpisodeView:
         return self.rasteriser(state.to(self.rasteriser.device))
 
     def see(self, step: int) -> NDArray[np.uint8]:
-        """Draw what the network sees at a step: uint8 [C, 84, 84]."""
+        """Draw the scene at a step as a network sees pixels: uint8 [C, 84, 84]."""
         return self._pixels(step).cpu().numpy()
 
+    @property
+    def sees_numbers(self) -> bool:
+        """Whether the network sees numbers in place of the picture."""
+        return self.network is not None and bool(self.network.config.linear)
+
     def salience(self, step: int) -> NDArray[np.float32] | None:
-        """Return the `saliency` at a step, or None without a network."""
-        return None if self.network is None else saliency(self.network, self._pixels(step))
+        """Return the `saliency` at a step, or None without a network that sees pixels."""
+        if self.network is None or self.sees_numbers:
+            return None
+        return saliency(self.network, self._pixels(step))
 
 
 def view_entry(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
@@ -69,7 +76,7 @@ def saliency(network: DuelingNetwork, pixels: Tensor) -> NDArray[np.float32]:
     with torch.enable_grad():
         # Convolve whole pictures: the incremental conv layers have no gradient for pixels.
         picture = pixels[None].float().requires_grad_()
-        q = network.dueling(network.convolve(picture))
+        q = network.dueling(network.encode(picture))
         (gradient,) = torch.autograd.grad(q.max(), picture)
     blurred: NDArray[np.float32] = gaussian_filter(gradient.abs().sum((0, 1)).cpu().numpy(), BLUR)
     highest = float(blurred.max())

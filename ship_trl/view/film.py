@@ -15,6 +15,7 @@ from PIL import Image
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
@@ -56,13 +57,19 @@ def draw_film(
 
 
 def write_gif(
-    path: Path | str, case: Case, world: World, episode: Episode, rasteriser: Rasteriser, title: str = ""
+    path: Path | str,
+    case: Case,
+    world: World,
+    episode: Episode,
+    rasteriser: Rasteriser,
+    title: str = "",
+    network: DuelingNetwork | None = None,
 ) -> None:
     """Write an episode as a looping GIF with one frame for each step.
 
     The rasteriser draws what the network saw; `title` stands beside the name of the case.
     """
-    view = EpisodeView(title, measure_episode(case, world, episode), rasteriser)
+    view = EpisodeView(title, measure_episode(case, world, episode), rasteriser, network)
     frames = draw_film([[view]], Look(), SMALL_SIZE, STEPS_PER_SECOND, STEPS_PER_SECOND * world.dt)
     write_film(Path(path), frames, STEPS_PER_SECOND)
 

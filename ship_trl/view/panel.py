@@ -74,7 +74,9 @@ class Panel:
     def network_view(self) -> None:
         """Draw what the network sees, and the saliency over it."""
         heat = self.view.salience(self.step) if self.has_saliency else None
-        if not self.has_saliency:
+        if self.view.sees_numbers:
+            self.head("the network sees this scene as numbers")
+        elif not self.has_saliency:
             self.head(f"network's view, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}")
         else:
             self.head("no saliency without a network" if heat is None else "orange: what moves the highest Q")

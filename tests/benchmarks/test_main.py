@@ -41,7 +41,10 @@ def test_a_run_fits_beside_others() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nothing"], "benchmarks: no part nothing; allowed: loop, update, frozen, simulator, memory, "),
+        (
+            ["nothing"],
+            "benchmarks: no part nothing; allowed: loop, update, frozen, vector, simulator, memory, ",
+        ),
         (["--rounds", "0"], "--rounds: must be at least 1, got 0"),
         (["--seconds", "0"], "--seconds: must be above 0, got 0.0"),
         (["--json", "/nowhere/at/all.json"], "--json: no folder /nowhere/at"),

@@ -56,6 +56,18 @@ def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.Capture
     assert table(capsys, str(trained), "target=1")[0][-1] == ""
 
 
+def test_a_network_of_numbers_needs_no_word_about_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ship_trl(*LINE, "observation=vector", "output=runs", folder=tmp_path)
+    rows = table(capsys, "runs", "--gif", "film.gif")
+    assert len(rows) == 2 and all(row[0] == "2" and row[2] == row[-1] for row in rows)
+    with Image.open("film.gif") as film:
+        assert getattr(film, "n_frames", 0) == int(rows[1][6]) + 1
+    named = table(capsys, "runs/2/scratch/seed=0/policy.safetensors", "target=1,4")
+    assert [row[0] for row in named] == ["1", "4"]
+
+
 def test_a_policy_acts_where_the_folder_before_it_was_trained(
     trained: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import onnxruntime
 import pytest
@@ -13,7 +14,8 @@ from torch import Generator, Tensor
 from ship_trl.cli import export
 from ship_trl.cli.export import compare, main
 from ship_trl.config.errors import ConfigError
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.config.network import load_network
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode
 from ship_trl.transfer.layers import save_weights
 from tests.command import refused, ship_trl
@@ -37,10 +39,10 @@ def saved(path: Path, channels: int = 1, name: str = "paper") -> DuelingNetwork:
     return made
 
 
-def values(path: Path, pixels: Tensor) -> Tensor:
+def values(path: Path, observed: Tensor, key: str = "pixels") -> Tensor:
     """What onnxruntime computes."""
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    return torch.from_numpy(session.run(["action_value"], {"pixels": pixels.numpy()})[0])
+    return torch.from_numpy(session.run(["action_value"], {key: observed.numpy()})[0])
 
 
 def test_the_command_exports_and_checks_on_an_episode(tmp_path: Path) -> None:
@@ -67,6 +69,16 @@ def test_colours_and_other_layers_are_exported(tmp_path: Path) -> None:
     torch.testing.assert_close(values(tmp_path / "five.onnx", pixels), made(pixels).detach())
 
 
+def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = make_network(load_network("vector"), 7, Generator().manual_seed(0))
+    save_weights(tmp_path / "vector.safetensors", made, {})
+    main(["vector.safetensors", "vector.onnx", "target=4"])
+    said = capsys.readouterr().out
+    assert "vector float32 [batch, 37] -> action_value float32 [batch, 7]" in said and "the same act" in said
+    numbers = torch.randn(3, 37, generator=Generator().manual_seed(2))
+    torch.testing.assert_close(values(tmp_path / "vector.onnx", numbers, "vector"), made(numbers).detach())
+
+
 def test_a_model_that_does_not_pass_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,8 +86,8 @@ def test_a_model_that_does_not_pass_is_not_written(
     (tmp_path / "q.onnx").write_text("mine")
     onnx_policy = export.onnx_policy
 
-    def other(path: Path, env: object) -> object:
-        policy = onnx_policy(path, env)  # type: ignore[arg-type]
+    def other(*given: Any) -> object:
+        policy = onnx_policy(*given)
         return lambda step: policy(step).set("action", (step["action"] + 1) % 7)
 
     monkeypatch.setattr(export, "onnx_policy", other)

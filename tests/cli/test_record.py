@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from torch import Generator
 
 from ship_trl.cli.record import drop_last_networks, main
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import load_network
+from ship_trl.learn.network import make_network
+from ship_trl.transfer.layers import save_weights
 from tests.command import environment, refused
 from tests.view.episodes import entry
 
@@ -53,6 +57,16 @@ def test_of_a_result_its_best_network_is_shown() -> None:
         match=r"a/policy_last\.safetensors is a last network; policy\.safetensors is missing",
     ):
         drop_last_networks([last])
+
+
+def test_a_network_of_numbers_has_a_film_without_saliency(capsys: pytest.CaptureFixture[str]) -> None:
+    network = make_network(load_network("vector"), 7, Generator().manual_seed(0))
+    save_weights(Path("vector.safetensors"), network, {})
+    line = ["vector.safetensors", "target=2", "--output", "film.gif", "--fps", "1", "--speed", "30"]
+    assert "--saliency: allowed for networks that see pixels" in refused(capsys, main, *line, "--saliency")
+    assert not Path("film.gif").exists()
+    main(line)
+    assert Path("film.gif").exists()
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,9 @@ from omegaconf import DictConfig, OmegaConf
 from ship_trl.config.arm import Arm, Method
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import load_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import BFLOAT16, Config, plain
+from ship_trl.config.types import BFLOAT16, Config, Observation, plain
 from ship_trl.run.plan import make_run
 from ship_trl.study.plan.config import to_study
 from tests.command import ship_trl
@@ -62,13 +63,15 @@ def test_every_profile_composes(profile: str) -> None:
 
 @pytest.mark.parametrize("network", options("network"))
 def test_every_network_composes_with_each_number_of_layers(network: str) -> None:
-    count = len(composed(*HIGH, f"network={network}").network.conv)
+    seen = "vector" if load_network(network).linear else "pixels"
+    high = (*HIGH, f"observation={seen}", f"network={network}")
+    count = composed(*high).network.depth
     for method, arm in (("finetune", "FT"), ("feature_extraction", "FE")):
         for n in range(1, count + 1):
-            line = ("+pair=high", f"network={network}", f"method={method}", f"layers={n}")
+            line = (*high, f"method={method}", f"layers={n}")
             assert composed(*line).arm_label == f"{arm}{n}"
         with pytest.raises(ConfigError, match=rf"^layers: must be 1, .*{count}.* got {count + 1}$"):
-            composed(*line[:3], f"layers={count + 1}")
+            composed(*line[:-1], f"layers={count + 1}")
 
 
 def test_whole_numbers_are_accepted_as_actions() -> None:
@@ -108,6 +111,7 @@ def test_every_group_is_covered() -> None:
         "exploration",
         "schedule",
         "network",
+        "observation",
         "sweep",
         "hydra/launcher",
     }
@@ -237,6 +241,18 @@ WRONG_VALUES = {
     "network.hidden=0": "network.hidden: must be from 1 to 4096, got 0",
     "network.conv=[[99999999,8,4]]": "network.conv[0]: must be [filters, kernel, stri",
     "+network.typo=3": "network.typo: unknown key; allowed here: conv, hidden",
+    "observation=vector network=five": "observation: must be pixels with network.conv, got vector",
+    "network=vector": "observation: must be vector with network.linear, got pixels",
+    "observation=vector colour=true": "colour: must be false with observation=vector, got true",
+    "observation=vector learn.backend=incremental": "learn.backend: must be auto or dense with observation=",
+    "observation=vector learn.precision=bf16": "learn.precision: must be auto or fp32 with observation=vec",
+    "observation=vector layers=4": "layers: must be 1, 2, 3 or all with method=finetune, got 4",
+    "observation=vector network.linear=[0]": "network.linear[0]: must be from 1 to 4096, got 0",
+    "observation=vector network.ships=0": "network.ships: must be at least 1 with network.linear, got 0",
+    "observation=vector +network.hidden=9": "network.hidden: must be left out beside network.linear, got 9",
+    "observation=vector +network.conv=[[8,84,1]]": "network.conv: must be left out beside network.linear, g",
+    "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
+    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 24129029 (8 GB)",
     "~learn.lr": "learn.lr: missing",
     "learn.episodes=1000000001": "learn.episodes: must be from 1 to 1000000000, got 1",
     "learn.warmup_steps=1000000001": "learn.warmup_steps: must be from 0 to 100000000",
@@ -277,6 +293,17 @@ def test_wrong_values_are_refused(line: str, told: str) -> None:
     message = str(caught.value)
     assert message.startswith(told)
     assert "\n" not in message
+
+
+def test_an_observation_chooses_its_network_unless_another_is_given() -> None:
+    assert composed(*HIGH).observation is Observation.pixels
+    config = composed(*HIGH, "observation=vector")
+    assert config.network == load_network("vector") and config.observation is Observation.vector
+    # A group on the command line goes before the one that an observation overrides.
+    for line in (("observation=vector", "network=five"), ("network=five", "observation=vector")):
+        with pytest.raises(ConfigError, match="got vector"):
+            composed(*HIGH, *line)
+    assert composed(*HIGH, "observation=vector", "network.linear=[8,8,8]").network.depth == 3
 
 
 def test_a_builder_of_ones_own_takes_any_keys() -> None:

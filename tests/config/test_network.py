@@ -59,6 +59,8 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
     assert non_default_network(network) is None
     five = load_network("five")
     assert non_default_network(five) == {"conv": five.conv, "hidden": five.hidden}
+    # A file names only the keys of its kind.
+    assert non_default_network(load_network("vector")) == {"linear": [256, 256, 256], "ships": 4}
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from torch import Generator
 from ship_trl.cli.explain import choose_entries, main
 from ship_trl.config.network import load_network
 from ship_trl.explain.networks import Origin, find_origin, make_untrained
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.transfer.layers import save_weights
 from tests.command import refused, ship_trl
 
@@ -139,6 +139,7 @@ def test_the_start_of_a_run_from_scratch_is_drawn_again(
         ),
         ("RUN target=1,2", "allowed: one, given as target=CASE"),
         ("RUN FIVE target=2", "has other layers than"),
+        ("VECTOR target=2", "vector.safetensors sees numbers; allowed: networks that see pixels"),
         ("RUN WORLD target=2", "differ in world or colours"),
         ("RUN target=2 --output TAKEN", "TAKEN: File exists"),
     ],
@@ -153,9 +154,13 @@ def test_wrong_input_is_refused(
 ) -> None:
     monkeypatch.chdir(trained)
     five, world, taken = tmp_path / "five.safetensors", tmp_path / "world", trained / "TAKEN"
+    vector = tmp_path / "vector.safetensors"
     places = {"RUN": str(RUN), "SOURCE": str(SOURCE), "FIVE": str(five), "WORLD": str(world)}
+    places["VECTOR"] = str(vector)
     if "FIVE" in words:
         save_weights(five, DuelingNetwork(1, 7, Generator().manual_seed(0), load_network("five")), {})
+    if "VECTOR" in words:
+        save_weights(vector, make_network(load_network("vector"), 7, Generator().manual_seed(0)), {})
     if "WORLD" in words:
         shutil.copytree(RUN, world)
         config = world / "config.yaml"

@@ -39,7 +39,7 @@ def network(name: str = "paper", channels: int = 1, frozen: int = 0, seed: int =
 def plain_forward(net: DuelingNetwork, pixels: Tensor) -> Tensor:
     """Compute figure 3 layer by layer, with stock convolutions."""
     x = pixels.float() / 255
-    for conv in net.convs:
+    for conv in net.layers:
         x = F.relu(conv(x))
     x = F.relu(net.shared(x.flatten(1)))
     advantage = net.advantage(x)

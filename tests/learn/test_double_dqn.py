@@ -220,7 +220,7 @@ def test_features_are_the_activations_of_the_frozen_layers(frozen: int, precisio
     kept = learner.encoders[FEATURES](state)
     assert kept.shape == (9, {3: 3136, 4: 200}[frozen]) and kept.itemsize == 2
     x = draw(state) / 255.0
-    for layer in learner.online_network.convs[:frozen]:
+    for layer in learner.online_network.layers[:frozen]:
         x = torch.relu(torch.nn.functional.conv2d(x, layer.weight, layer.bias, layer.stride))
     wanted = x.permute(0, 2, 3, 1).flatten(1)
     # Half a step of float16 and of bfloat16, and the error of sums in another order.
@@ -231,7 +231,7 @@ def test_features_are_the_activations_of_the_frozen_layers(frozen: int, precisio
 def test_features_are_clamped_to_half_precision() -> None:
     learner = made(frozen=3)
     with torch.no_grad():
-        learner.online_network.convs[2].weight.mul_(1e6)
+        learner.online_network.layers[2].weight.mul_(1e6)
     data = observed(learner, batch())
     assert data["features"].max() == torch.finfo(torch.float16).max
     assert learner.learn_from(data).isfinite() and all(
@@ -273,7 +273,7 @@ def test_any_network_learns_the_same_with_both_backends(name: str, frozen: int) 
         before = {name: p.clone() for name, p in network.named_parameters()}
         found.append([float(learner.learn_from(observed(learner, batch()))) for _ in range(3)])
         for key, parameter in network.named_parameters():
-            assert torch.equal(parameter, before[key]) == key.startswith(network.conv_names[:frozen]), key
+            assert torch.equal(parameter, before[key]) == key.startswith(network.layer_names[:frozen]), key
     # Features are rounded to half precision.
     assert found[0] == pytest.approx(found[1], rel=2e-3)
 
@@ -282,7 +282,7 @@ def test_freezing_conv1_leaves_conv10_trainable() -> None:
     layers = Network([[4, 8, 4], *([2, 1, 1] for _ in range(9)), [8, 20, 1]], 8)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0), layers)
     make(network, schedule(), frozen=1)
-    assert [conv.weight.requires_grad for conv in network.convs] == [False] + 10 * [True]
+    assert [conv.weight.requires_grad for conv in network.layers] == [False] + 10 * [True]
 
 
 class Thawing(NoTransfer):
@@ -305,19 +305,19 @@ def test_a_thawed_layer_learns_and_its_target_follows() -> None:
     learner.act(step.clone(), 0)
     for _ in range(3):
         learner.learn_from(observed(learner, batch()))
-    frozen, slow = (net.convs[0].weight.clone() for net in (learner.online_network, learner.network))
-    deep = learner.network.convs[3].weight.clone()
+    frozen, slow = (net.layers[0].weight.clone() for net in (learner.online_network, learner.network))
+    deep = learner.network.layers[3].weight.clone()
     learner.act(step.clone(), 20)
     # Thawing moves nothing: the target keeps what it had learned.
-    assert torch.equal(learner.network.convs[3].weight, deep) and torch.equal(frozen, slow)
+    assert torch.equal(learner.network.layers[3].weight, deep) and torch.equal(frozen, slow)
     before = copy.deepcopy(learner.network)
     learner.learn_from(observed(learner, batch()))
     for online, target, was in zip(
         learner.online_network.parameters(), learner.network.parameters(), before.parameters(), strict=True
     ):
         torch.testing.assert_close(target, was.lerp(online, 0.05), rtol=1e-6, atol=1e-8)
-    assert not torch.equal(learner.online_network.convs[0].weight, frozen)
-    assert not torch.equal(learner.network.convs[0].weight, slow)
+    assert not torch.equal(learner.online_network.layers[0].weight, frozen)
+    assert not torch.equal(learner.network.layers[0].weight, slow)
 
 
 def test_a_checkpoint_after_a_thaw_goes_on_with_the_same_bits() -> None:

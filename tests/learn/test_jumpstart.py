@@ -24,7 +24,7 @@ DRAWS = 7
 def test_jumpstart_returns_equal_single_rollouts(name: str, copied: int, at_once: int) -> None:
     layers = (NETWORKS | ODD)[name]
     network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1), layers) for _ in range(2))
-    names = alone.conv_names[:copied]
+    names = alone.layer_names[:copied]
     before = copy.deepcopy(network.state_dict())
     found = jumpstart(Corridor(at_once), draw, network, copied, DRAWS, Generator().manual_seed(2))
     generator, wanted = Generator().manual_seed(2), []

@@ -17,14 +17,14 @@ def pixels(batch: int, channels: int = 1) -> Tensor:
 
 def test_layers_are_those_of_section_3_5() -> None:
     net = networks.network()
-    shapes = {name: tuple(getattr(net, name).weight.shape) for name in net.conv_names}
+    shapes = {name: tuple(getattr(net, name).weight.shape) for name in net.layer_names}
     assert shapes == {
         "conv1": (32, 1, 8, 8),
         "conv2": (64, 32, 4, 4),
         "conv3": (64, 64, 3, 3),
         "conv4": (200, 64, 7, 7),
     }
-    assert [conv.stride[0] for conv in net.convs] == [4, 2, 1, 1]
+    assert [conv.stride[0] for conv in net.layers] == [4, 2, 1, 1]
     assert [tuple(layer.weight.shape) for layer in (net.shared, net.value, net.advantage)] == [
         (200, 200),
         (1, 200),
@@ -82,7 +82,7 @@ def test_forward_continues_from_frozen_features(name: str) -> None:
     net, images = networks.network(name), pixels(3)
     with torch.no_grad():
         x = images / 255
-        for layers, conv in enumerate(net.convs, 1):
+        for layers, conv in enumerate(net.layers, 1):
             x = conv(x).relu()
             if layers >= net.linear_from:
                 net.freeze(layers)
@@ -95,8 +95,8 @@ def test_activations_are_what_the_next_layer_reads(name: str) -> None:
     net = networks.network(name)
     images = pixels(4)
     given = net.activations(images)
-    assert list(given) == [*net.conv_names, "shared"]
-    for conv, layer in zip(net.conv_names, net.geometry, strict=True):
+    assert list(given) == [*net.layer_names, "shared"]
+    for conv, layer in zip(net.layer_names, net.geometry, strict=True):
         assert given[conv].shape == (4, layer.filters, layer.side, layer.side)
         assert bool((given[conv] >= 0).all())
     advantage = net.advantage(given["shared"])

@@ -71,6 +71,7 @@ def test_a_run_of_another_network_has_another_source() -> None:
         "colour=true",
         "network=five",
         "network.hidden=100",
+        "observation=vector",
         "algorithm=n_step",
         "learn.lr=0.5",
         "learn.episodes=7",

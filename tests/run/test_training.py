@@ -91,6 +91,7 @@ ARMS = {
     "some layers frozen": ("+pair=high", "+arm=FE1"),
     "three ships at once": (*SCRATCH, "learn.num_envs=3"),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
+    "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),
 }
 
 
@@ -106,7 +107,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
 
 
-@pytest.mark.parametrize("arm", ["states", "features", "three ships at once", *SLOW])
+@pytest.mark.parametrize("arm", ["states", "features", "three ships at once", "vectors", *SLOW])
 def test_stopped_and_killed_it_ends_with_the_same_bytes(
     arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
 ) -> None:

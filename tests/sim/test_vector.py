@@ -4,13 +4,21 @@ import math
 
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.state import OWN_SIZE, SHIP_COUNT, SHIP_SIZE, SPEED, state_size
+from ship_trl.sim.state import (
+    OWN_SIZE,
+    SHIP_COUNT,
+    SHIP_SIZE,
+    SPEED,
+    is_present,
+    relative_positions,
+    state_size,
+)
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.vector import VectorObservation
 from tests.sim.anywhere import Scenario, scenarios
@@ -35,6 +43,9 @@ def test_only_relative_places_count(scenario: Scenario, degrees: float, shift: t
     observe = VectorObservation(scenario.world, 3)
     moved = moved_case(scenario.case, degrees, shift)
     here, there = (ShipEnv(case, scenario.world).reset()["state"] for case in (scenario.case, moved))
+    distances = torch.linalg.vector_norm(relative_positions(here), dim=-1)[is_present(here)].sort()[0]
+    # Rounding decides which of two ships at one distance is nearer.
+    assume(bool((distances.diff() > 0.1).all()))
     torch.testing.assert_close(observe(here), observe(there), atol=2e-3, rtol=1e-4)
 
 
@@ -55,7 +66,7 @@ def test_a_batch_of_a_suite_has_one_shape(world: World) -> None:
     observe = VectorObservation(world, 3)
     env = ShipEnv(suite, world, 20, encoders={"vector": observe})
     step = env.reset()
-    assert step["vector"].shape == (20, observe.size) == (20, 29)
+    assert step["vector"].shape == (20, 29)
     shown = step["vector"][:, 5:].view(20, 3, 8)[..., 7].sum(-1)
     assert torch.equal(shown, step["state"][:, SHIP_COUNT])
     assert bool(step["vector"].isfinite().all())

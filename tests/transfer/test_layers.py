@@ -12,16 +12,17 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network, plain
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.transfer.layers import load_weights, save_weights, saved_network
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.controls import permute_values
 
-FIVE = load_network("five")
+FIVE, VECTOR = load_network("five"), load_network("vector")
 
 
 def network(seed: int, channels: int = 1, config: Network | None = None) -> DuelingNetwork:
-    return DuelingNetwork(channels, 7, Generator().manual_seed(seed), config)
+    generator = Generator().manual_seed(seed)
+    return make_network(config or load_network(), 7, generator, colour=channels == 3)
 
 
 def tensors_of(net: DuelingNetwork) -> dict[str, Tensor]:
@@ -51,7 +52,7 @@ def test_just_the_first_layers_are_copied(
     fresh, target = network(2, config=config), network(2, config=config)
     weights = load_weights(path, target)
     make_method(Arm.parse(arm)).copy(target, weights)
-    copied = [*target.conv_names, "shared", "value", "advantage"][:count]
+    copied = [*target.layer_names, "shared", "value", "advantage"][:count]
     for name, parameter in target.named_parameters():
         wanted = weights[name] if name.split(".")[0] in copied else fresh.get_parameter(name)
         assert torch.equal(parameter, wanted), name
@@ -119,6 +120,13 @@ def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     save_weights(path, network(1, config=FIVE), {"episode": 3})
     assert saved_network(path, "policy") == FIVE
     assert "has other layers: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
+    save_weights(path, network(1, config=VECTOR), {"episode": 3})
+    assert saved_network(path, "policy") == VECTOR
+    loaded = load_weights(path, network(2, config=VECTOR))
+    assert all(
+        torch.equal(value, loaded[key]) for key, value in network(1, config=VECTOR).state_dict().items()
+    )
+    assert "has other layers: linear=[256, 256, 256] ships=4; allowed: conv=" in refused(path)
     # Older files do not describe their network: it is the paper's.
     save_file(tensors_of(network(0)), path)
     assert saved_network(path, "policy") == load_network()
@@ -139,9 +147,12 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
-        ('{"network": 3}', "network: must be a group of conv, hidden, got 3"),
+        ('{"network": 3}', "network: must be a group of conv, hidden, linear, ships, got 3"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "got '${oc.env:HOME}'"),
-        ('{"network": {"conv": [[32, 8, 4]]}}', "missing"),
+        ('{"network": {"conv": [[32, 8, 4]]}}', "network.hidden: must be from 1 to 4096, got 0"),
+        ('{"network": {"linear": [8, 200], "ships": 1}}', "linear1.weight has another shape"),
+        ('{"network": {"linear": [200], "ships": 1}}', "shared.weight has another shape"),
+        ('{"network": {"linear": [200]}}', "network.ships: must be at least 1"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": "x"}}', "network.hidden: must be a whole"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": 200}}', "must be 84"),
         (json.dumps({"network": plain(FIVE)}), "conv4.weight has another shape"),

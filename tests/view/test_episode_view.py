@@ -28,7 +28,7 @@ def test_saliency_marks_pixels_that_change_q() -> None:
         def change(block: torch.Tensor) -> float:
             moved = pixels.float()
             moved[0, block] += 1.0
-            return abs(float(made.dueling(made.convolve(moved[None]))[0, best] - q[0, best]))
+            return abs(float(made.dueling(made.encode(moved[None]))[0, best] - q[0, best]))
 
         # Single pixels cancel; a bright patch has more effect than a dark one in the mean.
         order = heat.flatten().argsort()
@@ -46,7 +46,7 @@ def test_saliency_marks_pixels_that_change_q() -> None:
 def test_a_network_without_weights_has_no_saliency() -> None:
     made = network(3)
     with torch.no_grad():
-        made.convs[0].weight.zero_()
+        made.layers[0].weight.zero_()
     assert not saliency(made, torch.full((3, 84, 84), 100, dtype=torch.uint8)).any()
 
 

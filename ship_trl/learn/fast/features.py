@@ -39,6 +39,6 @@ class FrozenFeatures:
         """Compute the features of states."""
         layers = self.network.frozen
         # One by one, so that the bits do not depend on the batch: a resumed run recomputes the features.
-        features = torch.cat([self.network.convolve(self.draw(one), layers) for one in state.split(1)])
+        features = torch.cat([self.network.encode(self.draw(one), layers) for one in state.split(1)])
         # float16 would store values above 65,504 as infinity. After ReLU no value is negative.
         return features.clamp_(max=torch.finfo(self.dtype).max).to(self.dtype)

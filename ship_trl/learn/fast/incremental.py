@@ -164,7 +164,7 @@ class Incremental:
 
     def _compute_frozen(self, network: DuelingNetwork, pixels: Tensor) -> Rows:
         """Extract windows and compute the frozen layers, or return the cached result."""
-        frozen = [conv.weight for conv in network.convs[: network.frozen]]
+        frozen = [conv.weight for conv in network.layers[: network.frozen]]
         # Replaced or modified weights make the cache stale.
         token = (
             *weights_version([pixels, *frozen], learning=False),

@@ -120,9 +120,9 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
         ConfigError: an arm has more layers than the network.
     """
     most = max((job.values["layers"] for job in jobs if type(job.values.get("layers")) is int), default=0)
-    if most > len(shared.network.conv):
+    if most > shared.network.depth:
         raise ConfigError(
-            f"overrides: network has {len(shared.network.conv)} conv layers, and arms have up to {most}; "
+            f"overrides: network has {shared.network.depth} layers to copy, and arms have up to {most}; "
             "allowed: arms=[...] with fewer layers"
         )
     learn = plain(shared.learn)

@@ -27,7 +27,7 @@ class TransferMethod:
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
         """Copy layers of the source into the network, without freezing them."""
-        copied = network.conv_names[: self.arm.copied_layers(len(network.conv_names))]
+        copied = network.layer_names[: self.arm.copied_layers(len(network.layer_names))]
         for key, parameter in network.named_parameters():
             if self.arm.copies_all or key.split(".")[0] in copied:
                 parameter.data.copy_(weights[key])

@@ -102,7 +102,7 @@ def test_a_plan_says_after_how_many_episodes_runs_learn_at_the_earliest(tmp_path
 
 def test_arms_of_more_layers_than_the_network_has_are_refused(tmp_path: Path) -> None:
     small = "overrides=['network.conv=[[8,8,4],[8,4,2],[20,9,1]]']"
-    with pytest.raises(ConfigError, match="network has 3 conv layers, and arms have up to 4"):
+    with pytest.raises(ConfigError, match="network has 3 layers to copy, and arms have up to 4"):
         begin(tmp_path, small, "arms=[scratch,FE4]")
     assert not list(tmp_path.iterdir())
     begin(tmp_path, small, "arms=[scratch,FE3]")

@@ -54,6 +54,8 @@ SETTINGS: dict[str, type] = {
     "ship_trl.learn.n_step:build": NStep,
     "ship_trl.learn.ppo:build": PPO,
 }
+# Those that learn from their own actions alone.
+ON_POLICY = ("ship_trl.learn.ppo:build",)
 
 
 def is_installed(package: str) -> bool:

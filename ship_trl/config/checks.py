@@ -10,7 +10,7 @@ from operator import mul
 
 from omegaconf import DictConfig
 
-from ship_trl.config.algorithm import read_algorithm
+from ship_trl.config.algorithm import ON_POLICY, read_algorithm
 from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
@@ -47,6 +47,9 @@ def to_config(values: DictConfig) -> Config:
     check_world(config.world)
     check_learner(config)
     config.algorithm = read_algorithm(config.algorithm, config.learn)
+    if config.algorithm["build"] in ON_POLICY:
+        allowed = "left out with algorithm=ppo, which learns from its own actions alone"
+        require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
     check_observation(config)

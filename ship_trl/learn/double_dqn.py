@@ -17,7 +17,7 @@ from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import Dense, DuelingNetwork
-from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.replay import DrawPixels, StateReplay
@@ -127,10 +127,7 @@ class DoubleDQN:
         # An updater begins by copying the online network.
         self.target_update = ForeachSoftUpdate(self.loss, tau=self._learn.tau)
         self.loss.target_network.load_state_dict(averages)
-        known = {id(parameter) for group in self.optimiser.param_groups for parameter in group["params"]}
-        thawed = [p for p in learning_parameters(self.online_network) if id(p) not in known]
-        if thawed:
-            self.optimiser.add_param_group({"params": thawed})
+        self.optimiser.add_thawed(self.online_network)
         count_untracked_write()
         self._judge()
 
@@ -139,12 +136,10 @@ class DoubleDQN:
         online, target = self.online_network.state_dict(), self.network.state_dict()
         # Both networks share the tensors of frozen layers.
         own = {key: value for key, value in target.items() if value.data_ptr() != online[key].data_ptr()}
-        state = add_prefix("online", online) | add_prefix("target", own)
-        for name, parameter in self.online_network.named_parameters():
-            for key, value in self.optimiser.state.get(parameter, {}).items():
-                state[f"adam.{name}.{key}"] = value
         return (
-            state
+            add_prefix("online", online)
+            | add_prefix("target", own)
+            | add_prefix("adam", self.optimiser.averages(self.online_network))
             | add_prefix("replay", self.replay.compact_state_dict())
             | {"exploration": self.policy.generator.get_state()}
             | {"counters": torch.tensor([self.steps, self.updates, self.online_network.frozen])}
@@ -166,17 +161,9 @@ class DoubleDQN:
                 value.copy_(state.get(f"{name}.{key}", state[f"online.{key}"]))
         # Makes caches of weights stale.
         count_untracked_write()
-        for name, parameter in self.online_network.named_parameters():
-            if f"adam.{name}.step" in state:
-                for key, value in self.optimiser.init_state(parameter).items():
-                    value.copy_(state[f"adam.{name}.{key}"])
+        self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
         self.policy.generator.set_state(state["exploration"].cpu())
         self.replay.load_compact_state_dict(strip_prefix("replay", state))
-
-
-def learning_parameters(network: DuelingNetwork) -> list[Tensor]:
-    """Return the parameters that learn."""
-    return [parameter for parameter in network.parameters() if parameter.requires_grad]
 
 
 def build(setup: Setup, make_replay: Callable[..., StateReplay] = StateReplay) -> DoubleDQN:

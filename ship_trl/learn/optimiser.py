@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 
 class ChannelsLastAdam(torch.optim.Optimizer):
@@ -60,6 +60,33 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             "exp_avg_sq": torch.zeros_like(parameter),
         }
         return self.state[parameter]
+
+    def add_thawed(self, network: nn.Module) -> None:
+        """Add the parameters of a network that learn now and did not before."""
+        known = {id(parameter) for group in self.param_groups for parameter in group["params"]}
+        if thawed := [p for p in learning_parameters(network) if id(p) not in known]:
+            self.add_param_group({"params": thawed})
+
+    def averages(self, network: nn.Module) -> dict[str, Tensor]:
+        """Return the state of each parameter of a network by dotted names, without copying it."""
+        return {
+            f"{name}.{key}": value
+            for name, parameter in network.named_parameters()
+            for key, value in self.state.get(parameter, {}).items()
+        }
+
+    @torch.no_grad()
+    def load_averages(self, network: nn.Module, averages: Mapping[str, Tensor]) -> None:
+        """Load what `averages` returned."""
+        for name, parameter in network.named_parameters():
+            if f"{name}.step" in averages:
+                for key, value in self.init_state(parameter).items():
+                    value.copy_(averages[f"{name}.{key}"])
+
+
+def learning_parameters(network: nn.Module) -> list[nn.Parameter]:
+    """Return the parameters that learn."""
+    return [parameter for parameter in network.parameters() if parameter.requires_grad]
 
 
 def in_memory_order(tensor: Tensor, parameter: Tensor) -> Tensor:

@@ -66,7 +66,8 @@ class History:
         """All finished training episodes, in order."""
         return [
             Finished(
-                **{key: values[key] for key in ("episode", "steps", "epsilon", "length", "outcome")},
+                **{key: values[key] for key in ("episode", "steps", "length", "outcome")},
+                epsilon=values.get("epsilon", math.nan),
                 episode_return=values["return"],
                 dcpa=values.get("dcpa", math.inf),
                 loss=values.get("loss"),
@@ -94,7 +95,7 @@ class History:
 def to_row(event: Finished | Evaluated) -> Row:
     """Turn an event into a row of `curve.csv`; a greedy evaluation has its own columns.
 
-    Missing values are left out: the loss before the first update, or the DCPA without target ships.
+    Missing values are left out: the loss before the first update, the DCPA without target ships, or epsilon.
     """
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)

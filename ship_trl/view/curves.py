@@ -93,7 +93,8 @@ def draw_curve(
         style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
         lower.plot(episodes, share, label=f"share of {outcome}s, last {MEAN_OVER}", **style)
     epsilons = [row.epsilon for row in finished]
-    lower.plot(episodes, epsilons, color=EPSILON, linestyle=":", linewidth=2, label="exploration rate ε")
+    if not np.isnan(epsilons).all():
+        lower.plot(episodes, epsilons, color=EPSILON, linestyle=":", linewidth=2, label="exploration rate ε")
     lower.set(ylim=(-0.04, 1.04), ylabel="share (0 to 1)", xlabel="training episodes")
     for axes in (upper, lower):
         tidy(axes)

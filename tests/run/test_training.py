@@ -85,11 +85,13 @@ def train_and_kill(after: Callable[[int, Callable[[], Any]], None], folder: str,
         train(folder, *overrides)
 
 
+MINIBATCH = "algorithm.minibatch_size=32"
 ARMS = {
     "states": SCRATCH,
     "features": ("+pair=high", "+arm=FE3"),
     "some layers frozen": ("+pair=high", "+arm=FE1"),
     "three ships at once": (*SCRATCH, "learn.num_envs=3"),
+    "a rollout": (*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40", MINIBATCH),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
     "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),
 }
@@ -107,7 +109,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
 
 
-@pytest.mark.parametrize("arm", ["states", "features", "three ships at once", "vectors", *SLOW])
+@pytest.mark.parametrize("arm", ["states", "features", "three ships at once", "vectors", "a rollout", *SLOW])
 def test_stopped_and_killed_it_ends_with_the_same_bytes(
     arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
 ) -> None:

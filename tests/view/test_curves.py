@@ -1,5 +1,7 @@
 """Learning curves: of one run, beside runs from scratch, of many arms beside each other."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +42,9 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "greedy"), [([], [GREEDY[0]]), (ROWS[:2], GREEDY[:1])], ids=["no episode", "two episodes"]
+    ("rows", "greedy"),
+    [([], [GREEDY[0]]), (ROWS[:2], GREEDY[:1]), ([replace(row, epsilon=math.nan) for row in ROWS], GREEDY)],
+    ids=["no episode", "two episodes", "no epsilon"],
 )
 def test_a_curve_of_few_episodes_is_drawn(
     tmp_path: Path, rows: list[Finished], greedy: list[tuple[int, float, str]]

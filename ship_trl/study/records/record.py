@@ -38,7 +38,7 @@ class Episodes:
     """Training episodes or greedy evaluations in order, all [N].
 
     `episode` is the number of training episodes done. `dcpa` is NaN without target ships, `epsilon` NaN for
-    greedy evaluations; the first one is before training.
+    greedy evaluations, of which the first is before training, and for algorithms without one.
     """
 
     episode: NDArray[np.int64]
@@ -122,7 +122,10 @@ def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> Non
         raise BrokenRunError(f"{CURVE} does not have the {count} episodes of {RESULT}")
     if len(greedy) < 2 or greedy["episode"].iloc[0] != 0 or greedy["episode"].iloc[-1] != count:
         raise BrokenRunError(f"{CURVE} lacks greedy evaluations")
-    numbers = training["return"], training["epsilon"], greedy["return"]
+    numbers = [training["return"], greedy["return"]]
+    # An algorithm without an epsilon has none in any episode.
+    if training["epsilon"].notna().any():
+        numbers.append(training["epsilon"])
     if not all(np.isfinite(column).all() for column in numbers):
         raise BrokenRunError(f"{CURVE} has a number that is not finite")
 

@@ -111,6 +111,8 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
     """Draw the exploration rate along the bottom of the first axes, and its end in all of them."""
     rate = run.training.epsilon
+    if np.isnan(rate).all():
+        return
     shown = points(len(rate))
     bottom = axes[0].get_xaxis_transform()
     height = STRIP * rate[shown]

@@ -5,8 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from ship_trl.files.curve import CURVE
+from ship_trl.study.analysis.metrics import dip, late_misses
 from ship_trl.study.records.record import BrokenRunError, read_run, read_runs
 from tests.study.synthetic import learning, write_run
 
@@ -20,6 +23,21 @@ def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
     assert (record.training.goal == (record.training.returns > 0)).all()
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
+
+
+@pytest.mark.parametrize("rows", [slice(0, None), slice(3, 4)])
+def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slice) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    curve = pd.read_csv(place / CURVE)
+    curve.loc[curve.index[rows], "epsilon"] = np.nan
+    curve.to_csv(place / CURVE, index=False)
+    if rows.stop is None:
+        record, *_ = read_run(place)
+        assert np.isnan(record.training.epsilon).all()
+        assert dip(record) >= 0 and len(late_misses(record)) == 1
+    else:
+        with pytest.raises(BrokenRunError, match="not finite"):
+            read_run(place)
 
 
 def test_draws_before_training_are_read(tmp_path: Path) -> None:

@@ -1,0 +1,237 @@
+"""Proximal policy optimisation (Schulman et al., 2017), by TorchRL's `ClipPPOLoss` and `GAE`.
+
+Actor and critic are the two streams of the dueling network. Its outputs are value + advantage - mean of the
+advantages: their softmax is that of the advantages, and their mean is the value. So one forward pass gives
+both, and the greedy action, the files and the transfer of layers are the same as with Q-values.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping
+
+import torch
+from tensordict import NestedKey, TensorDict, TensorDictBase
+from tensordict.nn import TensorDictModule
+from torch import Generator, Tensor, nn
+from torch.distributions import Categorical
+from torchrl.modules import ProbabilisticActor
+from torchrl.objectives import ClipPPOLoss
+from torchrl.objectives.value import GAE
+
+from ship_trl.config import algorithm as config
+from ship_trl.config.types import Learn
+from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
+from ship_trl.learn.fast.weights_version import count_untracked_write
+from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.prefix import add_prefix, strip_prefix
+from ship_trl.learn.replay import join_key, make_batch
+from ship_trl.learn.rollout import Policy
+from ship_trl.learn.schedule import learning_rate_at
+
+# Outputs of the network that acted, [N, A].
+OUTPUT = "action_value"
+
+
+def state_value(output: Tensor) -> Tensor:
+    """Return the critic's values [..., 1] from the network's outputs [..., A]."""
+    return output.mean(-1, keepdim=True)
+
+
+def make_loss(settings: config.PPO) -> ClipPPOLoss:
+    """Make the loss of batches that hold the network's outputs; it has no parameters of its own."""
+    outputs: list[NestedKey] = [OUTPUT]
+    actor = ProbabilisticActor(
+        TensorDictModule(nn.Identity(), in_keys=outputs, out_keys=["logits"]),
+        in_keys=["logits"],
+        distribution_class=Categorical,
+        return_log_prob=True,
+    )
+    return ClipPPOLoss(
+        actor,
+        TensorDictModule(state_value, in_keys=outputs, out_keys=["state_value"]),
+        clip_epsilon=settings.clip_epsilon,
+        entropy_coeff=settings.entropy_coeff,
+        critic_coeff=settings.critic_coeff,
+        loss_critic_type="l2",
+        functional=False,
+    )
+
+
+class PPO:
+    """Acts by the actor's probabilities, and learns from each rollout in several passes.
+
+    A rollout is `rollout_steps` steps of all environments. It holds states; pixels are drawn for a minibatch.
+
+    Args:
+        network: actor and critic.
+        draw: maps states to the network's input.
+        learn: discount, scale of the rewards, schedule of the learning rate.
+        settings: the keys of the algorithm.
+        exploration: draws the actions.
+        shuffle: orders the steps of a rollout.
+        method: what a transfer asks of learning.
+    """
+
+    epsilon = math.nan
+
+    def __init__(
+        self,
+        network: DuelingNetwork,
+        draw: Draw,
+        learn: Learn,
+        settings: config.PPO,
+        exploration: Generator,
+        shuffle: Generator,
+        method: Method,
+    ) -> None:
+        self.online_network, self._draw, self._learn, self._settings = network, draw, learn, settings
+        self._exploration, self._shuffle, self._method = exploration, shuffle, method
+        self.dtype, self.backend = network.backend.dtype, network.backend.name
+        self.encoders: Mapping[str, Callable[[Tensor], Tensor]] = {}
+        self.loss = make_loss(settings)
+        # Advantages are scaled to unit variance over the rollout.
+        self.estimate = GAE(
+            gamma=learn.gamma, lmbda=settings.gae_lambda, value_network=None, average_gae=True, time_dim=0
+        )
+        self.optimiser = ChannelsLastAdam(learning_parameters(network), lr=learn.lr)
+        self._rollout: list[dict[NestedKey, Tensor]] = []
+        self._output: Tensor | None = None
+        # Evaluations compute whole frames in float32.
+        self.network: DuelingNetwork = copy.copy(network)
+        self.network.backend = Dense()
+        self.greedy: Policy = greedy_policy(self.network, draw)
+
+    @torch.no_grad()
+    def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
+        """Write `action`, when `episode` training episodes have ended."""
+        if self._method.thaws:
+            self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate_at(episode, self._learn)
+        self._output = self.online_network(self._draw(step["state"]))
+        action = torch.multinomial(self._output.softmax(-1), 1, generator=self._exploration)
+        return step.set("action", action.squeeze(-1))
+
+    def observe(self, step: TensorDictBase) -> None:
+        """Add a step to the rollout."""
+        assert self._output is not None, "call act() first"
+        following = step["next"]
+        self._rollout.append(
+            {
+                "state": step["state"].clone(),
+                "action": step["action"].clone(),
+                OUTPUT: self._output,
+                ("next", "state"): following["state"].clone(),
+                ("next", "reward"): following["reward"] * self._learn.reward_scale,
+                ("next", "done"): following["done"].clone(),
+                ("next", "terminated"): following["terminated"].clone(),
+            }
+        )
+
+    def update(self) -> list[Tensor]:
+        """Learn from the rollout if it is full, and return the loss of each minibatch."""
+        if len(self._rollout) < self._settings.rollout_steps:
+            return []
+        steps = self.judge(self._stacked()).flatten()
+        self._rollout.clear()
+        return [
+            self.learn_from(steps[rows])
+            for _ in range(self._settings.epochs)
+            for rows in self._shuffled(len(steps)).split(self._settings.minibatch_size)
+        ]
+
+    def _shuffled(self, count: int) -> Tensor:
+        """Return the numbers below `count` in random order."""
+        return torch.randperm(count, generator=self._shuffle, device=self._shuffle.device)
+
+    def _stacked(self) -> dict[NestedKey, Tensor]:
+        """Return the rollout so far as tensors [T, N, ...]."""
+        return {key: torch.stack([step[key] for step in self._rollout]) for key in self._rollout[0]}
+
+    @torch.no_grad()
+    def judge(self, entries: Mapping[NestedKey, Tensor]) -> TensorDict:
+        """Return a rollout [T, N] with `advantage`, `value_target` and the probabilities of its actions."""
+        steps = make_batch(dict(entries))
+        output, action = steps[OUTPUT], steps["action"].unsqueeze(-1)
+        steps["action_log_prob"] = output.log_softmax(-1).gather(-1, action).squeeze(-1)
+        steps["state_value"] = state_value(output)
+        # The next step begins where this one ends, unless the environment was reset between them.
+        value = steps["state_value"].roll(-1, 0)
+        ends = steps["next", "done"].squeeze(-1).clone()
+        ends[-1] = True
+        after = steps["next", "state"][ends].split(self._settings.minibatch_size)
+        value[ends] = torch.cat([state_value(self.online_network(self._draw(one))) for one in after])
+        steps["next", "state_value"] = value
+        # A truncated step is not terminated, so it bootstraps.
+        return self.estimate(steps).select("state", "action", "action_log_prob", "advantage", "value_target")
+
+    def learn_from(self, batch: TensorDictBase) -> Tensor:
+        """Take one gradient step on a minibatch [B], and return the loss."""
+        batch = batch.set("pixels", self._draw(batch["state"]))
+        batch.set(OUTPUT, self.online_network(batch["pixels"]))
+        parts = self.loss(batch)
+        loss: Tensor = parts["loss_objective"] + parts["loss_critic"] + parts["loss_entropy"]
+        if (penalty := self._method.penalty(self.online_network, batch)) is not None:
+            loss = loss + penalty
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(learning_parameters(self.online_network), self._settings.max_grad_norm)
+        self.optimiser.step()
+        return loss.detach()
+
+    def freeze(self, layers: int) -> None:
+        """Freeze the first `layers` layers, and let the others learn."""
+        if layers != self.online_network.frozen:
+            self.online_network.freeze(layers)
+            self.optimiser.add_thawed(self.online_network)
+            count_untracked_write()
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return network, Adam's averages, the rollout so far, and generators; tensors are not copied."""
+        rollout = self._stacked() if self._rollout else {}
+        return {
+            **add_prefix("online", self.online_network.state_dict()),
+            **add_prefix("adam", self.optimiser.averages(self.online_network)),
+            **add_prefix("rollout", {join_key(key): value for key, value in rollout.items()}),
+            "exploration": self._exploration.get_state(),
+            "shuffle": self._shuffle.get_state(),
+            "frozen": torch.tensor(self.online_network.frozen),
+        }
+
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned into the memory of this network.
+
+        Raises:
+            KeyError, RuntimeError, TypeError, ValueError: the state does not fit this algorithm.
+        """
+        self.freeze(int(state["frozen"]))
+        self.online_network.load_state_dict(strip_prefix("online", state))
+        # Makes caches of weights stale.
+        count_untracked_write()
+        self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
+        device = self.online_network.advantage.weight.device
+        rollout = TensorDict(strip_prefix("rollout", state)).to(device)
+        rows: dict[NestedKey, Tensor] = {
+            tuple(name.split(".")) if "." in name else name: v for name, v in rollout.items()
+        }
+        count = len(rows["action"]) if rows else 0
+        self._rollout = [{key: value[time] for key, value in rows.items()} for time in range(count)]
+        self._exploration.set_state(state["exploration"].cpu())
+        self._shuffle.set_state(state["shuffle"].cpu())
+
+
+def build(setup: Setup) -> PPO:
+    """Make PPO with the settings of `config.algorithm`."""
+    network, learn = setup.network, setup.learn
+    device = network.advantage.weight.device
+    network.freeze(setup.method.frozen_layers(0.0))
+    dtype = choose_dtype(learn.precision, device)
+    network.backend = choose_backend(learn.backend, setup.draw, dtype, device, network.geometry)
+    options = {key: value for key, value in setup.options.items() if key != "build"}
+    settings = config.PPO(**options)
+    return PPO(network, setup.draw, learn, settings, setup.exploration, setup.replay, setup.method)

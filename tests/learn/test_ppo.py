@@ -1,0 +1,243 @@
+"""Proximal policy optimisation: heads, advantages, loss, freezing, checkpoints; it learns a corridor."""
+
+import itertools
+import math
+from typing import Any
+
+import pytest
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Generator, Tensor, nn
+
+from ship_trl.config.types import BackendName
+from ship_trl.learn.algorithm import NoTransfer, Setup
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
+from ship_trl.learn.train import Evaluated, Finished, Training, train
+from tests.learn.worlds import Corridor, draw, schedule
+
+OPTIONS = {
+    "rollout_steps": 16,
+    "epochs": 4,
+    "minibatch_size": 32,
+    "clip_epsilon": 0.2,
+    "gae_lambda": 0.95,
+    "entropy_coeff": 0.01,
+    "critic_coeff": 0.5,
+    "max_grad_norm": 0.5,
+}
+
+
+class Freezing(NoTransfer):
+    """Freezes the first two layers up to a share of the episodes."""
+
+    def __init__(self, until: float = 2.0) -> None:
+        self.until, self.thaws = until, until < 1.0
+
+    def frozen_layers(self, progress: float) -> int:
+        return 2 if progress < self.until else 0
+
+
+def make(
+    seed: int = 0, method: NoTransfer | None = None, learn: dict[str, Any] | None = None, **changes: float
+) -> PPO:
+    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
+    network = DuelingNetwork(1, 3, weights)
+    options = {"build": "ship_trl.learn.ppo:build"} | OPTIONS | changes
+    values = schedule(**{"episodes": 120, "num_envs": 4} | (learn or {}))
+    return build(Setup(network, draw, 3, values, exploration, replay, method or NoTransfer(), options))
+
+
+def walk(learner: PPO, steps: int, limit: int = 12, num_envs: int = 4) -> list[TensorDictBase]:
+    """Let the algorithm act and observe, without updates, and return the steps."""
+    env, seen = Corridor(num_envs, limit), []
+    current = env.reset()
+    for _ in range(steps):
+        stepped, current = env.step_and_maybe_reset(learner.act(current, 0))
+        learner.observe(stepped)
+        seen.append(stepped.clone())
+    return seen
+
+
+def observed(learner: PPO, steps: int = 16, limit: int = 12) -> TensorDict:
+    """Return the steps of a walk with advantages."""
+    walk(learner, steps, limit)
+    judged: TensorDict = learner.judge(learner._stacked())
+    return judged
+
+
+def test_it_learns() -> None:
+    learn = schedule(episodes=120, num_envs=4, lr=1e-3)
+    learner = make(learn={"lr": 1e-3})
+    events = list(train(Corridor(4), Corridor(1), learner, learn))
+    found = [e.greedy_episode.episode_return for e in events if isinstance(e, Evaluated)]
+    assert max(found[1:]) == 96.0 > found[0]
+    assert all(math.isnan(e.epsilon) for e in events if isinstance(e, Finished))
+
+
+def test_outputs_hold_both_heads_and_each_loss_moves_its_own() -> None:
+    network = make().online_network
+    output = network(draw(torch.rand(5, 2) * 8 - 4))
+    shared = torch.relu(network.shared(network.backend.features(network, draw(torch.zeros(5, 2)))))
+    both = network.dueling(network.backend.features(network, draw(torch.zeros(5, 2))))
+    torch.testing.assert_close(both.softmax(-1), network.advantage(shared).softmax(-1))
+    torch.testing.assert_close(state_value(both), network.value(shared))
+    heads = [network.value.weight, network.advantage.weight]
+    for loss, moved in ((output.log_softmax(-1)[:, 0].sum(), 1), (state_value(output).sum(), 0)):
+        sizes = [float(g.norm()) for g in torch.autograd.grad(loss, heads, retain_graph=True)]
+        assert sizes[moved] > 1e4 * sizes[1 - moved]
+
+
+def test_actions_follow_the_probabilities_of_its_own_generator() -> None:
+    state, drawn = torch.zeros(1500, 2), []
+    for seed in (1, 2):
+        torch.manual_seed(seed)
+        drawn.append(make(3).act(TensorDict({"state": state}, [1500]), 0)["action"])
+    assert torch.equal(*drawn)
+    wanted = make(3).online_network(draw(state[:1])).softmax(-1)[0]
+    torch.testing.assert_close(drawn[0].bincount(minlength=3) / 1500, wanted, atol=0.05, rtol=0)
+
+
+@pytest.mark.parametrize("limit", [3, 12])
+def test_advantages_bootstrap_at_truncations_and_stop_at_every_end(limit: int) -> None:
+    learner = make(learn={"reward_scale": 0.1})
+    steps = walk(learner, 16, limit)
+    got = learner.judge(learner._stacked())
+    assert any(step["next", "truncated" if limit == 3 else "terminated"].any() for step in steps)
+    value = [state_value(learner.online_network(draw(step["state"]))) for step in steps]
+    after = [state_value(learner.online_network(draw(step["next", "state"]))) for step in steps]
+    advantage, found = torch.zeros(4, 1), []
+    for step, now, then in reversed(list(zip(steps, value, after, strict=True))):
+        following = step["next"]
+        error = following["reward"] * 0.1 + 0.9 * then * ~following["terminated"] - now
+        advantage = error + 0.9 * OPTIONS["gae_lambda"] * advantage * ~following["done"]
+        found.append(advantage)
+    wanted = torch.stack(found[::-1]).detach()
+    torch.testing.assert_close(
+        got["value_target"], wanted + torch.stack(value).detach(), rtol=1e-4, atol=1e-5
+    )
+    scaled = (wanted - wanted.mean()) / wanted.std()
+    torch.testing.assert_close(got["advantage"], scaled, rtol=1e-3, atol=1e-4)
+
+
+def test_the_loss_is_the_clipped_objective_with_critic_and_entropy() -> None:
+    learner = make(learn={"lr": 0.02}, max_grad_norm=100.0)
+    batch = observed(learner).flatten()
+    for _ in range(3):  # after the first update probabilities differ
+        with torch.no_grad():
+            output = learner.online_network(draw(batch["state"]))
+        log = output.log_softmax(-1)
+        ratio = (log.gather(-1, batch["action"][:, None]).squeeze(-1) - batch["action_log_prob"]).exp()
+        advantage = batch["advantage"].squeeze(-1)
+        gain = torch.minimum(ratio * advantage, ratio.clamp(0.8, 1.2) * advantage).mean()
+        critic = (state_value(output) - batch["value_target"]).square().mean()
+        entropy = -(log.exp() * log).sum(-1).mean()
+        wanted = -gain + 0.5 * critic - 0.01 * entropy
+        torch.testing.assert_close(learner.learn_from(batch.clone()), wanted, rtol=1e-4, atol=1e-5)
+    assert (ratio - 1).abs().max() > 0.2
+
+
+def test_an_epoch_shows_each_step_once_and_rewards_are_scaled() -> None:
+    learner, shown = make(minibatch_size=24, epochs=2), []
+    learn_from = learner.learn_from
+
+    def watched(batch: TensorDictBase) -> Tensor:
+        shown.append(batch["number"])
+        return learn_from(batch)
+
+    judge = learner.judge
+
+    def numbered(entries: Any) -> TensorDict:
+        return judge(entries).set("number", torch.arange(64).view(16, 4))
+
+    learner.learn_from, learner.judge = watched, numbered  # type: ignore[method-assign]
+    walk(learner, 15)
+    assert learner.update() == []
+    steps = walk(learner, 1)
+    got = learner._stacked()["next", "reward"][-1]
+    torch.testing.assert_close(got, steps[-1]["next", "reward"] * 0.01)
+    assert len(learner.update()) == 6 and learner.update() == []
+    for epoch in (shown[:3], shown[3:]):
+        assert sorted(torch.cat(epoch).tolist()) == list(range(64))
+    assert not torch.equal(shown[0], shown[3])
+
+
+@pytest.mark.parametrize("backend", [BackendName.dense, BackendName.incremental])
+def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser(backend: BackendName) -> None:
+    learner = make(method=Freezing(), learn={"backend": backend})
+    before = {name: p.clone() for name, p in learner.online_network.named_parameters()}
+    walk(learner, 16)
+    assert learner.update()
+    frozen = {f"conv{n}.{kind}" for n in (1, 2) for kind in ("weight", "bias")}
+    for name, parameter in learner.network.named_parameters():
+        assert torch.equal(parameter, before[name]) == (name in frozen), name
+    trained = {id(p) for group in learner.optimiser.param_groups for p in group["params"]}
+    assert {n for n, p in learner.online_network.named_parameters() if id(p) not in trained} == frozen
+
+
+def test_a_thawed_layer_learns() -> None:
+    learner = make(method=Freezing(until=0.5), learn={"lr_end": 5e-4})
+    walk(learner, 16)
+    before = learner.online_network.convs[0].weight.clone()
+    step = Corridor(4).reset()
+    learner.act(step, 60)
+    assert [group["lr"] for group in learner.optimiser.param_groups] == [7.5e-4, 7.5e-4]
+    learner.update()
+    assert not torch.equal(learner.network.convs[0].weight, before)
+
+
+def test_a_penalty_is_added_to_the_loss() -> None:
+    class Pull(NoTransfer):
+        def penalty(self, network: nn.Module, data: TensorDictBase) -> Tensor:
+            assert data["pixels"].dtype is torch.uint8
+            return 7.0 + 0.0 * network.value.bias.sum()  # type: ignore[union-attr, operator]
+
+    plain, pulled = (observed_loss(make(method=method)) for method in (NoTransfer(), Pull()))
+    assert pulled == pytest.approx(plain + 7.0)
+
+
+def observed_loss(learner: PPO) -> float:
+    return float(learner.learn_from(observed(learner).flatten()))
+
+
+def test_evaluation_is_greedy_and_uses_the_latest_weights() -> None:
+    learner = make()
+    walk(learner, 16)
+    learner.update()
+    state = torch.rand(9, 2) * 8 - 4
+    with torch.no_grad():
+        judged = learner.greedy(TensorDict({"state": state}, [9]))
+        wanted = learner.online_network(draw(state))
+    assert torch.equal(judged["action"], judged[OUTPUT].argmax(-1))
+    torch.testing.assert_close(judged[OUTPUT], wanted, rtol=0.02, atol=0.02)
+
+
+@pytest.mark.parametrize("until", [2.0, 0.0, 0.05])
+@pytest.mark.parametrize("cut", [16, 23])
+def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, until: float) -> None:
+    learn = schedule(episodes=120, num_envs=4)
+    whole = Training(Corridor(4), Corridor(1), make(method=Freezing(until)), learn)
+    whole.begin()
+    for _ in range(cut):
+        list(whole.advance())
+    state = {key: value.clone() for key, value in whole.state_dict().items()}
+    again = Training(Corridor(4), Corridor(1), make(seed=5, method=Freezing(until)), learn)
+    again.load_state_dict(state)
+    for _ in range(20):
+        found = [[e for e in one.advance() if isinstance(e, Finished)] for one in (whole, again)]
+        assert found[0] == found[1]
+    one, other = (training.state_dict() for training in (whole, again))
+    assert one.keys() == other.keys()
+    assert all(torch.equal(one[key], other[key]) for key in one)
+
+
+def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
+    found = []
+    for seed in (1, 1, 2):
+        learner = make(seed)
+        for _ in itertools.repeat(None, 2):
+            walk(learner, 16)
+            learner.update()
+        found.append([p.clone() for p in learner.network.parameters()])
+    for a, b, c in zip(*found, strict=True):
+        assert torch.equal(a, b) and not torch.equal(a, c)

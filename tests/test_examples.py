@@ -1,19 +1,33 @@
 """Each example runs as its first lines say."""
 
+import math
 import sys
+from functools import partial
 from pathlib import Path
+from subprocess import CompletedProcess
+from typing import Any, cast
 
 import numpy as np
 import pytest
 import torch
 from PIL import Image
 from tensordict import TensorDict
+from torch.distributions import Categorical
+from torchrl.data.replay_buffers.samplers import prioritized
 from torchrl.modules import QValueActor
 
 from ship_trl.cli.evaluate import main
-from ship_trl.learn.loss import ForeachSoftUpdate
-from tests.command import ROOT
+from ship_trl.config.types import Loss
+from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.train import train
+from tests.command import ROOT, ship_trl
 from tests.forked import run_script
+from tests.learn.worlds import Corridor, draw, schedule
+
+# Whether TorchRL's compiled extension loads.
+HAS_TREES = prioritized.SumSegmentTreeFp32 is not None
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DRAWS = {"huber_threshold": "huber_threshold.png"}
@@ -24,16 +38,139 @@ ARGUMENTS = {
     "gymnasium_sb3": ["--steps", "300"],
     "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
 }
+# Builders of algorithms, which the command takes.
+BUILDERS = ("own_algorithm", "prioritised_replay")
 MAX_LINES = 80
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def run_with(name: str, *overrides: str, folder: Path, code: int = 0) -> CompletedProcess[str]:
+    """Train with the algorithm of an example."""
+    build = f"algorithm.build='{ROOT / 'examples' / name}.py:build'"
+    return ship_trl(
+        "target=2", "method=scratch", "profile=smoke", build, *overrides, folder=folder, code=code
+    )
+
+
+@pytest.mark.parametrize("path", [one for one in EXAMPLES if one.stem not in BUILDERS], ids=lambda p: p.stem)
 def test_an_example_runs(path: Path, tmp_path: Path) -> None:
     ended = run_script(path, *ARGUMENTS.get(path.stem, []), folder=tmp_path)
     assert ended.code == 0, ended
     if path.stem in DRAWS:
         picture = np.asarray(Image.open(tmp_path / DRAWS[path.stem]))
         assert picture.std() > 5
+
+
+def test_an_algorithm_of_ones_own_trains(tmp_path: Path) -> None:
+    run_with("own_algorithm", folder=tmp_path)
+    assert (tmp_path / "outputs/smoke/2/scratch/seed=0/policy.safetensors").is_file()
+
+
+def test_the_soft_target_is_that_of_munchausen_dqn() -> None:
+    sys.path.insert(0, str(ROOT / "examples"))
+    from own_algorithm import ALPHA, TEMPERATURE, MunchausenLoss
+
+    network = torch.nn.Linear(2, 7)
+    loss = MunchausenLoss(
+        QValueActor(network, in_keys=["pixels"], action_space="categorical"), kind=Loss["l2"], gamma=0.9
+    )
+    ForeachSoftUpdate(loss, tau=0.1)
+    batch = two_steps()
+    policy = Categorical(logits=network(batch["pixels"]) / TEMPERATURE)
+    after = Categorical(logits=network(batch["next", "pixels"]) / TEMPERATURE)
+    bonus = ALPHA * (TEMPERATURE * policy.log_prob(batch["action"])).clamp(min=-1.0)
+    value = (after.probs * network(batch["next", "pixels"])).sum(-1) + TEMPERATURE * after.entropy()
+    wanted = batch["next", "reward"].squeeze(-1) + bonus + 0.9 * value * torch.tensor([0.0, 1.0])
+    error = network(batch["pixels"]).gather(-1, batch["action"][:, None]).squeeze(-1) - wanted
+    torch.testing.assert_close(loss(batch)["loss"], error.square().mean(), rtol=1e-4, atol=1e-5)
+
+
+def two_steps() -> TensorDict:
+    """Return two transitions, the first of which ends its episode."""
+    generator = torch.Generator().manual_seed(0)
+    state, following = torch.rand(2, 2, 2, generator=generator)
+    ended = torch.tensor([[True], [False]])
+    after = {"pixels": following, "reward": torch.ones(2, 1), "terminated": ended}
+    return TensorDict({"pixels": state, "action": torch.tensor([1, 2]), "next": after}, batch_size=[2])
+
+
+def test_prioritised_replay_is_refused_where_its_extension_does_not_load(tmp_path: Path) -> None:
+    found = run_with("prioritised_replay", folder=tmp_path, code=0 if HAS_TREES else 1)
+    if not HAS_TREES:
+        error = found.stderr
+        assert error.count("\n") == 1 and "algorithm.build: prioritised replay needs TorchRL's C++" in error
+
+
+def test_weights_of_transitions_weigh_their_errors() -> None:
+    sys.path.insert(0, str(ROOT / "examples"))
+    from prioritised_replay import WeightedLoss
+
+    actor = QValueActor(torch.nn.Linear(2, 7), in_keys=["pixels"], action_space="categorical")
+    loss = WeightedLoss(actor, gamma=0.9)
+    ForeachSoftUpdate(loss, tau=0.1)
+    batch = two_steps().set("weight", torch.ones(2, 1))
+    plain = DoubleDQNLoss(actor, gamma=0.9, write_td_error=False)
+    ForeachSoftUpdate(plain, tau=0.1)
+    torch.testing.assert_close(loss(batch)["loss"], plain(batch)["loss"])
+    errors = batch["td_error"].squeeze(-1)
+    batch["weight"] = torch.tensor([[1.0], [0.0]])
+    torch.testing.assert_close(loss(batch)["loss"], errors[0].square() / 2)
+
+
+class Tree:
+    """A slow stand-in for TorchRL's compiled segment trees: sums, or least values."""
+
+    def __init__(self, capacity: int, neutral: float) -> None:
+        self.values = torch.full((capacity,), neutral)
+        self.reduce = torch.sum if neutral == 0 else torch.amin
+
+    def __getitem__(self, index: Any) -> torch.Tensor:
+        return self.values[index]
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        self.values[index] = torch.as_tensor(value, dtype=torch.float32)
+
+    def query(self, start: int, end: int) -> float:
+        return float(self.reduce(self.values[start:end]))
+
+    def scan_lower_bound(self, mass: torch.Tensor) -> torch.Tensor:
+        return torch.searchsorted(self.values.cumsum(0), mass.float())
+
+
+@pytest.fixture
+def trees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give TorchRL's sampler slow trees, because its compiled ones may not load."""
+    for bits in (32, 64):
+        for name, neutral in (("Sum", 0.0), ("Min", math.inf)):
+            monkeypatch.setattr(prioritized, f"{name}SegmentTreeFp{bits}", partial(Tree, neutral=neutral))
+
+
+def test_large_errors_are_drawn_more_often_and_a_checkpoint_keeps_them(trees: None) -> None:
+    sys.path.insert(0, str(ROOT / "examples"))
+    from prioritised_replay import build
+
+    learn = schedule(episodes=12, replay_size=100)
+    made = []
+    for seed in (0, 1):
+        weights, explore, replay = (torch.Generator().manual_seed(10 * seed + k) for k in range(3))
+        network = DuelingNetwork(1, 3, weights)
+        setup = Setup(network, draw, 3, learn, explore, replay, options={"alpha": 1.0})
+        made.append(build(setup))
+    one, other = made
+    assert list(train(Corridor(3), Corridor(1), one, learn))
+    memory: Any = one.replay
+    memory.update_priority(torch.arange(100), torch.full((100,), 1e-3))
+    memory.update_priority(torch.tensor([7]), torch.tensor([1.0]))
+    state = {key: value.clone() for key, value in one.state_dict().items()}
+    batch = memory.sample(2000)
+    share = (batch["index"] == 7).float().mean()
+    assert float(share) == pytest.approx(1 / 1.099, abs=0.03)
+    weight = batch["weight"][batch["index"] == 7]
+    assert float(weight[0]) == pytest.approx(1e-3**0.4, rel=1e-3) and batch["weight"].max() == 1
+    other.load_state_dict(state)
+    again = other.replay.sample(2000)
+    assert torch.equal(batch["index"], again["index"]) and torch.equal(batch["weight"], again["weight"])
+    other.learn_from(again)
+    assert float(cast(Any, other.replay).sampler._sum_tree[7]) != 1.0
 
 
 def test_torchrl_alone_takes_few_lines() -> None:

@@ -166,8 +166,13 @@ class DoubleDQN:
         self.replay.load_compact_state_dict(strip_prefix("replay", state))
 
 
-def build(setup: Setup, make_replay: Callable[..., StateReplay] = StateReplay) -> DoubleDQN:
-    """Make double DQN; `make_replay` takes the arguments of `StateReplay`."""
+def build(
+    setup: Setup,
+    make_replay: Callable[..., StateReplay] = StateReplay,
+    make_loss: type[DoubleDQNLoss] = DoubleDQNLoss,
+    make: type[DoubleDQN] = DoubleDQN,
+) -> DoubleDQN:
+    """Make double DQN, or one with another replay, loss or update, which take the same arguments."""
     network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
     device = network.advantage.weight.device
     network.freeze(method.frozen_layers(0.0))
@@ -185,14 +190,14 @@ def build(setup: Setup, make_replay: Callable[..., StateReplay] = StateReplay) -
     for key in encoders:
         observation = network_input = key
     actor = QValueActor(network, in_keys=[network_input], action_space="categorical")
-    loss = DoubleDQNLoss(
+    loss = make_loss(
         actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
     )
 
     def best_actions(observed: Tensor) -> Tensor:
         return network(observed if encoders else draw(observed)).argmax(-1)
 
-    return DoubleDQN(
+    return make(
         loss=loss,
         target_update=ForeachSoftUpdate(loss, tau=learn.tau),
         optimiser=ChannelsLastAdam(learning_parameters(network), lr=learn.lr),

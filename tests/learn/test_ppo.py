@@ -178,12 +178,12 @@ def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser(backend: B
 def test_a_thawed_layer_learns() -> None:
     learner = make(method=Freezing(until=0.5), learn={"lr_end": 5e-4})
     walk(learner, 16)
-    before = learner.online_network.convs[0].weight.clone()
+    before = learner.online_network.layers[0].weight.clone()
     step = Corridor(4).reset()
     learner.act(step, 60)
     assert [group["lr"] for group in learner.optimiser.param_groups] == [7.5e-4, 7.5e-4]
     learner.update()
-    assert not torch.equal(learner.network.convs[0].weight, before)
+    assert not torch.equal(learner.network.layers[0].weight, before)
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:

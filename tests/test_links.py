@@ -11,7 +11,7 @@ from ship_trl.files.result import write_result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import make_run
 from ship_trl.run.wandb_tracker import begin_wandb
-from ship_trl.sim.cases import Case, load_case
+from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CaseBase
 from tests.a_result import a_result
 from tests.command import files, ship_trl
@@ -76,7 +76,7 @@ def base(tmp_path: Path) -> CaseBase:
 def test_an_entry_cannot_name_another_path(
     base: CaseBase, finished_run: Path, world: World, private: Path
 ) -> None:
-    case = load_case("2", world)
+    case = load_suite("2", world)
     stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 1.0}}, finished_run)
     values = json.loads((stored.path / "entry.json").read_text())
     elsewhere = values | {"case": "../../private", "config_hash": "../../../x"}
@@ -91,7 +91,7 @@ def test_an_entry_cannot_name_another_path(
 def test_nothing_is_deleted_through_a_link_of_a_case_base(
     base: CaseBase, finished_run: Path, world: World, private: Path
 ) -> None:
-    case: Case = load_case("2", world)
+    case = load_suite("2", world)
     place, before = base.entry_folder(case, "scratch", 0, "abc"), files(private)
     place.parent.mkdir(parents=True)
     place.symlink_to(private)
@@ -142,5 +142,5 @@ def test_no_file_is_copied_through_a_link(
     (finished_run / name).unlink()
     (finished_run / name).symlink_to(private / "notes")
     with pytest.raises(ConfigError, match=rf"^output: {finished_run / name} is a link"):
-        base.retain(load_case("2", world), "scratch", 0, "abc", {}, finished_run)
+        base.retain(load_suite("2", world), "scratch", 0, "abc", {}, finished_run)
     assert not list(base.folder.rglob("*"))

@@ -1,8 +1,8 @@
-"""Read policies and cases from a command line, the same way for `evaluate`, `watch` and `record`.
+"""Read policies and suites from a command line, the same way for `evaluate`, `watch` and `record`.
 
 POLICY is a name in `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
-folders and `pretrained` have their own target. Every other policy needs `target=CASE`, or takes the targets
-of the policies before it.
+folders and `pretrained` have their own target. Every other policy needs `target=CASE`, which may be a suite,
+or takes the targets of the policies before it. `perturbation.KEY=VALUE` perturbs the starts.
 """
 
 from __future__ import annotations
@@ -11,14 +11,19 @@ import re
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.config.types import World
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Perturbation, World
 from ship_trl.files.result import RESULT
 from ship_trl.policies.entry import Entry
 from ship_trl.policies.pretrained import PRETRAINED, find, is_pretrained, networks
 from ship_trl.run.folder import read_settings
 from ship_trl.run.results import collect
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import load_world
+from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST
+
+# Begins the keys of a perturbation.
+PERTURBATION = "perturbation."
 
 
 def find_entries(words: list[str], colour: bool) -> list[Entry]:
@@ -28,28 +33,37 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
         ConfigError: an unknown word, a folder without a result, or a policy without a target.
     """
     # A path may contain an equals sign, for example seed=0.
-    names = [w for w in words if not re.match(r"\w+=", w) or Path(w.rpartition(":")[0] or w).exists()]
+    names = [w for w in words if not re.match(r"[\w.]+=", w) or Path(w.rpartition(":")[0] or w).exists()]
     settings = [word.split("=", 1) for word in words if word not in names]
-    if unknown := sorted(key for key, _ in settings if key != "target"):
-        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target")
-    if len(settings) > 1:
+    bounds = {
+        key.removeprefix(PERTURBATION): value for key, value in settings if key.startswith(PERTURBATION)
+    }
+    keys = [key for key, _ in settings if not key.startswith(PERTURBATION)]
+    if unknown := sorted(key for key in keys if key != "target"):
+        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target, perturbation.KEY")
+    if len(keys) > 1:
         raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
+    perturbation = read_as(Perturbation, bounds, key=PERTURBATION.rstrip("."))
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
     world = load_world()
-    cases = [name for _, value in settings for name in value.split(",") if name]
-    targets = [load_case(name, world, "target") for name in cases]
+    targets = [
+        load_suite(name, world, "target", perturbation)
+        for key, value in settings
+        for name in (value.split(",") if key == "target" else ())
+        if name
+    ]
     entries: list[Entry] = []
     for name in names:
         if is_pretrained(name):
-            entries += bundled_entries(name, targets, world)
+            entries += bundled_entries(name, targets, world, perturbation)
         elif Path(name).is_dir():
-            entries += folder_entries(Path(name), targets)
+            entries += folder_entries(Path(name), targets, perturbation)
         elif "/" in name and ":" not in name and not Path(name).exists():
             raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
         else:
-            places = {case.fingerprint: (case, world) for case in targets}
-            places = places or {one.case.fingerprint: (one.case, one.world) for one in entries}
+            places = {suite.fingerprint: (suite, world) for suite in targets}
+            places = places or {one.suite.fingerprint: (one.suite, one.world) for one in entries}
             if not places:
                 raise ConfigError(
                     f"target: none given for {name}; allowed: target=CASE, with commas between several cases"
@@ -58,45 +72,50 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     return entries
 
 
-def bundled_entries(name: str, targets: list[Case], world: World) -> list[Entry]:
+def bundled_entries(name: str, targets: list[Suite], world: World, perturbation: Perturbation) -> list[Entry]:
     """Return the bundled networks, on `targets` or each on its own case, with the return that each claims."""
     if targets:
-        chosen = [(find(name, case), case) for case in targets]
+        has_own_case = name != PRETRAINED
+        chosen = [(find(name, None if has_own_case else suite.case), suite) for suite in targets]
     else:
         named = networks() if name == PRETRAINED else [find(name, None)]
-        chosen = [(one, load_case(one.case, world)) for one in named]
+        chosen = [(one, load_suite(one.case, world, "target", perturbation)) for one in named]
     return [
         Entry(
             str(one.file),
             name,
-            case,
+            suite,
             world,
             colour=False,
             # The working directory may have another case of the same name. For it no return is claimed.
-            claimed=one.episode_return if one.fingerprint == case.fingerprint else None,
+            claimed=one.episode_return if one.fingerprint == suite.fingerprint else None,
         )
-        for one, case in chosen
+        for one, suite in chosen
     ]
 
 
-def folder_entries(folder: Path, targets: list[Case]) -> list[Entry]:
-    """Return the networks of all results in a folder and below, on `targets` or on their own target."""
+def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbation) -> list[Entry]:
+    """Return the networks of all results in a folder and below, on `targets` or on their own target.
+
+    Where starts are perturbed, no return is claimed: the run was evaluated on others.
+    """
     found: list[Entry] = []
     readable, broken = collect(folder)
     for path, error in broken:
         print_error(f"{path} {error}; left out")
     for run in readable:
         result, place = run.result, run.folder
-        world, colour = read_settings(place)
-        cases = targets or [load_case(result.target, world, f"{place / RESULT}: target")]
+        world, colour, trained = read_settings(place)
+        bounds = trained if perturbation.is_none else perturbation
+        suites = targets or [load_suite(result.target, world, f"{place / RESULT}: target", bounds)]
         label = f"{result.pair} {result.arm} seed {result.seed}"
         for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
             if not (place / file).is_file():
                 print_error(f"{place / file} is missing; left out")
                 continue
-            claimed = None if targets else claim.episode_return
+            claimed = None if targets or suites[0].is_perturbed else claim.episode_return
             name = f"{label}, {key}"
-            found += [Entry(str(place / file), name, case, world, colour, claimed) for case in cases]
+            found += [Entry(str(place / file), name, suite, world, colour, claimed) for suite in suites]
     if not found:
         raise ConfigError(f"policy: no {RESULT} with its networks at or below {folder}")
     return found

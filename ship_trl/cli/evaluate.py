@@ -1,8 +1,10 @@
-"""`python -m ship_trl evaluate POLICY... target=CASE`: roll out policies, and list what they reach.
+"""`python -m ship_trl evaluate POLICY... target=CASE|SUITE`: roll out policies, and list what they reach.
 
 POLICY is random, keep_course, best_known, pretrained (all bundled networks; the default), pretrained:CASE, a
 safetensors file, a result folder (its best and its last network), or file.py:function of your own. Result
 folders and bundled networks have their own target, and the table shows the return that they claim.
+perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
+means, and the shares of goals and collisions with 95 % intervals.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.types import Positive
-from ship_trl.policies.entry import SHOWN, Entry, rollout_entry
+from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
 
 if TYPE_CHECKING:
@@ -32,8 +34,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Print the table, write the GIF, and check the claims."""
     parser = make_parser("evaluate", __doc__)
     add_policies(parser, [PRETRAINED])
-    add_number(parser, "--episodes", Positive, 1, "in a batch; the table has their means")
-    add_seed(parser)
+    default = f"of each policy; default: each case once, {EPISODES} where starts are drawn"
+    add_number(parser, "--episodes", Positive, None, default)
+    add_seed(parser, "of starts and of policies that draw")
     add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
     keep = "where the episodes are kept as demonstrations"
     parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help=keep)
@@ -51,10 +54,12 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     """Roll out every entry and print a table; return a line for each that does not reach its claim."""
     from ship_trl.cli.table import show
     from ship_trl.policies.demonstrations import write_demonstration
-    from ship_trl.policies.reference import best_known
+    from ship_trl.policies.reference import best_known_return
     from ship_trl.run.process import configure_process
 
     configure_process()
+    if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
+        raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
     rows, wrong = [], []
     film: tuple[Entry, Any, Any, Episode] | None = None
     for entry in entries:
@@ -68,7 +73,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             wrong.append(f"{entry.label} cannot be read")
             continue
         reached = sum(episode.episode_return for episode in episodes) / len(episodes)
-        rows.append(row(entry, episodes, reached, best_known(entry.case, entry.world).episode_return))
+        rows.append(row(entry, episodes, reached, best_known_return(entry.suite, entry.world)))
         if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
         film = entry, env, policy, episodes[0]
@@ -83,25 +88,36 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
         from ship_trl.view.film import write_gif
 
         entry, env, policy, episode = film
-        network = network_of(policy)
-        write_gif(options.gif, entry.case, entry.world, episode, env.rasteriser, entry.label, network)
+        network, case = network_of(policy), entry.suite.cases[0]
+        write_gif(options.gif, case, entry.world, episode, env.rasteriser, entry.label, network)
         sys.stdout.write(f"{options.gif}\n")
     return wrong
 
 
-def row(entry: Entry, episodes: list[Episode], reached: float, best: float) -> list[str]:
+def row(entry: Entry, episodes: list[Episode], reached: float, best: float | None) -> list[str]:
     """Make the row of one policy: means over its episodes; `reached` is their mean return."""
     count = len(episodes)
-    ends = Counter(episode.outcome for episode in episodes)
-    shares = [f"{end} {ends[end] / count:.0%}" for end in ("goal", "collision", "timeout") if ends[end]]
-    dcpa = sum(episode.dcpa for episode in episodes) / count
+    # Cases without target ships have no DCPA.
+    dcpa = [episode.dcpa for episode in episodes if math.isfinite(episode.dcpa)]
     return [
-        entry.case.name,
+        entry.suite.name + ", perturbed" * entry.suite.is_perturbed,
         entry.label,
         f"{reached:.1f}",
-        f"{reached / best:.0%}" if best > 0 and reached > 0 else "-",
-        ", ".join(shares) if len(shares) > 1 else episodes[0].outcome,
-        f"{dcpa:.0f}" if math.isfinite(dcpa) else "-",
+        f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-",
+        episodes[0].outcome if count == 1 else describe_ends(episodes),
+        f"{sum(dcpa) / len(dcpa):.0f}" if dcpa else "-",
         f"{sum(episode.length for episode in episodes) / count:.0f}",
         "" if entry.claimed is None else f"{entry.claimed:.1f}",
     ]
+
+
+def describe_ends(episodes: list[Episode]) -> str:
+    """Return the shares of goals and collisions with 95 % intervals, such as `goal 86% (49 to 97)`."""
+    from ship_trl.study.analysis.statistics import share_interval
+
+    ends, count = Counter(episode.outcome for episode in episodes), len(episodes)
+    shares = {end: share_interval(ends[end], count) for end in ("goal", "collision")}
+    parts = [
+        f"{end} {one.value:.0%} ({100 * one.low:.0f} to {100 * one.high:.0f})" for end, one in shares.items()
+    ]
+    return ", ".join(parts)

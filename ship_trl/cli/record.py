@@ -18,7 +18,7 @@ from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, 
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.schema import limit
-from ship_trl.policies.entry import Entry
+from ship_trl.policies.entry import Entry, split_suites
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
         if is_mp4:
             check_mp4(options.size)
-        entries = drop_last_networks(find_entries(options.words, options.colour))
+        entries = split_suites(drop_last_networks(find_entries(options.words, options.colour)))
         cases = {entry.case.fingerprint: entry.case.name for entry in entries}
         if options.trajectories is not None and len(cases) > 1:
             raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
@@ -90,7 +90,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     acts = [[entry] for entry in entries]
     if options.compare:
         first, second = distinct_policies(entries, True)[:2]
-        acts = [[first, replace(second, case=first.case)]]
+        acts = [[first, replace(second, suite=first.suite)]]
     views = [[view_entry(entry, options.seed) for entry in act] for act in acts]
     if options.saliency and any(view.sees_numbers for act in views for view in act):
         raise ConfigError("--saliency: allowed for networks that see pixels")

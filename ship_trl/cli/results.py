@@ -86,13 +86,15 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
         best, final = [one.result.best for one in runs], [one.result.final for one in runs]
         lowest = min(score.episode_return for score in best)
         # Rounded down, so that less than the best known return is never called 100 %.
-        share = f"{'at least ' if len(runs) > 1 else ''}{floor(100 * lowest / known)}%" if known > 0 else "-"
+        share = "-"
+        if known is not None and min(known, lowest) > 0:
+            share = f"{'at least ' if len(runs) > 1 else ''}{floor(100 * lowest / known)}%"
         yield [
             name,
             " ".join(str(one.result.seed) for one in runs),
-            f"{known:.1f}",
+            "-" if known is None else f"{known:.1f}",
             " ".join(f"{score.episode_return:.1f}" for score in best),
-            share if lowest > 0 else "-",
+            share,
             goals(best),
             " ".join(f"{score.episode_return:.1f}" for score in final),
             goals(final),
@@ -101,7 +103,8 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
 
 def goals(scores: list[Evaluation]) -> str:
     """Count the greedy episodes that end at the goal."""
-    return f"{sum(score.outcome == 'goal' for score in scores)} of {len(scores)}"
+    reached = sum(round(score.success_rate * score.episodes) for score in scores)
+    return f"{reached} of {sum(score.episodes for score in scores)}"
 
 
 def read_curves(found: Iterable[Found]) -> Iterator[tuple[Found, pd.DataFrame, pd.DataFrame]]:

@@ -12,6 +12,7 @@ import shlex
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
+from ship_trl.policies.entry import split_suites
 
 DEFAULT_WORDS = ["pretrained", "target=4"]
 
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_size(parser, "1600x900", "of the window")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
-        entries = find_entries(options.words, options.colour)
+        entries = split_suites(find_entries(options.words, options.colour))
 
         from ship_trl.run.process import configure_process
         from ship_trl.view.window.session import Session

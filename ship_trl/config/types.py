@@ -47,6 +47,7 @@ Share = Annotated[float, limit(0, 1)]
 PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
+Bound = Annotated[float, limit(0, MAX_DISTANCE)]
 Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
 PathName = Annotated[
     str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
@@ -137,6 +138,25 @@ class World:
         return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))
 
 
+@dataclass(frozen=True)
+class Perturbation:
+    """Bounds of uniform random changes of a case's start, to either side.
+
+    `own_position` (m) moves own ship along x and y, `own_heading` (degrees) turns it; `ship_position` (m) and
+    `ship_speed` (m/s) change each target ship, whose speed stays at least zero.
+    """
+
+    own_position: Bound = 0.0
+    own_heading: Annotated[float, limit(0, 180)] = 0.0
+    ship_position: Bound = 0.0
+    ship_speed: Bound = 0.0
+
+    @property
+    def is_none(self) -> bool:
+        """Whether nothing is changed."""
+        return self == Perturbation()
+
+
 @dataclass
 class Network:
     """The layers of the network (section 3.5): conv layers for pixels, fully connected ones for a vector.
@@ -203,6 +223,7 @@ class Schedule:
     episodes: Count
     num_envs: Positive
     evaluate_every: Count
+    evaluate_episodes: Annotated[int, limit(1, MAX_DRAWS)]
     jumpstart_draws: Annotated[int, limit(0, MAX_DRAWS)]
 
 
@@ -238,7 +259,7 @@ class Wandb:
 
 @dataclass
 class Config:
-    """One run: an arm on a pair of cases with a seed."""
+    """One run: an arm on a pair of cases or suites with a seed."""
 
     pair: FolderName | None
     source: PathName | None
@@ -258,6 +279,7 @@ class Config:
     case_base: PathName
     overwrite: bool
     profile: str
+    perturbation: Perturbation
     world: World
     network: Network
     learn: Learn

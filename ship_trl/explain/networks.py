@@ -25,8 +25,8 @@ from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
-from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CONFIG
 from ship_trl.transfer.methods import make_method
 
@@ -126,8 +126,8 @@ def find_origin(entry: Entry, name: str) -> Origin:
         pretrained = find(given, None) if given is not None and is_pretrained(given) else None
         if given is not None and given != "random" and pretrained is None:
             config = dataclasses.replace(config, source_file=given)
-        case = load_case(result.target, entry.world, f"{folder / RESULT}: target")
-        run = Run(config, case, None, folder, result.config_hash, pretrained)
+        suite = load_suite(result.target, entry.world, f"{folder / RESULT}: target", config.perturbation)
+        run = Run(config, suite, None, folder, result.config_hash, pretrained)
         # The same weights as make_parts draws.
         weights = Generator().manual_seed(run.stream("weights"))
         actions = len(entry.world.actions)
@@ -137,7 +137,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
             source = copy.deepcopy(before)
             source.load_state_dict(dict(found.weights))
             make_method(run.arm).copy(before, found.weights)
-        env = ShipEnv(case, entry.world, 1, colour=entry.colour)
+        env = ShipEnv(suite, entry.world, 1, colour=entry.colour)
         reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
     except ConfigError as error:
         print_error(f"{left_out}: {error}")

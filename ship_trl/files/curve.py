@@ -18,7 +18,8 @@ CURVE = "curve.csv"
 # A line is a training episode or a greedy evaluation, which has its own columns.
 COLUMNS = (
     "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
-    "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa",
+    "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa", "greedy_success_rate",
+    "greedy_episodes",
 )  # fmt: skip
 # pandas takes minutes for a million columns.
 MAX_HEADER_BYTES = 1000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,11 +24,12 @@ class ResultError(Exception):
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One greedy episode.
+    """The greedy episodes of an evaluation; of a single case there is one.
 
-    `episode_return` is the undiscounted sum of raw rewards (`return` in the file); `outcome` is goal,
-    collision or timeout; `length` is in steps of a second; `dcpa` is the least distance to a target ship in
-    metres, None without target ships; `episode` counts the training episodes before.
+    `episode_return` is the mean undiscounted sum of raw rewards (`return` in the file); `outcome` the most
+    frequent one, goal, collision or timeout; `length` the mean in steps; `dcpa` the least distance to a
+    target ship in metres, None without target ships; `episode` counts the training episodes before;
+    `success_rate` is the share of the `episodes` that end at the goal.
     """
 
     episode_return: float = field(metadata={"key": "return"})
@@ -35,6 +37,13 @@ class Evaluation:
     length: int
     dcpa: float | None
     episode: int
+    success_rate: float = math.nan
+    episodes: int = 1
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.success_rate):
+            # A file written before there were suites.
+            object.__setattr__(self, "success_rate", float(self.outcome == "goal"))
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,7 @@ class Result:
     untrained network (`scratch`), the network before training, and the kept networks (`best`, `final`).
     `draws` are returns before training with other draws of the fresh layers. `precision` and `backend` are
     those of the conv layers in training, `steps` environment steps. Rates are shares of training episodes.
+    `best_known_return` is the mean over the cases of a suite; None if their starts are perturbed.
     """
 
     pair: str
@@ -57,7 +67,7 @@ class Result:
     profile: str
     config_hash: str
     source_network: str | None
-    best_known_return: float
+    best_known_return: float | None
     scratch: Evaluation
     before: Evaluation
     best: Evaluation
@@ -77,12 +87,6 @@ class Result:
     backend: str
     algorithm_version: int
     schema_version: int
-
-    @property
-    def title(self) -> str:
-        """The run in one line for people."""
-        start = "" if self.source is None else f"case {self.source} -> "
-        return f"{start}case {self.target}, {self.arm}, seed {self.seed}"
 
     def to_json(self) -> dict[str, Any]:
         """Return the values that the file holds."""

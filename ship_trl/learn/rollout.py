@@ -1,4 +1,4 @@
-"""Roll out any policy. The environment is deterministic, so one episode of a greedy policy is exact."""
+"""Roll out any policy. Steps are deterministic, so one episode of a greedy policy from a start is exact."""
 
 from __future__ import annotations
 

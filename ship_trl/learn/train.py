@@ -35,11 +35,21 @@ class Finished:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """A greedy evaluation after `episode` training episodes; 0 means before training."""
+    """The greedy episodes of an evaluation after `episode` training episodes; 0 means before training."""
 
     episode: int
     steps: int
-    greedy_episode: Episode
+    episodes: list[Episode]
+
+    @property
+    def episode_return(self) -> float:
+        """Mean return of the episodes."""
+        return sum(one.episode_return for one in self.episodes) / len(self.episodes)
+
+    @property
+    def success_rate(self) -> float:
+        """Share of the episodes that end at the goal."""
+        return sum(one.goal for one in self.episodes) / len(self.episodes)
 
 
 class DivergedError(Exception):
@@ -54,7 +64,7 @@ class Training:
 
     Args:
         env: batched environment with `state` and `action`; `goal`, `collision` and `dcpa` are reported.
-        eval_env: the same world with a batch size of one.
+        eval_env: the same world; an evaluation is an episode of each of its rows.
         algorithm: acts and learns.
         learn: how many episodes, and how many between two evaluations.
     """
@@ -137,11 +147,11 @@ class Training:
         return mean
 
     def _evaluate(self) -> Evaluated:
-        """Roll out one greedy episode."""
-        greedy = rollout(self._eval_env, self.algorithm.greedy)[0]
-        if greedy.q_values is not None and not bool(greedy.q_values.isfinite().all()):
+        """Roll out greedy episodes."""
+        episodes = rollout(self._eval_env, self.algorithm.greedy)
+        if not all(one.q_values is None or bool(one.q_values.isfinite().all()) for one in episodes):
             raise DivergedError(f"a Q-value is not finite after environment step {self.steps}")
-        return Evaluated(self.episode, self.steps, greedy)
+        return Evaluated(self.episode, self.steps, episodes)
 
     def check_finite(self) -> None:
         """Check losses and weights; a bad weight may not have reached the loss or an evaluation yet.

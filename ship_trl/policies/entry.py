@@ -1,12 +1,14 @@
-"""A policy on a case, by name, and its episodes."""
+"""A policy on a case or a suite, by name, and its episodes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
+from ship_trl.sim.suites import Suite
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode, Policy
@@ -14,32 +16,60 @@ if TYPE_CHECKING:
 
 # Tables show one decimal: a return that differs by more than half of it is not the claimed one.
 SHOWN = 0.05
+# Episodes of an entry whose starts are perturbed.
+EPISODES = 100
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A policy by name on a case; `claimed` is the return in its result or manifest."""
+    """A policy by name on a suite; `claimed` is the return in its result or manifest."""
 
     policy: str
     label: str
-    case: Case
+    suite: Suite
     world: World
     colour: bool
     claimed: float | None = None
 
+    @property
+    def case(self) -> Case:
+        """The case of a suite of one, see `Suite.case`."""
+        return self.suite.case
 
-def rollout_entry(entry: Entry, episodes: int = 1, seed: int = 0) -> tuple[ShipEnv, Policy, list[Episode]]:
-    """Roll out episodes in one batch; return the environment, the policy and the episodes.
+
+def split_suites(entries: Iterable[Entry]) -> list[Entry]:
+    """Return an entry for each case of each suite; of several cases, none claims a return."""
+    found: list[Entry] = []
+    for entry in entries:
+        suites = entry.suite.split()
+        claimed = entry.claimed if len(suites) == 1 else None
+        found += [replace(entry, suite=suite, claimed=claimed) for suite in suites]
+    return found
+
+
+def rollout_entry(
+    entry: Entry, episodes: int | None = None, seed: int = 0
+) -> tuple[ShipEnv, Policy, list[Episode]]:
+    """Roll out episodes in one batch, the cases in turn; return the environment, the policy and the episodes.
+
+    `episodes` is their number, by default each case once, or `EPISODES` if the starts are perturbed. The seed
+    is of the starts and of a policy that draws.
 
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
     """
+    from torch import Generator
+
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
+    from ship_trl.sim.starts import Starts
 
     # Networks draw their own pixels, and policies without training read only the state.
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
-    env = ShipEnv(entry.case, entry.world, episodes, colour=entry.colour, from_pixels=pixels)
+    suite, world = entry.suite, entry.world
+    count = episodes or (EPISODES if suite.is_perturbed else len(suite.cases))
+    starts = Starts(suite, world).balanced(count, Generator().manual_seed(seed))
+    env = ShipEnv(suite, world, colour=entry.colour, from_pixels=pixels, starts=starts)
     policy = load_policy(entry.policy, env, seed)
     return env, policy, rollout(env, policy)

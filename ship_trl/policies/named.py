@@ -20,6 +20,7 @@ from ship_trl.learn.rollout import Policy
 from ship_trl.policies.pretrained import find, is_pretrained
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP
 from ship_trl.transfer.layers import load_weights, saved_network
 
@@ -42,8 +43,28 @@ def keep_course(env: ShipEnv, _: int = 0) -> Policy:
 
 
 def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
-    """Return the policy that follows the planner's best plan."""
-    return follow(best_known(env.case, env.world).actions)
+    """Return the policy that follows the planner's best plan of each case.
+
+    Raises:
+        ConfigError: the starts are perturbed.
+    """
+    if env.suite.is_perturbed:
+        raise ConfigError("policy: best_known has no plan of a perturbed start; allowed: no perturbation")
+    plans = [follow(best_known(case, env.world).actions) for case in env.suite.cases]
+    if len(plans) == 1:
+        return plans[0]
+    starts = Starts(env.suite, env.world).states.to(env.device)
+    case = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        # The plan of the case that a row has begun with.
+        state = step["state"]
+        matches = (state[:, None] == starts).all(-1)
+        case[:] = torch.where(matches.any(-1), matches.to(torch.int8).argmax(-1), case)
+        actions = torch.stack([plan(step)["action"] for plan in plans])
+        return step.set("action", actions.gather(0, case[None])[0])
+
+    return policy
 
 
 def follow(actions: Sequence[int]) -> Policy:

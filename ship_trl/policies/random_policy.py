@@ -6,8 +6,8 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import Case
-from ship_trl.sim.state import initial_state
+from ship_trl.sim.starts import Starts
+from ship_trl.sim.suites import Suite
 from ship_trl.sim.transition import make_step
 
 # With this many episodes the standard error of the mean return is about 2.
@@ -15,14 +15,15 @@ EPISODES = 10_000
 
 
 def random_return(
-    case: Case, world: World, seed: int = 0, episodes: int = EPISODES, *, fast: bool = True
+    suite: Suite, world: World, seed: int = 0, episodes: int = EPISODES, *, fast: bool = True
 ) -> float:
-    """Return the mean undiscounted raw return of uniform random actions in a case.
+    """Return the mean undiscounted raw return of uniform random actions in a suite, its cases in turn.
 
-    All runs use the same seed of the actions, so that their scores share one zero. `fast` is of `make_step`.
+    All runs use the same seed of actions and starts, so that their scores share one zero. `fast` is of
+    `make_step`.
     """
     step, generator = make_step(world, fast=fast), Generator().manual_seed(seed)
-    state = initial_state(case, world).expand(episodes, -1).contiguous()
+    state = Starts(suite, world).balanced(episodes, Generator().manual_seed(seed)).contiguous()
     total = torch.zeros(episodes, dtype=torch.float64)
     running = torch.ones(episodes, dtype=torch.bool)
     while bool(running.any()):

@@ -21,6 +21,7 @@ from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.state import initial_state
+from ship_trl.sim.suites import Suite
 from ship_trl.sim.transition import Transition
 
 # Increase it with every change of the planner that may find another plan.
@@ -49,6 +50,14 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
             save_plan(folder / name, plan)
     _cached_plans[name] = plan
     return plan
+
+
+def best_known_return(suite: Suite, world: World, folder: Path | None = None) -> float | None:
+    """Return the mean best known return of a suite's cases; None if their starts are perturbed."""
+    if suite.is_perturbed:
+        return None
+    returns = [best_known(case, world, folder).episode_return for case in suite.cases]
+    return sum(returns) / len(returns)
 
 
 def plan_name(case: Case, world: World) -> str:

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import torch
 
 from ship_trl import __version__
 from ship_trl.config.network import non_default_network
-from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
-from ship_trl.learn.rollout import Episode
+from ship_trl.files.result import SCHEMA_VERSION, Result
+from ship_trl.learn.train import Evaluated
 from ship_trl.policies.random_policy import random_return
 from ship_trl.run import console
+from ship_trl.run.history import summarise
 from ship_trl.run.parts import Parts
 from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.run.process import processor_name
 from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
+from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
 from ship_trl.view.curves import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
 
 
-def write_files(run: Run, parts: Parts, known: float) -> None:
+def write_files(run: Run, parts: Parts, known: float | None) -> None:
     """Write the last network and the pictures into the run's folder; `known` is the best known return."""
     history, config, folder = parts.history, run.config, run.folder
     assert history.best is not None
@@ -36,14 +37,15 @@ def write_files(run: Run, parts: Parts, known: float) -> None:
     if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
         returns = [episode.episode_return for episode in finished]
         draw_transfer(folder / console.TRANSFER, config.arm_label, returns, scratch, known, run.title)
-    best = history.best.greedy_episode
-    origin = "" if run.arm.is_scratch else f" from case {config.source}"
+    origin = "" if run.arm.is_scratch else f" from {describe(str(config.source))}"
     title = f"{config.arm_label}{origin}, seed {config.seed}"
+    # The first episode of an evaluation begins in the first case.
+    case, best = run.target.cases[0], history.best.episodes[0]
     rasteriser, network = parts.eval_env.rasteriser, history.network
-    write_gif(folder / "episode.gif", run.target, config.world, best, rasteriser, title, network)
+    write_gif(folder / "episode.gif", case, config.world, best, rasteriser, title, network)
 
 
-def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
+def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> Result:
     """Make the result of a training that took `seconds`."""
     history, config = parts.history, run.config
     assert history.best is not None
@@ -60,9 +62,9 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         source_network=parts.origin,
         best_known_return=known,
         random_return=random_return(run.target, config.world, fast=config.fast),
-        scratch=summarise(parts.scratch, 0),
+        scratch=summarise(Evaluated(0, 0, parts.scratch)),
         before=evaluated[0],
-        best=summarise(best.greedy_episode, best.episode),
+        best=summarise(best),
         final=evaluated[-1],
         draws=parts.draws,
         episodes=config.learn.episodes,
@@ -79,12 +81,6 @@ def make_result(run: Run, parts: Parts, known: float, seconds: float) -> Result:
         processor=processor_name(),
         seconds=round(seconds, 1),
     )
-
-
-def summarise(episode: Episode, at: int) -> Evaluation:
-    """Summarise a greedy episode after training episode `at`; DCPA is None without target ships."""
-    dcpa = episode.dcpa if math.isfinite(episode.dcpa) else None
-    return Evaluation(episode.episode_return, episode.outcome, episode.length, dcpa, at)
 
 
 def retain(run: Run, result: Result) -> Entry:

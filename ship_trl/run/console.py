@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from ship_trl.config.errors import one_line
-from ship_trl.files.result import Result
+from ship_trl.files.result import Evaluation, Result
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.progress import Lines, format_duration
 
@@ -61,7 +61,9 @@ def progress(
         task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy="")
         for event in events:
             if isinstance(event, Evaluated):
-                greedy = f"{event.greedy_episode.episode_return:.1f}"
+                greedy = f"{event.episode_return:.1f}"
+                if len(event.episodes) > 1:
+                    greedy += f" ({event.success_rate:.0%} goal)"
                 bar.update(task, greedy=greedy)
             else:
                 now = f"{event.episode_return:.1f}"
@@ -94,19 +96,31 @@ def hold(lock: FileLock, what: str) -> Iterator[None]:
         lock.release()
 
 
-def say_result(result: Result, folder: Path, place: str) -> None:
+def say_result(result: Result, title: str, folder: Path, place: str) -> None:
     """Print the result of a run of a grid in one line."""
     best, final = result.best, result.final
+    known = "" if result.best_known_return is None else f" of {result.best_known_return:.1f}"
     say(
-        f"{place}: {result.title}: best {best.episode_return:.1f} ({best.outcome}), "
-        f"final {final.episode_return:.1f} ({final.outcome}) of {result.best_known_return:.1f}, "
-        f"{result.seconds:.0f} s; {folder}"
+        f"{place}: {title}: best {best.episode_return:.1f} ({describe_end(best)}), "
+        f"final {final.episode_return:.1f} ({describe_end(final)}){known}, {result.seconds:.0f} s; {folder}"
     )
 
 
-def show_result(result: Result, folder: Path) -> None:
+def describe_end(evaluation: Evaluation) -> str:
+    """Return the outcome of an evaluation's episode, or the success rate of several."""
+    if evaluation.episodes == 1:
+        return evaluation.outcome
+    return f"{evaluation.success_rate:.0%} goal"
+
+
+def format_share(value: float, known: float | None) -> str:
+    """Return a return as a share of the best known one; it makes sense only if both are positive."""
+    return f"{value / known:.0%}" if known is not None and min(known, value) > 0 else "-"
+
+
+def show_result(result: Result, title: str, folder: Path) -> None:
     """Print the table at the end of a run, its files, and what to look at next."""
-    table = Table(title=result.title, title_justify="left")
+    table = Table(title=title, title_justify="left")
     for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
     known = result.best_known_return
@@ -116,13 +130,14 @@ def show_result(result: Result, folder: Path) -> None:
         ("best", result.best),
         ("final", result.final),
     ):
-        # A percentage of the best return makes sense only if both are positive.
-        share = f"{row.episode_return / known:.0%}" if known > 0 and row.episode_return > 0 else "-"
+        share = format_share(row.episode_return, known)
         dcpa = "-" if row.dcpa is None else f"{row.dcpa:.0f} m"
         table.add_row(
-            name, f"{row.episode_return:.1f}", share, row.outcome, str(row.length), dcpa, str(row.episode)
+            *(name, f"{row.episode_return:.1f}", share, describe_end(row)),
+            *(str(row.length), dcpa, str(row.episode)),
         )
-    table.add_row("best known (planner)", f"{known:.1f}", "100%")
+    if known is not None:
+        table.add_row("best known (planner)", f"{known:.1f}", "100%")
     console.print(table)
     say(
         f"{result.episodes} episodes, {result.steps} steps, {result.seconds:.0f} s; "

@@ -45,7 +45,10 @@ def run_experiment(run: Run, place: str = "") -> Result:
         retain(run, result)
         Checkpoints(run.folder).remove()
     release_memory()
-    console.say_result(result, run.folder, place) if place else console.show_result(result, run.folder)
+    if place:
+        console.say_result(result, run.title, run.folder, place)
+    else:
+        console.show_result(result, run.title, run.folder)
     return result
 
 

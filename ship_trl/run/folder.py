@@ -14,7 +14,7 @@ from yaml import YAMLError
 from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import World, plain
+from ship_trl.config.types import Perturbation, World, plain
 from ship_trl.files.disk import atomic_write, links, remove
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
@@ -142,14 +142,15 @@ def open_folder(run: Run, resume: bool = False) -> None:
         raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None
 
 
-def read_settings(folder: Path) -> tuple[World, bool]:
-    """Read a run's world, and whether its pictures have colours, from its configuration."""
+def read_settings(folder: Path) -> tuple[World, bool, Perturbation]:
+    """Read a run's world, whether its pictures have colours, and its perturbation from its configuration."""
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)
         world = read_as(World, values.world, key="world")
         check_world(world)
-        return world, bool(values.colour)
+        perturbation = read_as(Perturbation, values.get("perturbation") or {}, key="perturbation")
+        return world, bool(values.colour), perturbation
     except ConfigError as error:
         raise ConfigError(f"policy: {path}: {error}") from None
     except (OSError, AttributeError, ValueError, YAMLError) as error:

@@ -20,7 +20,7 @@ from ship_trl.learn.train import Evaluated, Finished
 Row = dict[str, Any]
 # Types of the columns of `curve.csv`; the others hold floats.
 TYPES = {
-    **dict.fromkeys(("episode", "steps", "length", "greedy_length"), int),
+    **dict.fromkeys(("episode", "steps", "length", "greedy_length", "greedy_episodes"), int),
     **dict.fromkeys(("outcome", "greedy_outcome"), str),
 }
 
@@ -42,24 +42,22 @@ class History:
         if isinstance(event, Finished):
             return False
         # On ties keep the later one: in case 1 even an untrained network may keep its course to the goal.
-        if self.best is not None:
-            previous = self.best.greedy_episode.episode_return
-            if event.greedy_episode.episode_return < previous:
-                return False
+        if self.best is not None and event.episode_return < self.best.episode_return:
+            return False
         self.best = event
         self.network.load_state_dict(evaluated.state_dict())
         return True
 
     def restore(
-        self, text: str, weights: Mapping[str, Tensor], run_episode: Callable[[DuelingNetwork], Episode]
+        self, text: str, weights: Mapping[str, Tensor], evaluate: Callable[[DuelingNetwork], list[Episode]]
     ) -> None:
-        """Load the rows of a curve and its best network, and run that network's greedy episode again."""
+        """Load the rows of a curve and its best network, and run that network's greedy episodes again."""
         self.rows = from_csv(text)
         # On ties the later one, as in `add`.
         evaluations = [row for row in reversed(self.rows) if "greedy_return" in row]
         best = max(evaluations, key=lambda row: row["greedy_return"])
         self.network.load_state_dict(weights)
-        self.best = Evaluated(best["episode"], best["steps"], run_episode(self.network))
+        self.best = Evaluated(best["episode"], best["steps"], evaluate(self.network))
 
     @property
     def finished(self) -> list[Finished]:
@@ -86,10 +84,27 @@ class History:
                 length=values["greedy_length"],
                 dcpa=values.get("greedy_dcpa"),
                 episode=values["episode"],
+                success_rate=values["greedy_success_rate"],
+                episodes=values["greedy_episodes"],
             )
             for values in self.rows
             if "greedy_return" in values
         ]
+
+
+def summarise(evaluated: Evaluated) -> Evaluation:
+    """Summarise a greedy evaluation. Of two outcomes that are as frequent, the worse one is named."""
+    episodes, count = evaluated.episodes, len(evaluated.episodes)
+    outcomes, dcpa = [one.outcome for one in episodes], min(one.dcpa for one in episodes)
+    return Evaluation(
+        episode_return=evaluated.episode_return,
+        outcome=max(("collision", "timeout", "goal"), key=outcomes.count),
+        length=round(sum(one.length for one in episodes) / count),
+        dcpa=dcpa if math.isfinite(dcpa) else None,
+        episode=evaluated.episode,
+        success_rate=evaluated.success_rate,
+        episodes=count,
+    )
 
 
 def to_row(event: Finished | Evaluated) -> Row:
@@ -101,15 +116,10 @@ def to_row(event: Finished | Evaluated) -> Row:
         values = dataclasses.asdict(event)
         values["return"] = values.pop("episode_return")
     else:
-        greedy = event.greedy_episode
-        values = {
-            "episode": event.episode,
-            "steps": event.steps,
-            "greedy_return": greedy.episode_return,
-            "greedy_length": greedy.length,
-            "greedy_outcome": greedy.outcome,
-            "greedy_dcpa": greedy.dcpa,
-        }
+        greedy = dataclasses.asdict(summarise(event))
+        greedy["return"] = greedy.pop("episode_return")
+        values = {"episode": greedy.pop("episode"), "steps": event.steps}
+        values |= {f"greedy_{key}": value for key, value in greedy.items()}
     return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 
@@ -121,7 +131,7 @@ def to_numbers(row: Row) -> dict[str, float]:
         name = key.removeprefix("greedy_")
         if name == "outcome":
             found |= {f"{kind}/{end}": int(value == end) for end in ("goal", "collision")}
-        elif key != "episode":
+        elif key not in ("episode", "greedy_episodes"):
             found[f"{kind}/{name}"] = value
     return found
 

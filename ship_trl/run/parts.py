@@ -21,6 +21,7 @@ from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.starts import Starts
 from ship_trl.transfer.methods import make_method
 
 # Networks that run side by side before training; each takes 3 MB.
@@ -33,17 +34,19 @@ RETURN_TOLERANCE = 0.01
 class Parts:
     """The parts of a training that has not started, and what was measured before it.
 
-    `eval_env` is the environment of greedy evaluations, `draw` maps states to the network's input.
-    `scratch` is the greedy episode of the network before anything is copied, `draws` are greedy returns over
-    random draws of the layers that are not copied. `origin` names the copied weights; None from scratch.
+    `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin, `draw` maps
+    states to the network's input. `scratch` are the greedy episodes of the network before anything is copied,
+    `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
+    weights; None from scratch.
     """
 
     training: Training
     algorithm: Algorithm
     eval_env: ShipEnv
+    starts: Generator
     draw: Draw
     history: History
-    scratch: Episode
+    scratch: list[Episode]
     draws: list[float]
     origin: str | None
 
@@ -57,9 +60,9 @@ class Parts:
         rounding = digest_rounding(algorithm.dtype, device)
         return f"{precision} {algorithm.backend} {place} torch-{torch.__version__} {rounding}"
 
-    def run_episode(self, network: DuelingNetwork) -> Episode:
-        """Run the greedy episode of a network."""
-        return rollout(self.eval_env, greedy_policy(network, self.draw))[0]
+    def evaluate(self, network: DuelingNetwork) -> list[Episode]:
+        """Roll out the greedy episodes of a network."""
+        return rollout(self.eval_env, greedy_policy(network, self.draw))
 
 
 @cache
@@ -87,12 +90,13 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device, fast=config.fast)
-    eval_env = make_env(1)
+    drawn = Generator().manual_seed(run.stream("evaluation"))
+    eval_env = make_env(starts=Starts(run.target, world).balanced(run.evaluation_episodes, drawn))
     draw = eval_env.observer(config.network)
     actions = len(world.actions)
     network = make_network(config.network, actions, streams["weights"], colour=config.colour)
     network.to(device)
-    scratch = rollout(eval_env, greedy_policy(network, draw))[0]
+    scratch = rollout(eval_env, greedy_policy(network, draw))
     method = make_method(run.arm)
     if source is not None:
         method.copy(network, source.weights)
@@ -107,7 +111,8 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         options=config.algorithm,
     )
     algorithm = build_algorithm(setup)
-    env = make_env(learn.num_envs, encoders=algorithm.encoders)
+    starts = Generator().manual_seed(run.stream("starts"))
+    env = make_env(learn.num_envs, encoders=algorithm.encoders, generator=starts)
     show_demonstrations(run, env, algorithm)
     best = make_network(config.network, actions, Generator(), colour=config.colour).to(device)
     return Parts(
@@ -115,6 +120,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         training=Training(env, eval_env, algorithm, learn),
         algorithm=algorithm,
         eval_env=eval_env,
+        starts=starts,
         draw=draw,
         scratch=scratch,
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
@@ -148,15 +154,19 @@ def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:
 
 
 def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: ShipEnv) -> list[float]:
-    """Return greedy returns before training, for random draws of the layers that are not copied."""
+    """Return greedy returns before training, for random draws of the layers that are not copied.
+
+    Of a suite, each draw has one episode, with a start of its own.
+    """
     config = run.config
     count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(algorithm.network.layer_names))
     if count == 0:
         return []
     if run.arm.copies_all:
-        return [rollout(eval_env, algorithm.greedy)[0].episode_return]
+        episodes = rollout(eval_env, algorithm.greedy)
+        return [sum(one.episode_return for one in episodes) / len(episodes)]
     batch = min(count, JUMPSTART_BATCH)
-    place, fast = str(eval_env.device), config.fast
-    env = ShipEnv(run.target, config.world, batch, colour=config.colour, device=place, fast=fast)
-    generator = Generator().manual_seed(run.stream("jumpstart"))
+    starts, generator = (Generator().manual_seed(run.stream(name)) for name in ("draw starts", "jumpstart"))
+    place = {"colour": config.colour, "device": eval_env.device, "fast": config.fast}
+    env = ShipEnv(run.target, config.world, batch, generator=starts, **place)
     return jumpstart(env, draw, algorithm.network, copied, count, generator)

@@ -1,4 +1,4 @@
-"""Plan a run before torch is imported: load its cases, hash its settings, check its folder."""
+"""Plan a run before torch is imported: load its suites, hash its settings, check its folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.run.run import Run
-from ship_trl.sim.cases import Case, load_case
+from ship_trl.sim.cases import load_case
+from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an
@@ -38,13 +39,13 @@ def make_run(config: Config) -> Run:
         ConfigError: a case is missing or invalid, or the folder cannot be used; see `check_folder`.
     """
     world = config.world
-    target = load_case(str(config.target), world, "target")
+    target = load_suite(str(config.target), world, "target", config.perturbation)
     config = resolve_pretrained(config, target)
     source, pretrained = None, None
     if not config.arm.is_scratch:
-        case = load_case(str(config.source), world, "source")
+        origin = load_suite(str(config.source), world, "source")
         if config.arm.weights is SourceWeights.pretrained:
-            pretrained = find(PRETRAINED, case, "source")
+            pretrained = find(PRETRAINED, origin.case, "source")
         elif config.source_file is None and config.arm.has_trained_source:
             source_config = dataclasses.replace(
                 config.with_arm(SCRATCH),
@@ -66,7 +67,9 @@ def make_run(config: Config) -> Run:
             raise ConfigError(f"source_file: no file {config.source_file}; allowed: a safetensors file")
     demonstrations: tuple[Demonstration, ...] = ()
     if config.demonstrations is not None:
-        demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target, world))
+        if not target.is_fixed:
+            raise ConfigError("demonstrations: allowed with one case as target, and with no perturbation")
+        demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target.case, world))
     digest = hash_of(config, target, source, pretrained, demonstrations)
     # Without a pair, its label is the names of the cases.
     folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
@@ -75,7 +78,7 @@ def make_run(config: Config) -> Run:
     return run
 
 
-def resolve_pretrained(config: Config, target: Case) -> Config:
+def resolve_pretrained(config: Config, target: Suite) -> Config:
     """Replace `source=pretrained` by the pair's source or, without a pair, the most similar bundled case."""
     if config.source != PRETRAINED:
         return config
@@ -89,8 +92,8 @@ def resolve_pretrained(config: Config, target: Case) -> Config:
         source = str(OmegaConf.load(pair).source)
     else:
         cases = [load_case(one.case, config.world, "source") for one in networks()]
-        other_cases = [case for case in cases if case.fingerprint != target.fingerprint]
-        source = rank(target, other_cases, config.world)[0].case.name
+        other_cases = [case for case in cases if case.fingerprint != target.case.fingerprint]
+        source = rank(target.case, other_cases, config.world)[0].case.name
     if config.arm.is_scratch:
         # The source stays in the folder name, so that it is the same as in the transfers of the grid.
         return dataclasses.replace(config, source=source)
@@ -99,7 +102,7 @@ def resolve_pretrained(config: Config, target: Case) -> Config:
 
 def hash_of(
     config: Config,
-    target: Case,
+    target: Suite,
     source: Run | None,
     pretrained: Pretrained | None = None,
     demonstrations: Sequence[Demonstration] = (),
@@ -119,6 +122,9 @@ def hash_of(
     learn = plain(config.learn)
     # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
     del learn["jumpstart_draws"], learn["backend"]
+    if not target.is_perturbed:
+        # Then it is not used.
+        del learn["evaluate_episodes"]
     values: dict[str, Any] = {
         "algorithm_version": version or ALGORITHM_VERSION,
         "target": target.fingerprint,

@@ -1,4 +1,4 @@
-"""One run: its cases, its source, its folder, the hash of its settings and its random streams. No torch."""
+"""One run: its suites, its source, its folder, the hash of its settings and its random streams. No torch."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Config
 from ship_trl.policies.demonstrations import Demonstration
 from ship_trl.policies.pretrained import Pretrained
-from ship_trl.sim.cases import Case
+from ship_trl.sim.suites import Suite, describe
 from ship_trl.transfer.casebase import LOCKS
 
 
 @dataclass(frozen=True)
 class Run:
-    """An arm on a target case with a seed, as `make_run` plans it.
+    """An arm on a target suite with a seed, as `make_run` plans it.
 
     `source` is the run that trains the source network; None if no source has to be trained. `config_hash` is
     a digest of everything that decides what is learned: the same hash gives the same network on the same
@@ -28,7 +28,7 @@ class Run:
     """
 
     config: Config
-    target: Case
+    target: Suite
     source: Run | None
     folder: Path
     config_hash: str
@@ -44,8 +44,14 @@ class Run:
     def title(self) -> str:
         """Title of the run for people, in one line."""
         config = self.config
-        start = "" if self.arm.is_scratch else f"case {config.source} -> "
-        return f"{start}case {config.target}, {config.arm_label}, seed {config.seed}"
+        start = "" if self.arm.is_scratch else f"{describe(str(config.source))} -> "
+        return f"{start}{describe(str(config.target))}, {config.arm_label}, seed {config.seed}"
+
+    @property
+    def evaluation_episodes(self) -> int:
+        """Number of episodes of a greedy evaluation: each case once, or the episodes asked for."""
+        is_drawn = self.target.is_perturbed
+        return self.config.learn.evaluate_episodes if is_drawn else len(self.target.cases)
 
     @property
     def entry_arm(self) -> str:

@@ -17,7 +17,7 @@ from ship_trl.files.disk import remove, sync
 from ship_trl.files.result import Result, write_result
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
-from ship_trl.policies.reference import best_known
+from ship_trl.policies.reference import best_known_return
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
 from ship_trl.run.conclude import make_result, retain, write_files
@@ -45,12 +45,13 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     started = time.perf_counter()
     # Printed first, because the planner and the jumpstart draws take a while.
     console.say(f"{place}: {run.title}" if place else run.title)
-    if own := shadowing_case(str(run.config.target)):
-        console.say(f"case {run.config.target}: {own}, not the bundled case of this name")
+    for name in {str(run.config.target), *(case.name for case in run.target.cases[1:])}:
+        if own := shadowing_case(name):
+            console.say(f"case {name}: {own}, not the bundled case of this name")
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)
     journal.resume(in_a_grid=bool(place))
-    known = best_known(run.target, run.config.world, Path(run.config.case_base) / PLANS).episode_return
+    known = best_known_return(run.target, run.config.world, Path(run.config.case_base) / PLANS)
     history, training, episodes = parts.history, parts.training, run.config.learn.episodes
     with Tracker(run, history.rows) as tracker:
         # In a resumed run, the file of the best network may be newer than the checkpoint.
@@ -136,6 +137,7 @@ class Journal:
             **add_prefix("training", training.state_dict()),
             **add_prefix("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
             "curve": torch.from_numpy(curve.copy()),
+            "starts": self._parts.starts.get_state(),
         }
         try:
             self.checkpoints.write(tensors, about)
@@ -172,7 +174,8 @@ class Journal:
         try:
             self._parts.training.load_state_dict(strip_prefix("training", tensors))
             rows = bytes(tensors["curve"].numpy()).decode()
-            self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.run_episode)
+            self._parts.history.restore(rows, strip_prefix("best", tensors), self._parts.evaluate)
+            self._parts.starts.set_state(tensors["starts"])
         except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
             raise ConfigError(
                 f"output: {folder} was not written by this program ({type(error).__name__}); "

@@ -12,7 +12,6 @@ from torch import Generator, Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Network, World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
@@ -50,6 +49,7 @@ class ShipEnv(EnvBase):
         encoders: maps each further observation key to a function from states [N, S] to features [N, F].
         device: where to simulate.
         generator: random generator of the initial states, on the CPU; one with seed 0 by default.
+        starts: initial states [N, S] with which every reset begins the N rows, in place of drawn ones.
         fast: whether compiled loops step and draw on the CPU; else torch does, which rounds differently.
     """
 
@@ -66,13 +66,15 @@ class ShipEnv(EnvBase):
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         device: str | torch.device = "cpu",
         generator: Generator | None = None,
+        starts: Tensor | None = None,
         fast: bool = True,
     ) -> None:
+        num_envs = num_envs if starts is None else len(starts)
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.suite = suite_of(suite) if isinstance(suite, Case) else suite
         self.world = world
         self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
-        self._starts = Starts(self.suite, world)
+        self._starts, self._given = Starts(self.suite, world), starts
         self._simulate = make_step(world, self.device, fast=fast)
         self.rasteriser = Rasteriser(world, colour=colour, device=self.device, fast=fast)
         self.from_pixels = from_pixels
@@ -81,18 +83,12 @@ class ShipEnv(EnvBase):
         first = self._observe(self._starts.states[:1].to(self.device))
         self._own_keys = {*first, "dcpa", *FLAGS, "action", "reward", "next"}
         # If all episodes begin alike, their first observation is computed once.
-        self._first = first if self.suite.is_fixed else None
+        self._first = first if self.suite.is_fixed and starts is None else None
 
     @property
     def case(self) -> Case:
-        """The case of a suite of one.
-
-        Raises:
-            ConfigError: the suite has several cases.
-        """
-        if len(self.suite.cases) > 1:
-            raise ConfigError(f"suite {self.suite.name}: has several cases; allowed: one case")
-        return self.suite.cases[0]
+        """The case of a suite of one, see `Suite.case`."""
+        return self.suite.case
 
     def observer(self, network: Network) -> Rasteriser | VectorObservation:
         """Return what maps states to the input of a network."""
@@ -135,16 +131,21 @@ class ShipEnv(EnvBase):
             observation["pixels"] = self.rasteriser(state)
         return observation | {key: encode(state) for key, encode in self._encoders.items()}
 
-    def _begin(self, count: int) -> dict[str, Tensor]:
-        """Return what is observed at the start of `count` episodes."""
+    def _begin(self, rows: Tensor | None = None) -> dict[str, Tensor]:
+        """Return what is observed at the start of episodes in these rows, int64 [N], or in all of them."""
+        count = self.batch_size[0] if rows is None else len(rows)
         if self._first is not None:
             return {key: value.expand(count, *value.shape[1:]) for key, value in self._first.items()}
-        return self._observe(self._starts.sample(count, self.generator).to(self.device))
+        if self._given is None:
+            states = self._starts.sample(count, self.generator)
+        else:
+            states = self._given if rows is None else self._given[rows.cpu()]
+        return self._observe(states.to(self.device))
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Return the initial entries of all rows; in a partial reset TorchRL keeps the other rows."""
         count, device = self.batch_size[0], self.device
-        entries = {key: value.clone() for key, value in self._begin(count).items()}
+        entries = {key: value.clone() for key, value in self._begin().items()}
         entries["dcpa"] = torch.full((count, 1), math.inf, device=device)
         entries |= {key: torch.zeros((count, 1), dtype=torch.bool, device=device) for key in FLAGS}
         return TensorDict(entries, batch_size=self.batch_size, device=device)
@@ -185,7 +186,7 @@ class ShipEnv(EnvBase):
         rows = outcome["done"].squeeze(-1).nonzero().squeeze(-1)
         if rows.numel():
             # New tensors: the final step's entries stay unchanged in `tensordict["next"]`.
-            for key, initial in self._begin(rows.numel()).items():
+            for key, initial in self._begin(rows).items():
                 following.set(key, following.get(key).index_copy(0, rows, initial))
             following.set("dcpa", following.get("dcpa").index_fill(0, rows, math.inf))
             for key in FLAGS:

@@ -29,7 +29,7 @@ from ship_trl.sim.state import (
 from ship_trl.sim.suites import Suite
 
 # Perturbed starts inside the safe distance or at the goal are drawn again, at most this often.
-MAX_DRAWS = 100
+MAX_DRAWS = 1000
 # Arrays: states [N, S], and indices of the suite's cases [N].
 States = NDArray[np.float32]
 Cases = NDArray[np.int64]

@@ -1,6 +1,6 @@
-"""The case base: trained networks stored by case and found by similarity. No torch.
+"""The case base: trained networks stored by case or suite, and found by similarity. No torch.
 
-An entry is a folder `<case>/<arm>/seed=<k>-<config hash>/` with `entry.json`, `config.yaml` and
+An entry is a folder `<case or suite>/<arm>/seed=<k>-<config hash>/` with `entry.json`, `config.yaml` and
 `policy.safetensors`. It is written atomically: under a temporary name, then renamed.
 """
 
@@ -21,6 +21,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.files.disk import links, read_json, sync, writing
 from ship_trl.sim.cases import Case
+from ship_trl.sim.suites import Suite
 from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
@@ -33,7 +34,7 @@ HIGH_SIMILARITY = 0.64
 
 @dataclass(frozen=True)
 class Entry:
-    """A stored network; `network` describes its layers, and None means the paper's."""
+    """A stored network of the suite `case`, mostly one case; `network` are its layers, None the paper's."""
 
     path: Path
     case: str
@@ -93,37 +94,37 @@ class CaseBase:
         usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
         return max(usable, key=lambda entry: entry.best_return, default=None)
 
-    def entry_folder(self, case: Case, arm: str, seed: int, config_hash: str) -> Path:
+    def entry_folder(self, suite: Suite, arm: str, seed: int, config_hash: str) -> Path:
         """Return the folder of an entry, which may not exist yet."""
-        return self.folder / case.name / arm / f"seed={seed}-{config_hash}"
+        return self.folder / suite.name / arm / f"seed={seed}-{config_hash}"
 
-    def lock(self, case: Case, arm: str, seed: int, config_hash: str) -> FileLock:
+    def lock(self, suite: Suite, arm: str, seed: int, config_hash: str) -> FileLock:
         """Return the lock to hold while an entry is made, so that no other process makes the same entry.
 
         The lock file is never deleted: another process may be waiting for it.
         """
         locks = self.folder / LOCKS
         locks.mkdir(parents=True, exist_ok=True)
-        return FileLock(locks / f"{case.name}-{arm}-{seed}-{config_hash}.lock")
+        return FileLock(locks / f"{suite.name}-{arm}-{seed}-{config_hash}.lock")
 
-    def refuse_links(self, case: Case, arm: str, seed: int, config_hash: str) -> None:
+    def refuse_links(self, suite: Suite, arm: str, seed: int, config_hash: str) -> None:
         """Check that entry, plans and locks would not be written through a link.
 
         Raises:
             ConfigError: there is a link.
         """
-        entry = self.entry_folder(case, arm, seed, config_hash)
+        entry = self.entry_folder(suite, arm, seed, config_hash)
         for folder in (entry, self.folder / LOCKS, self.folder / PLANS):
             if linked := links(folder, self.folder):
                 raise ConfigError(
                     f"case_base: {linked[0]} is a link; allowed: only case_base= itself may be one"
                 )
 
-    def find(self, case: Case, arm: str, seed: int, config_hash: str) -> Entry | None:
-        """Return the entry of this case and these settings, or None."""
-        folder = self.entry_folder(case, arm, seed, config_hash)
+    def find(self, suite: Suite, arm: str, seed: int, config_hash: str) -> Entry | None:
+        """Return the entry of this suite and these settings, or None."""
+        folder = self.entry_folder(suite, arm, seed, config_hash)
         for entry in self.entries():
-            if entry.path == folder and entry.fingerprint == case.fingerprint:
+            if entry.path == folder and entry.fingerprint == suite.fingerprint:
                 # A power cut can leave an empty file.
                 is_complete = entry.policy.is_file() and entry.policy.stat().st_size > 0
                 return entry if is_complete else None
@@ -131,7 +132,7 @@ class CaseBase:
 
     def retain(
         self,
-        case: Case,
+        suite: Suite,
         arm: str,
         seed: int,
         config_hash: str,
@@ -140,11 +141,11 @@ class CaseBase:
         network: dict[str, Any] | None = None,
     ) -> Entry:
         """Store the network of a finished run; keep an existing entry, because it has the same network."""
-        folder = self.entry_folder(case, arm, seed, config_hash)
-        entry = Entry(folder, case.name, case.fingerprint, arm, seed, config_hash, scores, network)
-        if self.find(case, arm, seed, config_hash):
+        folder = self.entry_folder(suite, arm, seed, config_hash)
+        entry = Entry(folder, suite.name, suite.fingerprint, arm, seed, config_hash, scores, network)
+        if self.find(suite, arm, seed, config_hash):
             return entry
-        self.refuse_links(case, arm, seed, config_hash)
+        self.refuse_links(suite, arm, seed, config_hash)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
         for name in (POLICY, CONFIG):
             if (run / name).is_symlink():
@@ -159,7 +160,7 @@ class CaseBase:
                 (draft / ENTRY).write_text(json.dumps(values, indent=1, sort_keys=True))
             for path in (*(draft / name for name in (POLICY, CONFIG, ENTRY)), draft):
                 sync(path)
-            if folder.exists() and not self.find(case, arm, seed, config_hash):
+            if folder.exists() and not self.find(suite, arm, seed, config_hash):
                 shutil.rmtree(folder)
             draft.rename(folder)
             sync(folder.parent)

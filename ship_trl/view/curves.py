@@ -55,13 +55,13 @@ def draw_curve(
     path: Path,
     finished: Sequence[Finished],
     evaluated: Sequence[tuple[int, float, str]],
-    best_return: float,
+    best_return: float | None,
     title: str,
 ) -> None:
     """Write the learning curve of one run as a PNG of 1200 x 800.
 
     `evaluated` has for each greedy evaluation the number of training episodes before it, its raw return and
-    its outcome.
+    its outcome. Without a `best_return` there is no line for it.
     """
     figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -86,8 +86,9 @@ def draw_curve(
     steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
     upper.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
     upper.set_ylabel("return of an episode (undiscounted raw reward)")
-    best = f"best known: {best_return:.1f}"
-    upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
+    if best_return is not None:
+        best = f"best known: {best_return:.1f}"
+        upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
     for outcome, line in (("goal", "-"), ("collision", "-.")):
         share = moving_mean([row.outcome == outcome for row in finished], MEAN_OVER)
         style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
@@ -104,7 +105,7 @@ def draw_curve(
 
 
 def draw_transfer(
-    path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float, title: str
+    path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float | None, title: str
 ) -> None:
     """Write the training returns of a transfer [E] and of runs from scratch [S, E] as a PNG of 1200 x 750."""
     figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
@@ -120,8 +121,9 @@ def draw_transfer(
     mean = moving_mean(returns, MEAN_OVER)
     label = f"{arm}, this run; mean of all episodes {number(float(np.mean(returns)), '.0f')}"
     axes.plot(np.arange(1, len(mean) + 1), mean, color=CHART_SERIES[0], linewidth=2.8, label=label)
-    label = f"best known return: {best_return:.1f}"
-    axes.axhline(best_return, color=BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
+    if best_return is not None:
+        label = f"best known return: {best_return:.1f}"
+        axes.axhline(best_return, color=BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
     axes.set_xlabel("training episodes", fontsize=12)
     axes.set_ylabel(f"training return, mean of the last {MEAN_OVER} episodes", fontsize=12)
     tidy(axes)
@@ -130,10 +132,10 @@ def draw_transfer(
     save(figure, path)
 
 
-def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float]) -> None:
+def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float | None]) -> None:
     """Write a PNG with a panel for each pair: training returns above, greedy returns below.
 
-    `panels` holds curves by title and arm, one for each seed; `best` holds best known returns by title.
+    `panels` holds curves by title and arm, one for each seed; `best` the best known return by title, or None.
     """
     columns = min(COLUMNS, len(panels))
     rows = math.ceil(len(panels) / columns)
@@ -145,7 +147,7 @@ def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str,
     save(figure, path)
 
 
-def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float) -> None:
+def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float | None) -> None:
     upper, lower = place.subplots(2, 1, sharex=True)
     upper.set_title(title, parse_math=False)
     styles = arm_styles(list(groups))
@@ -158,9 +160,10 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float) -> No
         greedy = np.stack([curve.greedy[:length] for curve in curves])
         _draw_band(lower, curves[0].episodes[:length], greedy, name, styles[name], 1.8)
     for axes in (upper, lower):
-        axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
+        if best is not None:
+            axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
         tidy(axes)
-    lower.set_ylim(LOWEST_GREEDY, best + 15)
+    lower.set_ylim(LOWEST_GREEDY, None if best is None else best + 15)
     lower.set_xlabel("training episodes")
     upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")
     lower.set_ylabel("greedy return\n(median of seeds; band: all)")

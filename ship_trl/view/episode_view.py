@@ -57,7 +57,7 @@ def view_entry(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
     Raises:
         ConfigError: the policy cannot be loaded.
     """
-    env, policy, episodes = rollout_entry(entry, seed=seed)
+    env, policy, episodes = rollout_entry(entry, 1, seed)
     title = entry.label
     while len(title) > MAX_TITLE and "/" in title:
         # The end of a path says more than its first folders.

@@ -6,7 +6,8 @@ import pytest
 from PIL import Image
 
 from ship_trl.cli.cases import main
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import load_world
+from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CaseBase
 from tests.command import ROOT, ship_trl
 
@@ -25,7 +26,7 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     with Image.open(tmp_path / "outputs/case_new.png") as picture:
         assert picture.height < 400  # of this case alone
     assert not (tmp_path / "outputs/cases.png").exists()
-    case, place = load_case("2", load_world()), tmp_path / "run"
+    case, place = load_suite("2", load_world()), tmp_path / "run"
     place.mkdir()
     for name in ("policy.safetensors", "config.yaml"):
         (place / name).write_text("")

@@ -166,7 +166,7 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         ("random", "target: none given for random"),
         ("target=2", "policy: none given"),
         ("nobody target=2", "policy: no nobody; allowed: random, keep_course, best_known, pretrained, a"),
-        ("random target=99", "target: no case 99"),
+        ("random target=99", "target: no case or suite 99"),
         ("random seed=3 target=2", "seed: unknown key; allowed here: target"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
         ("none.py:name target=2", "policy: none.py:name cannot be imported"),

@@ -363,8 +363,8 @@ def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 UNRUNNABLE = {
-    "target=9 method=scratch": "target: no case 9; allowed: 1, 2, 3, 4, 5, 6, new, ship, or a path",
-    "source=9 target=1 layers=1": "source: no case 9; allowed: 1,",
+    "target=9 method=scratch": "target: no case or suite 9; allowed: 1, 2, 3, 4, 5, 6, new, ship, suite",
+    "source=9 target=1 layers=1": "source: no case or suite 9; allowed: 1,",
     "target=1 method=scratch world.max_steps=35": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
     "target=1 method=scratch world.dt=0.1": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
     "+pair=high layers=3 source_file=nowhere": "source_file: no file nowhere",

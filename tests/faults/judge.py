@@ -12,10 +12,11 @@ from types import FrameType
 import torch
 from omegaconf import OmegaConf
 
-from ship_trl.config.errors import one_line
+from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.types import Config, World
 from ship_trl.sim.cases import Case, CaseFile, TargetShip
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.suites import Suite
 from ship_trl.study.plan.config import StudyConfig
 
 SECONDS, MEMORY, MAX_LINE = 30, 3 << 30, 2000
@@ -77,11 +78,15 @@ def check_line(line: str, typed: str = "") -> None:
     assert colon and what.strip() and (known or ": unknown key; " in line), f"names no key: {line[:300]!r}"
 
 
-def roll_out(case: Case, world: World, colour: bool = False) -> None:
+def roll_out(case: Suite | Case, world: World, colour: bool = False) -> None:
     """Roll out random actions to the end of the episode, with pixels; all numbers must be finite."""
     env = ShipEnv(case, world, 2, from_pixels=True, colour=colour)
     generator = torch.Generator().manual_seed(0)
-    current = env.reset()
+    try:
+        current = env.reset()
+    except ConfigError as error:  # a perturbation that is too large
+        check_line(str(error), "suite")
+        return
     for _ in range(world.max_steps):
         action = torch.randint(len(world.actions), (2,), generator=generator)
         step, current = env.step_and_maybe_reset(current.set("action", action))

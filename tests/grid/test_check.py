@@ -16,7 +16,7 @@ SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
     ("words", "said"),
     [
         (["seed=0,-1"], "seed: must be at least 0, got -1"),
-        (["target=1,99"], "target: no case 99; allowed: 1, 2, "),
+        (["target=1,99"], "target: no case or suite 99; allowed: 1, 2, "),
         (["learn.gamma=2"], "learn.gamma: must be from 0 to 1, got 2"),
         (["learn.lr=0.001,abc"], "learn.lr: must be a finite number, got abc"),
         (["method=scratch,finetune"], "source: must be a case, for method=finetune"),

@@ -105,7 +105,7 @@ def test_it_learns_and_a_checkpoint_goes_on_with_the_same_bits() -> None:
     learner = make(3, episodes=120, lr=1e-3)
     learn = schedule(episodes=120, lr=1e-3)
     events = list(train(Corridor(3), Corridor(1), learner, learn))
-    assert max(e.greedy_episode.episode_return for e in events[1:] if isinstance(e, Evaluated)) == 96.0
+    assert max(e.episode_return for e in events[1:] if isinstance(e, Evaluated)) == 96.0
     assert rollout(Corridor(1), learner.greedy)[0].length <= 12
     again = make(3, seed=1, episodes=120, lr=1e-3)
     again.load_state_dict({key: value.clone() for key, value in learner.state_dict().items()})

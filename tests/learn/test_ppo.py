@@ -70,7 +70,7 @@ def test_it_learns() -> None:
     learn = schedule(episodes=120, num_envs=4, lr=1e-3)
     learner = make(learn={"lr": 1e-3})
     events = list(train(Corridor(4), Corridor(1), learner, learn))
-    found = [e.greedy_episode.episode_return for e in events if isinstance(e, Evaluated)]
+    found = [e.episode_return for e in events if isinstance(e, Evaluated)]
     assert max(found[1:]) == 96.0 > found[0]
     assert all(math.isnan(e.epsilon) for e in events if isinstance(e, Finished))
 

@@ -87,6 +87,7 @@ def schedule(**changes: Any) -> Learn:
         "epsilon_end": 0.01,
         "epsilon_fraction": 0.6,
         "evaluate_every": 10,
+        "evaluate_episodes": 5,
         "jumpstart_draws": 0,
     }
     return Learn(**(values | changes))

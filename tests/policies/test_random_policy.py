@@ -5,15 +5,16 @@ import torch
 from torch import Generator
 
 from ship_trl.policies.random_policy import random_return
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import load_world
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.suites import load_suite
 
 WORLD = load_world()
 
 
 @pytest.mark.parametrize("name", ["1", "4"])
 def test_it_is_the_mean_of_episodes_of_the_environment(name: str) -> None:
-    case = load_case(name, WORLD)
+    case = load_suite(name, WORLD)
     env, generator = ShipEnv(case, WORLD, 400), Generator().manual_seed(5)
     current, total, running = env.reset(), torch.zeros(400), torch.ones(400, dtype=torch.bool)
     for _ in range(WORLD.max_steps):
@@ -27,7 +28,7 @@ def test_it_is_the_mean_of_episodes_of_the_environment(name: str) -> None:
 
 
 def test_it_depends_on_its_seed_alone() -> None:
-    case = load_case("2", WORLD)
+    case = load_suite("2", WORLD)
     torch.manual_seed(0)
     first = random_return(case, WORLD, 3, episodes=500)
     torch.manual_seed(1)

@@ -33,7 +33,7 @@ def test_a_line_is_due_early_and_then_in_equal_intervals() -> None:
 
 
 def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
-    yield Evaluated(0, 0, EPISODE)
+    yield Evaluated(0, 0, [EPISODE])
     for episode in range(1, episodes + 1):
         loss = None if episode <= warmup else 0.5
         yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)

@@ -26,7 +26,7 @@ FINISHED = Finished(3, 90, 0.5, 0.1 + 0.2, 30, "goal", math.inf, None)
 
 
 def test_numbers_are_named_by_chart() -> None:
-    trained, greedy = to_numbers(to_row(FINISHED)), to_numbers(to_row(Evaluated(3, 90, EPISODE)))
+    trained, greedy = to_numbers(to_row(FINISHED)), to_numbers(to_row(Evaluated(3, 90, [EPISODE])))
     assert (trained["train/return"], trained["train/goal"], trained["train/collision"]) == (0.1 + 0.2, 1, 0)
     assert (greedy["greedy/return"], greedy["greedy/goal"], greedy["greedy/collision"]) == (-3.5, 0, 1)
     assert all(name.startswith("train/") for name in trained) and "train/loss" not in trained
@@ -39,7 +39,7 @@ def test_csv_keeps_every_digit_and_is_flushed_after_each_row(tmp_path: Path) -> 
     with (tmp_path / "curve.csv").open() as file:  # before it is closed
         (first,) = csv.DictReader(file)
     assert float(first["return"]) == 0.1 + 0.2 and first["loss"] == "" and first["dcpa"] == ""
-    tracker.log(to_row(Evaluated(3, 90, EPISODE)))
+    tracker.log(to_row(Evaluated(3, 90, [EPISODE])))
     tracker.close()
     with (tmp_path / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -63,7 +63,7 @@ def test_a_case_is_a_suite_of_one_and_draws_nothing(world: World) -> None:
 
 
 def test_an_unknown_suite_is_refused(world: World) -> None:
-    with pytest.raises(ConfigError, match="suite: no case everything; allowed: 1, 2"):
+    with pytest.raises(ConfigError, match="suite: no case or suite everything; allowed: 1, 2"):
         load_suite("everything", world)
 
 

@@ -1,6 +1,7 @@
 """The case base: retention, retrieval, ranking."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,16 @@ from filelock import Timeout
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.network import load_network
-from ship_trl.config.types import World, plain
-from ship_trl.sim.cases import Case, case_names, load_case
+from ship_trl.config.types import Perturbation, World, plain
+from ship_trl.sim.cases import case_names, load_case
+from ship_trl.sim.suites import Suite, load_suite, suite_of
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
 from ship_trl.transfer.similarity import MEASURES, Measure
 
 
 @pytest.fixture
-def case(world: World) -> Case:
-    return load_case("2", world)
+def case(world: World) -> Suite:
+    return load_suite("2", world)
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def base(tmp_path: Path) -> CaseBase:
     return CaseBase(tmp_path / "base")
 
 
-def test_what_is_retained_is_found(base: CaseBase, finished_run: Path, case: Case) -> None:
+def test_what_is_retained_is_found(base: CaseBase, finished_run: Path, case: Suite) -> None:
     assert base.entries() == [] and base.find(case, "scratch", 0, "abc") is None
     stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 80.0}}, finished_run)
     found = base.find(case, "scratch", 0, "abc")
@@ -34,7 +36,7 @@ def test_what_is_retained_is_found(base: CaseBase, finished_run: Path, case: Cas
     assert sorted(p.name for p in found.path.iterdir()) == ["config.yaml", "entry.json", "policy.safetensors"]
 
 
-def test_scores_may_be_missing_and_layers_are_kept(base: CaseBase, finished_run: Path, case: Case) -> None:
+def test_scores_may_be_missing_and_layers_are_kept(base: CaseBase, finished_run: Path, case: Suite) -> None:
     layers = plain(load_network("five"))
     known: list[dict[str, Any]] = [{}, {"best": None}, {"best": {"return": 70.0}}]
     for seed, scores in enumerate(known):
@@ -45,26 +47,38 @@ def test_scores_may_be_missing_and_layers_are_kept(base: CaseBase, finished_run:
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])
 def test_another_arm_seed_or_config_hash_is_not_found(
-    base: CaseBase, finished_run: Path, case: Case, other: tuple[str, int, str]
+    base: CaseBase, finished_run: Path, case: Suite, other: tuple[str, int, str]
 ) -> None:
     base.retain(case, "scratch", 0, "abc", {}, finished_run)
     assert base.find(case, *other) is None
 
 
-def test_a_case_that_changed_is_not_found(base: CaseBase, finished_run: Path, case: Case) -> None:
+def test_a_case_that_changed_is_not_found(base: CaseBase, finished_run: Path, case: Suite) -> None:
     base.retain(case, "scratch", 0, "abc", {}, finished_run)
-    case.target_ships[0].x += 1.0
-    assert base.find(case, "scratch", 0, "abc") is None
+    changed = replace(case.case, heading=80.0)
+    assert base.find(suite_of(changed), "scratch", 0, "abc") is None
 
 
-def test_an_entry_already_there_stays(base: CaseBase, finished_run: Path, case: Case) -> None:
+def test_only_networks_of_the_single_case_represent_it(
+    base: CaseBase, finished_run: Path, world: World
+) -> None:
+    scores, one = {"best": {"return": 80.0}}, load_suite("2", world)
+    perturbed = load_suite("2", world, perturbation=Perturbation(own_position=20.0))
+    for suite in (load_suite("paper", world), perturbed):
+        stored = base.retain(suite, "scratch", 0, suite.fingerprint, scores, finished_run)
+        assert base.find(suite, "scratch", 0, suite.fingerprint) == stored
+        assert base.representative(one.case) is None
+    assert base.retain(one, "scratch", 0, "abc", scores, finished_run) == base.representative(one.case)
+
+
+def test_an_entry_already_there_stays(base: CaseBase, finished_run: Path, case: Suite) -> None:
     base.retain(case, "scratch", 0, "abc", {}, finished_run)
     (finished_run / "policy.safetensors").write_bytes(b"other")
     entry = base.retain(case, "scratch", 0, "abc", {}, finished_run)
     assert entry.policy.read_bytes() == b"weights"
 
 
-def test_half_an_entry_is_passed_over_and_replaced(base: CaseBase, finished_run: Path, case: Case) -> None:
+def test_half_an_entry_is_passed_over_and_replaced(base: CaseBase, finished_run: Path, case: Suite) -> None:
     place = base.entry_folder(case, "scratch", 0, "abc")
     place.mkdir(parents=True)
     (place / "entry.json").write_text('{"case": ')
@@ -73,7 +87,7 @@ def test_half_an_entry_is_passed_over_and_replaced(base: CaseBase, finished_run:
     assert base.find(case, "scratch", 0, "abc") is not None
 
 
-def test_a_failed_retention_leaves_nothing(base: CaseBase, finished_run: Path, case: Case) -> None:
+def test_a_failed_retention_leaves_nothing(base: CaseBase, finished_run: Path, case: Suite) -> None:
     (finished_run / "policy.safetensors").unlink()
     with pytest.raises(FileNotFoundError):
         base.retain(case, "scratch", 0, "abc", {}, finished_run)
@@ -111,7 +125,7 @@ def test_recommended_arm_follows_the_paper(world: World) -> None:
 
 
 def test_a_lock_is_of_one_entry_and_leaves_the_others_free(tmp_path: Path, world: World) -> None:
-    base, case = CaseBase(tmp_path), load_case("1", world)
+    base, case = CaseBase(tmp_path), load_suite("1", world)
     with base.lock(case, "scratch", 0, "aa"):
         other = base.lock(case, "scratch", 0, "aa")
         with pytest.raises(Timeout):

@@ -12,9 +12,10 @@ from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.policies.entry import Entry
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.suites import load_suite
 from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
@@ -51,7 +52,7 @@ def run_actions(case: Case, world: World, actions: Sequence[int]) -> Episode:
 def entry(policy: str = "keep_course", case: str = "4") -> Entry:
     """A policy on a shipped case."""
     world = load_world()
-    return Entry(policy, policy, load_case(case, world), world, colour=False)
+    return Entry(policy, policy, load_suite(case, world), world, colour=False)
 
 
 def view(case: Case, world: World, actions: Sequence[int], network: bool = False) -> EpisodeView:

@@ -88,6 +88,8 @@ class Record:
 
 def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
     """Make a record of a result and its curve, or raise a BrokenRunError if they do not fit."""
+    if result.best_known_return is None:
+        raise BrokenRunError(f"{RESULT}: has no best known return, as its starts are perturbed")
     if result.best_known_return <= result.random_return:
         raise BrokenRunError(f"{RESULT}: the best known return is not above the random one")
     try:

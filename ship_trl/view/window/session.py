@@ -14,7 +14,8 @@ import pygame
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry
-from ship_trl.sim.cases import Case, case_names, load_case
+from ship_trl.sim.cases import case_names, load_case
+from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
 from ship_trl.view.episode_view import EpisodeView, view_entry
@@ -27,10 +28,10 @@ FILM_FRAMES_PER_SECOND = 10
 
 
 class Session(Window):
-    """Plays the policies of a command line, one at a time or two side by side; saves pictures and films.
+    """Plays policies on single cases, one at a time or two side by side; saves pictures and films.
 
-    `seed` is for the first episode of stochastic policies; each further episode has the next seed. A message
-    stays until the next key.
+    `seed` is for the first episode of stochastic policies and perturbed starts; each further episode has the
+    next seed. A message stays until the next key.
 
     Raises:
         ConfigError: the first policy cannot be loaded, or there is only one to compare.
@@ -42,14 +43,15 @@ class Session(Window):
         super().__init__(SPEED)
         self.seed, self.folder, self._message = seed, folder, ""
         self.policies = distinct_policies(entries, compare)
-        self.cases = distinct_cases([entry.case for entry in entries])
+        self.cases = distinct_cases([entry.suite for entry in entries])
         # With `target=1,4` every policy runs every case; result folders bring their own cases.
         has_own_cases = len(entries) != len(self.policies) * len(self.cases)
         if len(self.cases) == 1 or has_own_cases:
-            shipped = (load_case(name, entries[0].world) for name in case_names())
+            world, perturbation = entries[0].world, entries[0].suite.perturbation
+            shipped = (suite_of(load_case(name, world), perturbation) for name in case_names())
             self.cases = distinct_cases([*self.cases, *shipped])
         self._first, self._changes_case = int(compare), has_own_cases and not compare
-        self.policy, self.case, self.episode = self._first, self.policies[0].case, 0
+        self.policy, self.case, self.episode = self._first, self.policies[0].suite, 0
         self.views = self._load(self.policy, self.case, self.episode)
         back, forward = partial(self.step, -1), partial(self.step, 1)
         faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
@@ -62,7 +64,7 @@ class Session(Window):
             ("R, End", "to the start, to the end", {"r": restart, "home": restart, "end": to_end}),
             ("Click", "in a graph: to that step", {}),
             ("P, C", "next policy, next case", {"p": self.next_policy, "c": self.next_case}),
-            ("E", "next episode: a stochastic policy draws again", {"e": self.next_episode}),
+            ("E", "next episode: stochastic policies and starts draw again", {"e": self.next_episode}),
             ("S", "saliency: the pixels on which the highest Q depends", {"s": saliency}),
             (
                 "I, M",
@@ -92,7 +94,7 @@ class Session(Window):
         """Show the next policy, on its own case if it has one; in a comparison keep the first policy."""
         first = self._first
         policy = first + (self.policy - first + 1) % (len(self.policies) - first)
-        self._show(policy, self.policies[policy].case if self._changes_case else self.case, self.episode)
+        self._show(policy, self.policies[policy].suite if self._changes_case else self.case, self.episode)
 
     def next_case(self) -> None:
         """Show the next of the given cases; if only one is given, of all cases."""
@@ -133,7 +135,7 @@ class Session(Window):
         except (OSError, pygame.error) as error:
             self._message = f"not saved: {error}"
 
-    def _show(self, policy: int, case: Case, episode: int) -> None:
+    def _show(self, policy: int, case: Suite, episode: int) -> None:
         """Show a policy on a case; if it cannot be loaded, show only why."""
         try:
             self.views = self._load(policy, case, episode)
@@ -143,10 +145,10 @@ class Session(Window):
         self.policy, self.case, self.episode = policy, case, episode
         self.restart()
 
-    def _load(self, policy: int, case: Case, episode: int) -> list[EpisodeView]:
+    def _load(self, policy: int, case: Suite, episode: int) -> list[EpisodeView]:
         """Roll out a policy; in a comparison, also the first policy."""
         places = [0, policy] if self._first else [policy]
-        entries = [replace(self.policies[place], case=case) for place in places]
+        entries = [replace(self.policies[place], suite=case) for place in places]
         return [view_entry(entry, self.seed + episode, episode + 1) for entry in entries]
 
 
@@ -162,6 +164,6 @@ def distinct_policies(entries: Sequence[Entry], compare: bool) -> list[Entry]:
     return policies
 
 
-def distinct_cases(cases: Sequence[Case]) -> list[Case]:
+def distinct_cases(cases: Sequence[Suite]) -> list[Suite]:
     """Drop repeated cases, even if their names differ."""
     return list({case.fingerprint: case for case in reversed(cases)}.values())[::-1]

@@ -19,7 +19,8 @@ TOP = "__init__"
 STUDY = ("rules", "plan", "records", "analysis", "claims", "report", "launch")
 # Checks come before torch: no file of these imports it at its top.
 WITHOUT_TORCH = (
-    "config", "files", "cli", "__main__", "sim/cases", "transfer/similarity", "transfer/casebase",
+    "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
+    "transfer/casebase",
     "transfer/measured", "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
     "run/folder", "run/plan", "run/stop", "run/progress", "grid/launchers", "run/results",
     "grid/check", "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",

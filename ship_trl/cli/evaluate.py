@@ -112,7 +112,7 @@ def row(entry: Entry, episodes: list[Episode], reached: float, best: float | Non
 
 
 def describe_ends(episodes: list[Episode]) -> str:
-    """Return the shares of goals and collisions with 95 % intervals, such as `goal 86% (49 to 97)`."""
+    """Return the shares of goals and collisions with 95 % intervals, and of timeouts if there are any."""
     from ship_trl.study.analysis.statistics import share_interval
 
     ends, count = Counter(episode.outcome for episode in episodes), len(episodes)
@@ -120,4 +120,5 @@ def describe_ends(episodes: list[Episode]) -> str:
     parts = [
         f"{end} {one.value:.0%} ({100 * one.low:.0f} to {100 * one.high:.0f})" for end, one in shares.items()
     ]
+    parts += [f"timeout {ends['timeout'] / count:.0%}"] * bool(ends["timeout"])
     return ", ".join(parts)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 SHOWN = 0.05
 # Episodes of an entry whose starts are perturbed.
 EPISODES = 100
+# Added to the seed of the starts, whose random numbers must not be those of a policy.
+STARTS_SEED = 1_000_003
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def rollout_entry(
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
     suite, world = entry.suite, entry.world
     count = episodes or (EPISODES if suite.is_perturbed else len(suite.cases))
-    starts = Starts(suite, world).balanced(count, Generator().manual_seed(seed))
+    starts = Starts(suite, world).balanced(count, Generator().manual_seed(seed + STARTS_SEED))
     env = ShipEnv(suite, world, colour=entry.colour, from_pixels=pixels, starts=starts)
     policy = load_policy(entry.policy, env, seed)
     return env, policy, rollout(env, policy)

@@ -23,7 +23,7 @@ def random_return(
     `make_step`.
     """
     step, generator = make_step(world, fast=fast), Generator().manual_seed(seed)
-    state = Starts(suite, world).balanced(episodes, Generator().manual_seed(seed)).contiguous()
+    state = Starts(suite, world).balanced(episodes, generator).contiguous()
     total = torch.zeros(episodes, dtype=torch.float64)
     running = torch.ones(episodes, dtype=torch.bool)
     while bool(running.any()):

@@ -46,7 +46,9 @@ def draw_trajectories(
         axes.set_visible(False)
     for axes, (name, group) in zip(panels, groups.items(), strict=False):
         _set_limits(axes, paths)
-        axes.plot(*case.start, "ko", fillstyle="none", markersize=9, mew=2, zorder=5, label="start")
+        axes.plot(
+            *paths[0].states[0, :2], "ko", fillstyle="none", markersize=9, mew=2, zorder=5, label="start"
+        )
         goal = (case.goal[0], case.goal[1])
         axes.plot(*goal, "*", color=GOAL, markersize=15, zorder=5, label=f"goal and {expected}")
         axes.add_patch(Circle(goal, world.goal_distance, facecolor=GOAL, alpha=0.12, zorder=1))
@@ -116,7 +118,7 @@ def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:
     """Show own ship's paths whole, with sides of at most 2 to 1."""
     case, reach = paths[0].case, paths[0].world.goal_distance
     above, below = (case.goal[0], case.goal[1] + reach), (case.goal[0], case.goal[1] - reach)
-    places = np.concatenate([[case.start, above, below], *(one.states[:, :2] for one in paths)])
+    places = np.concatenate([[above, below], *(one.states[:, :2] for one in paths)])
     low, high = places.min(0) - MARGIN, places.max(0) + MARGIN
     sides = high - low
     more = np.maximum(0, 0.5 * sides[::-1] - sides) / 2

@@ -46,6 +46,34 @@ def test_many_episodes_are_their_mean(capsys: pytest.CaptureFixture[str]) -> Non
     assert table(capsys, "random", "target=2") != table(capsys, "random", "target=2", "--seed", "1")
 
 
+def test_a_suite_is_its_cases_in_turn(capsys: pytest.CaptureFixture[str]) -> None:
+    kept, best, other = table(capsys, "keep_course", "best_known", "pretrained:3", "target=paper")
+    # Keeping the course reaches the goal in cases 1, 2 and new.
+    assert kept[0] == "paper" and kept[4] == "goal 43% (16 to 75), collision 57% (25 to 84)"
+    assert best[3:5] == ["100%", "goal 100% (65 to 100), collision 0% (0 to 35)"]
+    assert other[1] == "pretrained:3"
+    (kept,) = table(capsys, "keep_course", "target=paper", "--episodes", "14")
+    assert kept[4].startswith("goal 43% (21 to 67)")
+
+
+def test_perturbed_starts_are_drawn_with_the_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ("keep_course", "target=2", "perturbation.own_position=200", "--episodes", "50")
+    one, again, other = (table(capsys, *line, "--seed", seed) for seed in "001")
+    assert one == again != other
+    assert one[0][0] == "2, perturbed" and one[0][3] == "-" and "collision 0%" not in one[0][4]
+
+
+def test_what_a_run_on_a_suite_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["method=scratch", *LINE[2:], "learn.evaluate_episodes=3"]
+    ship_trl("target=paper", *words, "output=suite", folder=tmp_path)
+    rows = table(capsys, str(tmp_path / "suite/paper"))
+    assert all(row[0] == "paper" and row[2] == row[-1] for row in rows) and len(rows) == 2
+    ship_trl("target=2", *words, "output=drawn", "perturbation.own_position=50", folder=tmp_path)
+    rows = table(capsys, str(tmp_path / "drawn/2"), "--episodes", "3")
+    # It was evaluated on other starts.
+    assert all(row[0] == "2, perturbed" and row[-1] == "" for row in rows) and len(rows) == 2
+
+
 def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = table(capsys, str(trained))
     assert [row[1] for row in rows] == ["2 scratch seed 0, best", "2 scratch seed 0, final"]
@@ -167,7 +195,15 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         ("target=2", "policy: none given"),
         ("nobody target=2", "policy: no nobody; allowed: random, keep_course, best_known, pretrained, a"),
         ("random target=99", "target: no case or suite 99"),
-        ("random seed=3 target=2", "seed: unknown key; allowed here: target"),
+        ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY"),
+        (
+            "random target=2 perturbation.speed=1",
+            "perturbation.speed: unknown key; allowed here: own_position",
+        ),
+        ("random target=2 perturbation.own_heading=181", "perturbation.own_heading: must be from 0 to 180"),
+        ("best_known target=2 perturbation.own_heading=1", "policy: best_known has no plan of a perturbed"),
+        ("pretrained target=paper", "suite paper: has several cases; allowed here: one case"),
+        ("random target=paper --demonstrations d", "--demonstrations: of single cases, not perturbed"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
         ("none.py:name target=2", "policy: none.py:name cannot be imported"),
         ("math:nothing target=2", "policy: math has no function nothing"),

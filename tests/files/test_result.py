@@ -72,3 +72,13 @@ def test_a_file_that_is_no_result_is_refused(tmp_path: Path, text: str, said: st
     (tmp_path / "result.json").write_text(text)
     with pytest.raises(ResultError, match=said):
         read_result(tmp_path)
+
+
+@pytest.mark.parametrize(("outcome", "rate"), [("goal", 1.0), ("collision", 0.0), ("timeout", 0.0)])
+def test_a_file_from_before_there_were_suites_has_one_episode(outcome: str, rate: float) -> None:
+    values = a_result(best=an_evaluation(10.0, outcome)).to_json()
+    for key in ("scratch", "before", "best", "final"):
+        del values[key]["success_rate"], values[key]["episodes"]
+    best = from_json(values).best
+    assert (best.success_rate, best.episodes) == (rate, 1)
+    assert from_json(values | {"best_known_return": None}).best_known_return is None

@@ -4,10 +4,11 @@ import pytest
 import torch
 from torch import Generator
 
+from ship_trl.config.types import Perturbation
 from ship_trl.policies.random_policy import random_return
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.suites import load_suite, suite_of
 
 WORLD = load_world()
 
@@ -33,3 +34,11 @@ def test_it_depends_on_its_seed_alone() -> None:
     first = random_return(case, WORLD, 3, episodes=500)
     torch.manual_seed(1)
     assert random_return(case, WORLD, 3, episodes=500) == first != random_return(case, WORLD, 4, episodes=500)
+
+
+def test_of_a_suite_it_is_the_mean_of_its_cases() -> None:
+    paper = load_suite("paper", WORLD)
+    cases = [random_return(suite_of(case), WORLD, 1, episodes=2000) for case in paper.cases]
+    assert abs(random_return(paper, WORLD, episodes=14_000) - sum(cases) / 7) < 10
+    near, far = (suite_of(paper.cases[0], Perturbation(own_position=bound)) for bound in (1.0, 400.0))
+    assert random_return(far, WORLD) < random_return(near, WORLD) - 10

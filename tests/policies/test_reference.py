@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import World
+from ship_trl.config.types import Perturbation, World
 from ship_trl.policies import reference
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.suites import load_suite, suite_of
 
 WORLD = load_world()
 
@@ -75,6 +76,15 @@ def test_every_bundled_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.undo()
     for name in "1", "5":
         assert best_plan(load_case(name, WORLD), WORLD) == kept[name]
+
+
+def test_of_a_suite_the_mean_is_known_unless_its_starts_are_drawn() -> None:
+    paper = load_suite("paper", WORLD)
+    returns = [reference.best_known(case, WORLD).episode_return for case in paper.cases]
+    assert reference.best_known_return(paper, WORLD) == pytest.approx(sum(returns) / 7)
+    assert reference.best_known_return(suite_of(paper.cases[3]), WORLD) == returns[3]
+    drawn = Perturbation(own_heading=1.0)
+    assert reference.best_known_return(suite_of(paper.cases[3], drawn), WORLD) is None
 
 
 def test_a_rollout_reproduces_the_plan() -> None:

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from ship_trl.files.result import Result, write_result
+from ship_trl.files.curve import read_curve, split
+from ship_trl.files.result import Result, read_result, write_result
 from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment
 from ship_trl.run.folder import TakenError, find_result
@@ -60,3 +61,34 @@ def test_a_run_that_another_process_finished_meanwhile_is_not_overwritten(
     with pytest.raises(TakenError, match="a finished run of other settings"):
         run_experiment(other)
     assert trained == [] and find_result(one) is not None
+
+
+def test_a_suite_is_trained_once_as_the_source_of_two_targets(tmp_path: Path) -> None:
+    line = ("profile=smoke", "learn.episodes=2", "learn.jumpstart_draws=2", f"output={tmp_path}")
+    first = run_experiment(make_run(composed(*line, "source=paper", "target=4", "layers=2")))
+    source = tmp_path / "paper/scratch/seed=0"
+    (entry,) = (tmp_path / "case_base/paper").rglob("entry.json")
+    written = (source / "result.json").stat().st_mtime_ns
+    second = run_experiment(make_run(composed(*line, "source=paper", "target=2", "layers=2")))
+    assert (source / "result.json").stat().st_mtime_ns == written
+    assert first.source_network == second.source_network == str(entry.with_name("policy.safetensors"))
+    result = read_result(source)
+    assert (result.target, result.final.episodes, first.final.episodes) == ("paper", 7, 1)
+    assert result.final.success_rate * 7 == pytest.approx(round(result.final.success_rate * 7))
+    assert result.best_known_return == pytest.approx(67.8, abs=0.1)
+
+
+def test_a_perturbed_run_has_no_best_known_return_and_evaluates_alike(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ("target=4", "method=scratch", "profile=smoke", "learn.warmup_steps=9999", f"output={tmp_path}")
+    more = ("learn.jumpstart_draws=0", "perturbation.own_position=60", "learn.evaluate_episodes=5")
+    run = make_run(composed(*line, *more))
+    result = run_experiment(run)
+    assert result.best_known_return is None and result.final.episodes == 5
+    # Without updates each evaluation is the same, because it has the same starts.
+    greedy = split(read_curve(run.folder))[1]
+    assert len(greedy) == 3 and greedy["return"].nunique() == 1
+    trained = split(read_curve(run.folder))[0]
+    assert trained["return"].nunique() == len(trained)
+    assert "best known" not in capsys.readouterr().out

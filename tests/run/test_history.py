@@ -2,13 +2,15 @@
 
 import math
 
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from torch import Generator
+from torch import nn
 
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.train import Finished
-from ship_trl.run.history import History, from_csv, to_csv, to_row
+from ship_trl.files.result import Evaluation
+from ship_trl.learn.rollout import Episode
+from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.run.history import History, from_csv, summarise, to_csv, to_row
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 EPISODES = st.builds(
@@ -31,8 +33,41 @@ def test_rows_are_read_as_they_were(episodes: list[Finished]) -> None:
 
 
 def test_episodes_of_an_algorithm_without_epsilon_are_whole() -> None:
-    history = History(DuelingNetwork(1, 3, Generator()))
-    episode = Finished(1, 30, math.nan, 5.0, 30, "goal", 60.0, None)
-    history.rows = from_csv(to_csv([to_row(episode)]))
+    history = History(nn.Linear(1, 1))  # type: ignore[arg-type]
+    finished = Finished(1, 30, math.nan, 5.0, 30, "goal", 60.0, None)
+    history.rows = from_csv(to_csv([to_row(finished)]))
     (found,) = history.finished
     assert math.isnan(found.epsilon) and found.episode_return == 5.0
+
+
+def episode(outcome: str, episode_return: float, dcpa: float) -> Episode:
+    made = torch.zeros(3, 4), torch.zeros(2, dtype=torch.int64), None, torch.tensor([0.0, episode_return])
+    return Episode(*made, outcome == "goal", outcome == "collision", dcpa)
+
+
+def test_an_evaluation_is_the_mean_of_its_episodes() -> None:
+    goal, crash, late = episode("goal", 80, 90), episode("collision", -300, 20), episode("timeout", -20, 50)
+    found = summarise(Evaluated(7, 100, [goal, goal, crash, late]))
+    assert found == Evaluation(-40.0, "goal", 2, 20.0, 7, 0.5, 4)
+    # Ties towards the worse.
+    assert summarise(Evaluated(0, 0, [goal, late, crash])).outcome == "collision"
+    assert summarise(Evaluated(0, 0, [goal, late])).outcome == "timeout"
+    alone = summarise(Evaluated(0, 0, [episode("goal", 80, math.inf)]))
+    assert alone == Evaluation(80.0, "goal", 2, None, 0) and alone.success_rate == 1.0
+
+
+def test_evaluations_are_read_back_from_rows() -> None:
+    event = Evaluated(7, 100, [episode("goal", 80, 90), episode("collision", -300, 20)])
+    history = History(nn.Linear(1, 1))  # type: ignore[arg-type]
+    history.rows = from_csv(to_csv([to_row(event)]))
+    assert history.evaluated == [summarise(event)]
+
+
+def test_the_best_evaluation_has_the_highest_mean_return_and_of_equals_is_the_latest() -> None:
+    history, weights = History(nn.Linear(1, 1)), nn.Linear(1, 1)  # type: ignore[arg-type]
+    evaluations = [
+        Evaluated(n, n, [episode("goal", first, 1.0), episode("goal", second, 1.0)])
+        for n, (first, second) in enumerate([(90, 0), (40, 50), (50, 50), (120, -30)])
+    ]
+    assert [history.add(one, weights) for one in evaluations] == [True, True, True, False]
+    assert history.best == evaluations[2]

@@ -203,3 +203,48 @@ def test_an_own_pair_has_no_pretrained_source() -> None:
         ConfigError, match="source: pretrained is allowed for the shipped pairs only, not for mine"
     ):
         make_run(config)
+
+
+def test_a_suite_is_named_where_a_case_is() -> None:
+    line = ("method=finetune", "layers=2")
+    to_one, to_suite = run("source=paper", "target=4", *line), run("source=4", "target=paper", *line)
+    assert to_one.title == "suite paper -> case 4, FT2, seed 0"
+    assert to_suite.folder.parts[-3:] == ("4-paper", "FT2", "seed=0")
+    assert [len(one.target.cases) for one in (to_one, to_suite)] == [1, 7]
+    alone = run("target=paper", "method=scratch")
+    assert to_one.source is not None and to_one.source.config_hash == alone.config_hash
+    assert (alone.evaluation_episodes, to_one.evaluation_episodes) == (7, 1)
+
+
+def test_a_perturbation_is_of_source_and_target_and_in_the_hash_only_when_set() -> None:
+    line = ("source=1", "target=4", "layers=1")
+    plain, drawn = run(*line), run(*line, "perturbation.own_position=50")
+    assert run(*line, "perturbation.own_position=0").config_hash == plain.config_hash != drawn.config_hash
+    assert plain.source is not None and drawn.source is not None
+    assert plain.source.config_hash != drawn.source.config_hash
+    assert plain.stream("weights") != drawn.stream("weights")
+    few = "learn.evaluate_episodes=9"
+    assert run(*line, few).config_hash == plain.config_hash
+    fewer = run(*line, "perturbation.own_position=50", few)
+    assert fewer.config_hash != drawn.config_hash and fewer.evaluation_episodes == 9
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("source=pretrained target=paper layers=1", "suite paper: has several cases; allowed here: one case"),
+        ("source=paper target=4 source_weights=pretrained layers=1", "suite paper: has several cases"),
+        ("target=paper method=scratch demonstrations=here", "demonstrations: allowed with one case as tar"),
+        ("target=1 method=scratch demonstrations=here perturbation.own_heading=1", "demonstrations: allowed"),
+        ("target=papers method=scratch", "target: no case or suite papers; allowed: 1, 2"),
+    ],
+)
+def test_what_needs_a_single_case_is_refused(line: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        run(*line.split())
+
+
+def test_a_bundled_source_is_that_of_the_unperturbed_case() -> None:
+    line = ("target=4", "layers=3", "source=pretrained")
+    plain, drawn = run(*line), run(*line, "perturbation.own_position=50")
+    assert plain.pretrained == drawn.pretrained and plain.config_hash != drawn.config_hash

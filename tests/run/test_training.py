@@ -1,5 +1,6 @@
 """A stopped training resumes and ends with the same bits as an uninterrupted one."""
 
+import dataclasses
 import json
 import shutil
 import signal
@@ -12,6 +13,7 @@ import pytest
 import torch
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Perturbation
 from ship_trl.files.curve import read_curve
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.run import training
@@ -22,6 +24,7 @@ from ship_trl.run.parts import Parts
 from ship_trl.run.plan import make_run
 from ship_trl.run.stop import StoppedError
 from ship_trl.run.tracking import Tracker
+from ship_trl.sim.suites import suite_of
 from tests.command import files
 from tests.config.test_config import composed
 
@@ -90,6 +93,10 @@ ARMS = {
     "states": SCRATCH,
     "features": ("+pair=high", "+arm=FE3"),
     "some layers frozen": ("+pair=high", "+arm=FE1"),
+    "perturbed suite": (
+        *("target=paper", "method=scratch", "learn.num_envs=3", "perturbation.own_position=40"),
+        "learn.evaluate_episodes=4",
+    ),
     "three ships at once": (*SCRATCH, "learn.num_envs=3"),
     "a rollout": (*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40", MINIBATCH),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
@@ -99,7 +106,8 @@ ARMS = {
 
 # They take longest and cover the least.
 SLOW = [
-    pytest.param(arm, marks=pytest.mark.long) for arm in ("some layers frozen", "features of three ships")
+    pytest.param(arm, marks=pytest.mark.long)
+    for arm in ("some layers frozen", "features of three ships", "three ships at once")
 ]
 
 
@@ -109,7 +117,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
 
 
-@pytest.mark.parametrize("arm", ["states", "features", "three ships at once", "vectors", "a rollout", *SLOW])
+@pytest.mark.parametrize("arm", ["states", "features", "perturbed suite", "vectors", "a rollout", *SLOW])
 def test_stopped_and_killed_it_ends_with_the_same_bytes(
     arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
 ) -> None:
@@ -269,3 +277,11 @@ def test_a_full_disk_costs_the_checkpoint_and_not_the_training(
     monkeypatch.setattr(Checkpoints, "write", full)
     assert left(train("other", *SCRATCH)) == whole
     assert "no checkpoint at episode 1: No space left on device" in capsys.readouterr().out
+
+
+def test_a_perturbation_that_is_too_large_is_refused_before_training() -> None:
+    run = make_run(composed(*LINE, "target=1", "method=scratch", "world.goal_distance=599", "output=out"))
+    tight = dataclasses.replace(run, target=suite_of(run.target.case, Perturbation(own_position=0.5)))
+    with pytest.raises(ConfigError, match=r"^suite 1: perturbation: too large, as nearly every start is"):
+        run_experiment(tight)
+    assert not tight.folder.exists()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -60,6 +61,60 @@ def test_a_case_is_a_suite_of_one_and_draws_nothing(world: World) -> None:
     states = Starts(suite, world).sample(3, generator)
     assert suite.is_fixed and torch.equal(generator.get_state(), before)
     assert bool((states == states[0]).all())
+
+
+def test_a_fingerprint_is_of_cases_and_perturbation(world: World) -> None:
+    case = load_case("4", world)
+    one, paper = load_suite("4", world), load_suite("paper", world)
+    assert one.fingerprint == case.fingerprint
+    others = [
+        suite_of(case, Perturbation(own_position=50)),
+        suite_of(case, Perturbation(own_heading=50)),
+        paper,
+        replace(paper, cases=paper.cases[:-1]),
+        replace(paper, perturbation=BOUNDS),
+    ]
+    assert len({suite.fingerprint for suite in (one, *others)}) == 6
+    assert suite_of(case, Perturbation(own_position=50.0)).fingerprint == others[0].fingerprint
+    assert replace(one, name="another").fingerprint == one.fingerprint
+
+
+def test_bounds_above_zero_replace_those_of_the_suite(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "suite").mkdir()
+    (tmp_path / "suite/mine.yaml").write_text("cases: ['2']\nperturbation: {own_position: 5, ship_speed: 1}")
+    monkeypatch.setattr("ship_trl.sim.suites.conf_dir", lambda: tmp_path)
+    own = Perturbation(own_position=5.0, ship_speed=1.0)
+    assert load_suite("mine", world).perturbation == own
+    given = Perturbation(own_position=7.0, own_heading=3.0)
+    assert load_suite("mine", world, perturbation=given).perturbation == replace(
+        own, own_position=7.0, own_heading=3.0
+    )
+    assert load_suite("4", world, perturbation=given).perturbation == given
+
+
+def test_balanced_starts_are_of_the_cases_in_turn(world: World) -> None:
+    paper = load_suite("paper", world)
+    starts = Starts(paper, world)
+    assert torch.equal(starts.balanced(9, draw()), starts.states[[*range(7), 0, 1]])
+    perturbed = Starts(replace(paper, perturbation=BOUNDS), world).balanced(9, draw())
+    assert torch.equal(perturbed[:, SHIP_COUNT], starts.balanced(9, draw())[:, SHIP_COUNT])
+    assert len({row.numpy().tobytes() for row in perturbed}) == 9
+
+
+def test_given_starts_begin_every_episode_of_their_rows(world: World) -> None:
+    suite = replace(load_suite("paper", world), perturbation=BOUNDS)
+    given, generator = Starts(suite, world).balanced(5, draw()), draw(1)
+    before = generator.get_state()
+    env = ShipEnv(suite, world, generator=generator, starts=given)
+    current = env.reset()
+    assert torch.equal(current["state"], given)
+    for _ in range(60):
+        stepped, current = env.step_and_maybe_reset(current.set("action", torch.full((5,), 3)))
+        done = stepped["next", "done"].squeeze(-1)
+        assert torch.equal(current["state"][done], given[done])
+    assert torch.equal(generator.get_state(), before)
 
 
 def test_an_unknown_suite_is_refused(world: World) -> None:

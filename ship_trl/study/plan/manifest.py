@@ -21,7 +21,7 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, read_as
 from ship_trl.config.types import Config, plain
 from ship_trl.files.disk import atomic_write, read_json
-from ship_trl.sim.cases import load_case
+from ship_trl.sim.suites import load_suite
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PAIRS, Job
 from ship_trl.study.rules import stamp
@@ -85,7 +85,7 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
     settings = shared_settings(jobs, config, shared)
     names = {str(job.values[key]) for job in jobs for key in ("source", "target") if job.values.get(key)}
     # A case file may be edited later.
-    cases = {name: load_case(name, shared.world).fingerprint for name in sorted(names)}
+    cases = {name: load_suite(name, shared.world).fingerprint for name in sorted(names)}
     path = config.folder / PLAN
     begun = read_plan(path, "output") if path.exists() else {}
     before, known = begun.get("settings", settings), begun.get("cases", {})

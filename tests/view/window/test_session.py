@@ -1,5 +1,6 @@
 """Watching policies: a real SDL window, real events in its queue, and the pictures that follow."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Perturbation
+from ship_trl.policies.entry import split_suites
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
 from ship_trl.view.window.session import Session
@@ -47,6 +50,20 @@ def test_pause_keeps_the_picture_and_steps_go_there_and_back(session: Session) -
     # On, then to the end and back to the start by other ways: the same pixels.
     assert (press(session, "end") != running).any()
     assert (press(session, "r", "space", "down") == first).all()
+
+
+def test_a_suite_is_shown_case_by_case_and_perturbed_starts_are_drawn_again(tmp_path: Path) -> None:
+    one = entry("keep_course", "paper")
+    entries = split_suites([replace(one, suite=replace(one.suite, perturbation=Perturbation(9.0)))])
+    made = Session(entries, folder=tmp_path)
+    assert [case.name for case in made.cases] == ["1", "2", "3", "4", "5", "6", "new"]
+    first = made.views[0].telemetry
+    assert first.case.name == "1"
+    made.next_episode()
+    again = made.views[0].telemetry
+    assert (first.states[0] != again.states[0]).any() and again.case.name == "1"
+    made.next_case()
+    assert made.views[0].telemetry.case.name == "2"
 
 
 @pytest.mark.parametrize("key", ["a", "t", "s", "h"])

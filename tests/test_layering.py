@@ -21,7 +21,7 @@ STUDY = ("rules", "plan", "records", "analysis", "claims", "report", "launch")
 WITHOUT_TORCH = (
     "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
     "transfer/casebase",
-    "transfer/measured", "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
+    "study/measured", "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
     "run/folder", "run/plan", "run/stop", "run/progress", "grid/launchers", "run/results",
     "grid/check", "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",
 )  # fmt: skip

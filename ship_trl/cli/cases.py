@@ -14,8 +14,8 @@ from ship_trl.cli.table import show
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
+from ship_trl.study.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
-from ship_trl.transfer.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
 # Transfers listed for a target.

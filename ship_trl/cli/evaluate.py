@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
+from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.config.types import Positive
 from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
 

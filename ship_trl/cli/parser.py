@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ship_trl.config.bounds import Seed
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import Reader
-from ship_trl.config.types import Seed
 
 # Pixels of a window or a video; text in a smaller one could not be read.
 MIN_WIDTH, MIN_HEIGHT, MAX_SIDE = 640, 360, 9999

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from ship_trl.config.bounds import MAX_STEPS, Count, Share
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_path
 from ship_trl.config.schema import limit, read_as
-from ship_trl.config.types import MAX_STEPS, Count, Learn, Share
+from ship_trl.config.types import Learn
 
 DEFAULT = {"build": "ship_trl.learn.double_dqn:build"}
 ALLOWED = "module:function or file.py:function"

@@ -12,20 +12,11 @@ from omegaconf import DictConfig
 
 from ship_trl.config.algorithm import ON_POLICY, read_algorithm
 from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
+from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import (
-    MAX_DISTANCE,
-    PICTURE,
-    BackendName,
-    Config,
-    Logger,
-    Observation,
-    Precision,
-    World,
-    bfloat16_allowed,
-)
+from ship_trl.config.types import BackendName, Config, Logger, Observation, Precision, World, bfloat16_allowed
 
 # The planner tries each action at each step: ten actions and a thousand steps take it about ten minutes.
 MAX_ACTIONS, MAX_PLANNED = 100, 10_000

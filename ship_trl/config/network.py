@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
+from ship_trl.config.bounds import MAX_UNITS, PICTURE
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import MAX_UNITS, PICTURE, Network, plain
+from ship_trl.config.types import Network, plain
 
 # Pixels that the incremental backend compares at once.
 WORD = 4

@@ -79,35 +79,21 @@ class Algorithm(Protocol):
         ...
 
 
-class Method(Protocol):
-    """What a method of transfer asks of an algorithm while it learns; see `ship_trl.transfer.methods`.
+class Method:
+    """What a method of transfer asks of an algorithm while it learns: from scratch, nothing.
 
     Attributes:
         thaws: whether layers that are frozen at first learn later.
     """
 
-    thaws: bool
-
-    def frozen_layers(self, progress: float) -> int:
-        """Return how many layers, counted from the input, do not learn at a share of the episodes."""
-        ...
-
-    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
-        """Return what is added to the loss of a batch, or None for nothing."""
-        ...
-
-
-class NoTransfer:
-    """The method of learning from scratch: everything learns, and nothing is added to the loss."""
-
     thaws = False
 
     def frozen_layers(self, progress: float) -> int:
-        """Return that no layer is frozen."""
+        """Return how many layers, counted from the input, do not learn at a share of the episodes."""
         return 0
 
     def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
-        """Return that nothing is added to the loss."""
+        """Return what is added to the loss of a batch, or None for nothing."""
         return None
 
 
@@ -132,7 +118,7 @@ class Setup:
     learn: Learn
     exploration: Generator
     replay: Generator
-    method: Method = field(default_factory=NoTransfer)
+    method: Method = field(default_factory=Method)
     options: Mapping[str, Any] = field(default_factory=dict)
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from torchrl.modules import QValueActor
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import Method, NoTransfer, Setup
+from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
 from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
 from ship_trl.learn.fast.weights_version import count_untracked_write
@@ -59,7 +59,7 @@ class DoubleDQN:
     ) -> None:
         self.loss, self.target_update, self.optimiser = loss, target_update, optimiser
         self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
-        self._method: Method = method or NoTransfer()
+        self._method: Method = method or Method()
         self.encoders: Mapping[str, Callable[[Tensor], Tensor]] = dict(encoders or {})
         self.online_network: DuelingNetwork = loss.network
         self.dtype = self.online_network.backend.dtype

@@ -12,10 +12,11 @@ from typing import Annotated
 from omegaconf import OmegaConf
 from yaml import YAMLError
 
+from ship_trl.config.bounds import MAX_DISTANCE
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir, is_name
 from ship_trl.config.schema import Rule, limit, read_as
-from ship_trl.config.types import MAX_DISTANCE, World
+from ship_trl.config.types import World
 from ship_trl.files.disk import read_file
 from ship_trl.files.untrusted import read_yaml
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from ship_trl.config.types import PICTURE
+from ship_trl.config.bounds import PICTURE
 
 # Width and height of the network's view in pixels.
 SIZE = PICTURE

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.config.types import SHIP_NUMBERS, World
+from ship_trl.config.bounds import SHIP_NUMBERS
+from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.geometry import angle_off_bow, unit_vector
 from ship_trl.sim.state import (

@@ -5,6 +5,7 @@ import torch
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from ship_trl.config.bounds import PICTURE
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import (
     geometry,
@@ -13,7 +14,7 @@ from ship_trl.config.network import (
     non_default_network,
     supports_incremental,
 )
-from ship_trl.config.types import PICTURE, Network
+from ship_trl.config.types import Network
 
 
 def sizes(conv: list[list[int]]) -> list[int]:

@@ -9,7 +9,7 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import BackendName, Learn, Loss, Network, Precision
-from ship_trl.learn.algorithm import NoTransfer, Setup
+from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.fast.features import FEATURES
 from ship_trl.learn.network import DuelingNetwork
@@ -18,7 +18,7 @@ from tests.learn import networks
 from tests.learn.worlds import draw, schedule
 
 
-class Freezing(NoTransfer):
+class Freezing(Method):
     """Freezes the first layers, and adds nothing to the loss."""
 
     def __init__(self, layers: int) -> None:
@@ -285,7 +285,7 @@ def test_freezing_conv1_leaves_conv10_trainable() -> None:
     assert [conv.weight.requires_grad for conv in network.layers] == [False] + 10 * [True]
 
 
-class Thawing(NoTransfer):
+class Thawing(Method):
     """Freezes two layers for the first half of the episodes."""
 
     thaws = True
@@ -334,7 +334,7 @@ def test_a_checkpoint_after_a_thaw_goes_on_with_the_same_bits() -> None:
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:
-    class Pull(NoTransfer):
+    class Pull(Method):
         def penalty(self, network: torch.nn.Module, data: TensorDict) -> Tensor:
             return 1e3 * sum((p.square().sum() for p in network.parameters()), torch.zeros(()))
 

@@ -10,7 +10,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Generator, Tensor, nn
 
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import NoTransfer, Setup
+from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
@@ -28,7 +28,7 @@ OPTIONS = {
 }
 
 
-class Freezing(NoTransfer):
+class Freezing(Method):
     """Freezes the first two layers up to a share of the episodes."""
 
     def __init__(self, until: float = 2.0) -> None:
@@ -39,13 +39,13 @@ class Freezing(NoTransfer):
 
 
 def make(
-    seed: int = 0, method: NoTransfer | None = None, learn: dict[str, Any] | None = None, **changes: float
+    seed: int = 0, method: Method | None = None, learn: dict[str, Any] | None = None, **changes: float
 ) -> PPO:
     weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
     network = DuelingNetwork(1, 3, weights)
     options = {"build": "ship_trl.learn.ppo:build"} | OPTIONS | changes
     values = schedule(**{"episodes": 120, "num_envs": 4} | (learn or {}))
-    return build(Setup(network, draw, 3, values, exploration, replay, method or NoTransfer(), options))
+    return build(Setup(network, draw, 3, values, exploration, replay, method or Method(), options))
 
 
 def walk(learner: PPO, steps: int, limit: int = 12, num_envs: int = 4) -> list[TensorDictBase]:
@@ -187,12 +187,12 @@ def test_a_thawed_layer_learns() -> None:
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:
-    class Pull(NoTransfer):
+    class Pull(Method):
         def penalty(self, network: nn.Module, data: TensorDictBase) -> Tensor:
             assert data["pixels"].dtype is torch.uint8
             return 7.0 + 0.0 * network.value.bias.sum()  # type: ignore[union-attr, operator]
 
-    plain, pulled = (observed_loss(make(method=method)) for method in (NoTransfer(), Pull()))
+    plain, pulled = (observed_loss(make(method=method)) for method in (Method(), Pull()))
     assert pulled == pytest.approx(plain + 7.0)
 
 

@@ -14,11 +14,12 @@ import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import limit, read_as
-from ship_trl.config.types import Logger, Positive, Seed, WandbMode
+from ship_trl.config.types import Logger, WandbMode
 from ship_trl.grid.launchers import check_slurm
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS, WHOLE
 

@@ -21,10 +21,10 @@ from ship_trl.study.analysis.metrics import METRICS, has_reached, measure
 from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import Answer
+from ship_trl.study.measured import COLUMNS
 from ship_trl.study.plan.config import REUSED_CASE, options, read_option
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, Place, scratch_place
 from ship_trl.study.records.record import Record
-from ship_trl.transfer.measured import COLUMNS
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
 Row = dict[str, Any]

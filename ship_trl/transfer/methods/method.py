@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from tensordict import TensorDictBase
-from torch import Tensor, nn
-
 from ship_trl.config.arm import Arm
+from ship_trl.learn.algorithm import Method
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import Weights
 
 
-class TransferMethod:
+class TransferMethod(Method):
     """Copy the arm's layers, and let every layer learn.
 
     Args:
         arm: which layers are copied.
-
-    Attributes:
-        thaws: whether layers that are frozen at first learn later.
     """
-
-    thaws = False
 
     def __init__(self, arm: Arm) -> None:
         self.arm = arm
@@ -31,11 +24,3 @@ class TransferMethod:
         for key, parameter in network.named_parameters():
             if self.arm.copies_all or key.split(".")[0] in copied:
                 parameter.data.copy_(weights[key])
-
-    def frozen_layers(self, progress: float) -> int:
-        """Return how many layers, counted from the input, do not learn at a share of the episodes."""
-        return 0
-
-    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
-        """Return what is added to the loss of a batch, or None for nothing."""
-        return None

@@ -9,7 +9,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.files.result import read_result
 from ship_trl.sim.cases import load_case
-from ship_trl.transfer.measured import COLUMNS, Transfer, read_transfers, transfers_to
+from ship_trl.study.measured import COLUMNS, Transfer, read_transfers, transfers_to
 from tests.command import ship_trl
 
 ROW = ("3", "4", "abc", "def", "quick", "FT3", "", "15", "0.05", "0.03", "0.07")

@@ -1,0 +1,61 @@
+"""The bounds of single values of the configuration.
+
+Bounds lie far above what a run needs: beyond them it would not fit into memory, or its numbers into 32 bits.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
+from ship_trl.config.schema import Rule, limit
+
+# Side in pixels of the picture that the network sees.
+PICTURE = 84
+# Numbers in the vector that it sees: of own ship, and of each target ship.
+OWN_NUMBERS, SHIP_NUMBERS = 5, 8
+# Episodes and steps only take time: a run of a billion would take years.
+MAX_COUNT, MAX_DRAWS = 10**9, 10**6
+# At this number of steps the planner's table of returns takes 2.3 GB.
+MAX_STEPS = 1000
+# Seconds of a step; metres of a radius or a coordinate.
+MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5
+MAX_REWARD_COEFFICIENT = 1e6
+# Adam's steps are about as large as the learning rate.
+MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9
+# Filters of a layer, and hidden units; target ships that a network sees as numbers.
+MAX_UNITS, MAX_SHIPS = 4096, 100
+
+Seed = Annotated[int, limit(0)]
+Positive = Annotated[int, limit(1)]
+Count = Annotated[int, limit(1, MAX_COUNT)]
+Share = Annotated[float, limit(0, 1)]
+PositiveShare = Annotated[float, limit(above=0, high=1)]
+LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
+Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
+Bound = Annotated[float, limit(0, MAX_DISTANCE)]
+Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
+PathName = Annotated[
+    str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
+]
+FolderName = Annotated[
+    PathName, Rule("the name of a folder", lambda name: "/" not in name and name not in (".", ".."))
+]
+Device = Annotated[
+    str, Rule("cpu or cuda", lambda name: re.fullmatch(r"cpu|cuda(:\d{1,3})?", name, re.ASCII) is not None)
+]
+ConvNumbers = Annotated[
+    list[int],
+    Rule(
+        f"[filters, kernel, stride], each at least 1, at most {MAX_UNITS} filters",
+        lambda numbers: len(numbers) == 3 and min(numbers) >= 1 and numbers[0] <= MAX_UNITS,
+    ),
+]
+Actions = Annotated[
+    list[list[float]],
+    Rule(
+        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
+        lambda rows: all(len(row) == 2 for row in rows) and any(speed > 0 for speed, _ in rows),
+    ),
+]

@@ -10,7 +10,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.fast import draw_kernels, step_kernel
 from ship_trl.sim.fast.step_kernel import Array
 from ship_trl.sim.geometry import polygon_edges
-from ship_trl.sim.reward import POSITION_TOLERANCE, reward_constants
+from ship_trl.sim.reward import reward_constants
 from ship_trl.sim.transition import Outcome, Transition
 
 
@@ -29,9 +29,7 @@ class CompiledStep:
         world = reference.world
         self._constants = (
             reference.actions.numpy(),
-            float32_array(
-                world.dt, world.safe_distance, world.goal_distance + POSITION_TOLERANCE, world.max_steps
-            ),
+            step_kernel.limits(world),
         )
         self._actions = self._constants[0]
         self._reward_constants = tuple(float32_array(*reward_constants(world.reward)))

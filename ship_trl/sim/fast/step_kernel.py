@@ -12,6 +12,7 @@ import numpy as np
 from numba import float32
 from numba.extending import register_jitable
 
+from ship_trl.config.types import World
 from ship_trl.jit import RELAXED, compiled
 from ship_trl.sim import reward
 from ship_trl.sim.state import (
@@ -43,6 +44,12 @@ register_jitable(fastmath=RELAXED)(reward.step_reward)
 write_rewards = compiled(RELAXED)(reward.write_rewards)
 
 
+def limits(world: World) -> Array:
+    """Return the constants of `step`: dt (s), safe distance (m), goal distance (m), maximum of steps."""
+    to_goal = world.goal_distance + reward.POSITION_TOLERANCE
+    return np.asarray((world.dt, world.safe_distance, to_goal, world.max_steps), np.float32)
+
+
 @compiled(RELAXED)
 def closest_approach(ax: Number, ay: Number, bx: Number, by: Number) -> Number:
     """Return the least distance from the origin to a point that moves from a to b, as in `geometry`."""
@@ -70,8 +77,7 @@ def step(
     The rewards are computed in `write_rewards`.
 
     Shapes, float32 unless said otherwise:
-        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4]: dt (s), safe
-        distance (m), goal distance (m), maximum of steps.
+        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4].
         Outputs: after [N, S]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
         bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
 

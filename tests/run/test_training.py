@@ -281,7 +281,8 @@ def test_a_full_disk_costs_the_checkpoint_and_not_the_training(
 
 def test_a_perturbation_that_is_too_large_is_refused_before_training() -> None:
     run = make_run(composed(*LINE, "target=1", "method=scratch", "world.goal_distance=599", "output=out"))
-    tight = dataclasses.replace(run, target=suite_of(run.target.case, Perturbation(own_position=0.5)))
+    near = dataclasses.replace(run.target.case, goal=[0.0, 590.0])
+    tight = dataclasses.replace(run, target=suite_of(near, Perturbation(own_position=0.5)))
     with pytest.raises(ConfigError, match=r"^suite 1: perturbation: too large, as nearly every start is"):
         run_experiment(tight)
     assert not tight.folder.exists()

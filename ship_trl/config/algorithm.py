@@ -39,7 +39,7 @@ class PPO:
     An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments.
     """
 
-    rollout_steps: Annotated[int, limit(1, MAX_ROLLOUT_STEPS)]
+    rollout_steps: Annotated[int, limit(2, MAX_ROLLOUT_STEPS)]
     epochs: Count
     minibatch_size: Annotated[int, limit(1, MAX_MINIBATCH)]
     clip_epsilon: Annotated[float, limit(above=0, high=1)]

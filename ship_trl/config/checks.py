@@ -132,8 +132,11 @@ def check_memory(config: Config, layers: Geometry) -> None:
         weights += below * network.hidden
         maps = channels * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
     require_at_most(MAX_WEIGHTS, key, weights, "weights; they take 2 GB in training")
-    for name, value in (("num_envs", learn.num_envs), ("batch_size", learn.batch_size)):
-        require_at_most(MAX_MAP_NUMBERS // maps, f"learn.{name}", value, f"4 GB of the maps of {key}")
+    batches = {"learn.num_envs": learn.num_envs, "learn.batch_size": learn.batch_size}
+    if config.algorithm["build"] in ON_POLICY:
+        batches["algorithm.minibatch_size"] = config.algorithm["minibatch_size"]
+    for name, value in batches.items():
+        require_at_most(MAX_MAP_NUMBERS // maps, name, value, f"4 GB of the maps of {key}")
     size, frozen = TRANSITION_BYTES, config.arm.frozen_layers
     is_incremental = learn.backend is not BackendName.dense and supports_incremental(layers)
     # `Agent` then stores two states as features of the frozen layers, two bytes a number.

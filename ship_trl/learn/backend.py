@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.network import Geometry, supports_incremental
-from ship_trl.config.types import BackendName, Precision, bfloat16_allowed
-from ship_trl.learn.network import Backend, Dense
+from ship_trl.config.types import BackendName, Precision, Updates, bfloat16_allowed
+from ship_trl.learn.network import Backend, Dense, DuelingNetwork
 
 
 class Draw(Protocol):
@@ -24,6 +24,13 @@ class PixelDraw(Draw, Protocol):
     """Draws frames, most of which resemble `background` [C, 84, 84]."""
 
     background: Tensor
+
+
+def make_backend(network: DuelingNetwork, draw: Draw, learn: Updates) -> Backend:
+    """Make the backend that the settings ask for; a network without conv layers computes in float32."""
+    device = network.advantage.weight.device
+    dtype = torch.float32 if network.config.linear else choose_dtype(learn.precision, device)
+    return choose_backend(learn.backend, draw, dtype, device, network.geometry)
 
 
 def choose_backend(

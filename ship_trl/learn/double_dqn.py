@@ -12,7 +12,7 @@ from torchrl.modules import QValueActor
 
 from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import Method, Setup
-from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
+from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
@@ -176,16 +176,14 @@ def build(
     network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
     device = network.advantage.weight.device
     network.freeze(method.frozen_layers(0.0))
-    sees_numbers = bool(network.config.linear)
-    dtype = torch.float32 if sees_numbers else choose_dtype(learn.precision, device)
-    network.backend = choose_backend(learn.backend, draw, dtype, device, network.geometry)
+    network.backend = make_backend(network, draw, learn)
     is_incremental = not isinstance(network.backend, Dense)
     encoders: dict[str, Callable[[Tensor], Tensor]] = {}
-    if sees_numbers:
+    if network.config.linear:
         # Quick to read and small, so the replay stores them in place of states.
         encoders[network.observes] = draw
     elif is_incremental and not method.thaws and network.frozen >= network.linear_from:
-        encoders[FEATURES] = FrozenFeatures(network, draw, dtype)
+        encoders[FEATURES] = FrozenFeatures(network, draw, network.backend.dtype)
     observation, network_input = "state", network.observes
     for key in encoders:
         observation = network_input = key

@@ -23,7 +23,7 @@ from torchrl.objectives.value import GAE
 from ship_trl.config import algorithm as config
 from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import Method, Setup
-from ship_trl.learn.backend import Draw, choose_backend, choose_dtype
+from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
@@ -172,8 +172,8 @@ class PPO:
 
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a minibatch [B], and return the loss."""
-        batch = batch.set("pixels", self._draw(batch["state"]))
-        batch.set(OUTPUT, self.online_network(batch["pixels"]))
+        seen = self._draw(batch["state"])
+        batch = batch.set(self.online_network.observes, seen).set(OUTPUT, self.online_network(seen))
         parts = self.loss(batch)
         loss: Tensor = parts["loss_objective"] + parts["loss_critic"] + parts["loss_entropy"]
         if (penalty := self._method.penalty(self.online_network, batch)) is not None:
@@ -228,10 +228,8 @@ class PPO:
 def build(setup: Setup) -> PPO:
     """Make PPO with the settings of `config.algorithm`."""
     network, learn = setup.network, setup.learn
-    device = network.advantage.weight.device
     network.freeze(setup.method.frozen_layers(0.0))
-    dtype = choose_dtype(learn.precision, device)
-    network.backend = choose_backend(learn.backend, setup.draw, dtype, device, network.geometry)
+    network.backend = make_backend(network, setup.draw, learn)
     options = {key: value for key, value in setup.options.items() if key != "build"}
     settings = config.PPO(**options)
     return PPO(network, setup.draw, learn, settings, setup.exploration, setup.replay, setup.method)

@@ -89,10 +89,13 @@ def test_same_seed_same_bytes(trained: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.precision
-def test_frozen_layers_are_the_source_s_bytes(trained: Path) -> None:
-    ship_trl("profile=smoke", "+pair=high", "+arm=FE3", folder=trained)
-    base = next((trained / "outputs/smoke/case_base/1/scratch").iterdir()) / "policy.safetensors"
-    last = trained / "outputs/smoke/high/FE3/seed=0/policy_last.safetensors"
+@pytest.mark.parametrize("algorithm", ["double_dqn", "ppo"])
+def test_frozen_layers_are_the_source_s_bytes(trained: Path, algorithm: str) -> None:
+    output = trained / ("outputs/smoke" if algorithm == "double_dqn" else "outputs/ppo")
+    line = ("profile=smoke", "+pair=high", "+arm=FE3", f"algorithm={algorithm}", f"output='{output}'")
+    ship_trl(*line, folder=trained)
+    base = next((output / "case_base/1/scratch").iterdir()) / "policy.safetensors"
+    last = output / "high/FE3/seed=0/policy_last.safetensors"
     target = load_file(last)
     for key, value in load_file(base).items():
         assert torch.equal(value, target[key]) == key.startswith(("conv1", "conv2", "conv3")), key

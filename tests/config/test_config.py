@@ -214,7 +214,8 @@ WRONG_VALUES = {
     "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",
     "algorithm=ppo algorithm.clip_epsilon=2": "algorithm.clip_epsilon: must be above 0 and at most 1, got 2",
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with algorithm=ppo, which",
-    "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 128 (rollout_steps of",
+    "algorithm=ppo algorithm.rollout_steps=1": "algorithm.rollout_steps: must be from 2 to 100000, got 1",
+    "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
     "world.dt=0": "world.dt: must be from 0.001 to 1000 (seconds), got 0",
     "world.max_steps=0": "world.max_steps: must be from 1 to 1000 (the planner's memo",
     "world.max_steps=1000000": "world.max_steps: must be from 1 to 1000 (the planner'",
@@ -318,7 +319,8 @@ def test_a_builder_of_ones_own_takes_any_keys() -> None:
 def test_groups_of_learn_yield_to_the_algorithm_and_that_to_profiles() -> None:
     assert composed(*HIGH, "algorithm=ppo").learn.num_envs == 16
     rates = [composed(*HIGH, f"profile={name}", "algorithm=ppo").learn.lr for name in ("paper", "quick")]
-    assert rates == [2.5e-4, 5e-4]
+    assert rates == [2.5e-4, 1e-3]  # what conf/tuned sets wins
+    assert composed(*HIGH, "algorithm=n_step").learn.lr == 5e-4
 
 
 def test_large_values_are_accepted() -> None:

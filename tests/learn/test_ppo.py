@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,9 +10,10 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Generator, Tensor, nn
 
+from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName
 from ship_trl.learn.algorithm import Method, Setup
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
 from tests.learn.worlds import Corridor, draw, schedule
@@ -241,3 +243,17 @@ def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
         found.append([p.clone() for p in learner.network.parameters()])
     for a, b, c in zip(*found, strict=True):
         assert torch.equal(a, b) and not torch.equal(a, c)
+
+
+def test_it_learns_from_numbers_too() -> None:
+    """A step changes every layer of a network without conv layers."""
+    weights, exploration, replay = (Generator().manual_seed(k) for k in range(3))
+    config = replace(load_network("vector"), linear=[8, 6])
+    network = VectorNetwork(2, 3, weights, config)
+    learner = build(
+        Setup(network, lambda state: state / 4, 3, schedule(), exploration, replay, options=OPTIONS)
+    )
+    before = [p.clone() for p in network.parameters()]
+    walk(learner, 16)
+    assert learner.update()
+    assert not any(torch.equal(a, b) for a, b in zip(before, learner.network.parameters(), strict=True))

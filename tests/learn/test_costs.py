@@ -109,7 +109,7 @@ def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
     assert found[2] < 0.1, found
 
 
-@pytest.mark.parametrize(("arm", "limits"), [("scratch", (14, 0.001, 0.0)), ("FE4", (32, 0.26, 5.6))])
+@pytest.mark.parametrize(("arm", "limits"), [("scratch", (14, 0.001, 0.0)), ("FE4", (32, 0.06, 12.2))])
 def test_a_step_of_the_environment(arm: str, limits: tuple[float, ...]) -> None:
     learner = ours(arm)
     current = learner.env.reset().set("action", torch.tensor([3]))

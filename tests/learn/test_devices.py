@@ -56,7 +56,7 @@ def test_simulator_and_rasteriser_name_their_device(meta_device: None, colour: b
 def test_the_learner_names_its_device(
     meta_device: None, frozen: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(double_dqn, "choose_backend", lambda *_: Dense())
+    monkeypatch.setattr(double_dqn, "make_backend", lambda *_: Dense())
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
     env = ShipEnv(case, WORLD, learn.num_envs, device=CPU, fast=False)
     eval_env = ShipEnv(case, WORLD, 1, device=CPU, fast=False)

@@ -5,10 +5,13 @@ import torch
 
 import ship_trl as package
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import World
+from ship_trl.config.types import Perturbation, World
+from ship_trl.learn.rollout import rollout
 from ship_trl.policies.named import load_policy, network_of
+from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import load_suite
 
 
@@ -45,7 +48,21 @@ def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None
     assert len(seen) > 4 and not torch.allclose(alone["4"], alone["6"], atol=1e-2)
 
 
-@pytest.mark.parametrize("name", ["pretrained", "best_known"])
-def test_a_policy_of_one_case_is_refused_in_a_suite_of_several(name: str, world: World) -> None:
-    with pytest.raises(ConfigError, match="suite paper: has several cases; allowed: one case"):
-        load_policy(name, ShipEnv(load_suite("paper", world), world))
+def test_the_network_of_a_case_is_refused_in_a_suite_of_several(world: World) -> None:
+    with pytest.raises(ConfigError, match="suite paper: has several cases; allowed here: one case"):
+        load_policy("pretrained", ShipEnv(load_suite("paper", world), world))
+
+
+def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
+    suite = load_suite("paper", world)
+    starts = Starts(suite, world).states
+    env = ShipEnv(suite, world, starts=starts)
+    episodes = rollout(env, load_policy("best_known", env))
+    for episode, case in zip(episodes, suite.cases, strict=True):
+        assert episode.episode_return == pytest.approx(best_known(case, world).episode_return, abs=1e-2)
+
+
+def test_best_known_is_refused_where_starts_are_perturbed(world: World) -> None:
+    suite = load_suite("4", world, perturbation=Perturbation(own_position=5))
+    with pytest.raises(ConfigError, match="policy: best_known has no plan of a perturbed start"):
+        load_policy("best_known", ShipEnv(suite, world))

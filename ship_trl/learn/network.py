@@ -121,7 +121,8 @@ class DuelingNetwork(nn.Module):
         convs = self.layers[:layers]
         x = F.relu_(self._conv1(observation))
         for conv in convs[1 : self.linear_from]:
-            x = F.relu_(conv(x))
+            # Not `conv(x)`: calling three modules takes a tenth of the time of a single frame.
+            x = F.relu_(F.conv2d(x, conv.weight, conv.bias, conv.stride))
         # Activations and weights are channels last, so flattening them makes views.
         return self._linear_convs(x.permute(0, 2, 3, 1).flatten(1), convs[self.linear_from :])
 

@@ -18,6 +18,8 @@ DEFAULT = {"build": "ship_trl.learn.double_dqn:build"}
 ALLOWED = "module:function or file.py:function"
 # Steps of each environment that are held in memory; pictures that are computed at once.
 MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
+# Steps of all environments in a rollout; with eight target ships they take 4 GB.
+MAX_ROLLOUT = 10_000_000
 
 
 @dataclass
@@ -88,6 +90,11 @@ def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
     settings: Any = read_as(schema, options, key="algorithm")
     if isinstance(settings, PPO):
         most = settings.rollout_steps * learn.num_envs
+        if most > MAX_ROLLOUT:
+            raise ConfigError(
+                f"algorithm.rollout_steps: must be at most {MAX_ROLLOUT // learn.num_envs} (with "
+                f"learn.num_envs={learn.num_envs} environments), got {settings.rollout_steps}"
+            )
         if settings.minibatch_size > most:
             raise ConfigError(
                 f"algorithm.minibatch_size: must be at most {most} (rollout_steps of learn.num_envs="

@@ -27,8 +27,8 @@ MIN_STEP_METRES, MAX_EPISODE_METRES, MAX_EPISODE_TURN = 1e-3, 1e6, 1e4
 MAX_SCALED_REWARD = 1e9
 # Numbers in the maps of a batch: 4 GB. Weights: 2 GB with Adam's two means, gradient and target network.
 MAX_MAP_NUMBERS, MAX_WEIGHTS = 1_000_000_000, 100_000_000
-# Bytes of the replay in memory; a transition of two states takes 60.
-MAX_REPLAY_BYTES, TRANSITION_BYTES = 2**33, 60
+# Bytes of the replay in memory; a transition of two states with eight target ships takes 406.
+MAX_REPLAY_BYTES, TRANSITION_BYTES = 2**33, 406
 
 
 def to_config(values: DictConfig) -> Config:
@@ -139,7 +139,7 @@ def check_memory(config: Config, layers: Geometry) -> None:
         require_at_most(MAX_MAP_NUMBERS // maps, name, value, f"4 GB of the maps of {key}")
     size, frozen = TRANSITION_BYTES, config.arm.frozen_layers
     is_incremental = learn.backend is not BackendName.dense and supports_incremental(layers)
-    # `Agent` then stores two states as features of the frozen layers, two bytes a number.
+    # Double DQN then stores two states as features of the frozen layers, two bytes a number.
     if config.device == "cpu" and is_incremental and frozen >= linear_from(layers):
         size += 4 * layers[frozen - 1].filters * layers[frozen - 1].side ** 2
     if network.linear:

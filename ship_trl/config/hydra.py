@@ -34,6 +34,8 @@ def explain_hydra(error: Exception) -> str:
         r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text
     ):
         key = found.group(1).rstrip(".")
+        if key in ("suite", "case"):
+            return f"{key}: unknown key; write target=NAME; allowed: {group_names(key)}"
         if (conf_dir() / key).is_dir():
             return f"{key}: write +{key}=NAME; allowed: {group_names(key)}"
         return f"{key}: {allowed_keys(key)}"

@@ -54,8 +54,7 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
     ) -> tuple[Pixels, Infos]:
         """Start an episode."""
         super().reset(seed=seed)
-        if seed is not None:
-            self._ships.seed(seed)
+        self._ships.seed(seed, self.np_random)
         self._ships.reset()
         return self._observe(goal=False, collision=False)
 

@@ -38,8 +38,8 @@ class Ships:
     _step: Callable[..., None]
 
     def __init__(self, count: int, case: str, colour: bool, fast: bool = True) -> None:
-        self.world = load_world()
-        self.suite = load_suite(case, self.world, "case")
+        self.world, self._is_seeded = load_world(), False
+        self.suite = load_suite(str(case), self.world, "case")
         self._starts, self._generator = Starts(self.suite, self.world), Generator().manual_seed(0)
         rasteriser, transition = Rasteriser(self.world, colour=colour, fast=fast), Transition(self.world)
         if rasteriser.compiled is not None:
@@ -56,9 +56,13 @@ class Ships:
         self.dcpa = np.empty(count, np.float32)
         self.reset()
 
-    def seed(self, seed: int) -> None:
-        """Seed the random numbers of the starts."""
-        self._generator.manual_seed(seed)
+    def seed(self, seed: int | None, random: np.random.Generator) -> None:
+        """Seed the random numbers of the starts; the first time without a seed, by a random one."""
+        if seed is None and not self._is_seeded:
+            seed = int(random.integers(2**62))
+        if seed is not None:
+            self._generator.manual_seed(seed)
+            self._is_seeded = True
 
     def reset(self, rows: Flags | slice = slice(None)) -> None:
         """Begin an episode in some rows, or in all."""

@@ -56,9 +56,10 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Pixels, Infos]:
         """Reset all episodes; the seed matters only for a suite, whose starts are drawn."""
-        if seed is not None:
-            parts = [seed] if isinstance(seed, int) else [part or 0 for part in seed]
-            self._ships.seed(parts[0] if len(parts) == 1 else int(SeedSequence(parts).generate_state(1)[0]))
+        if isinstance(seed, list):
+            parts = [part or 0 for part in seed]
+            seed = parts[0] if len(parts) == 1 else int(SeedSequence(parts).generate_state(1)[0])
+        self._ships.seed(seed, self.np_random)
         self._ships.reset()
         return self._ships.draw(self._ships.state), self._infos(*np.zeros((2, self.num_envs), np.bool_))
 

@@ -21,6 +21,10 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Policy
 
 
+class DivergedError(Exception):
+    """A loss, weight or output is not finite."""
+
+
 class Algorithm(Protocol):
     """Acts in a batched environment and learns from what follows."""
 

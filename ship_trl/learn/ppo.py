@@ -22,7 +22,7 @@ from torchrl.objectives.value import GAE
 
 from ship_trl.config import algorithm as config
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.algorithm import DivergedError, Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.network import Dense, DuelingNetwork
@@ -113,7 +113,7 @@ class PPO:
             self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
         for group in self.optimiser.param_groups:
             group["lr"] = learning_rate_at(episode, self._learn)
-        self._output = self.online_network(self._draw(step["state"]))
+        self._output = check_finite(self.online_network(self._draw(step["state"])))
         action = torch.multinomial(self._output.softmax(-1), 1, generator=self._exploration)
         return step.set("action", action.squeeze(-1))
 
@@ -173,7 +173,8 @@ class PPO:
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a minibatch [B], and return the loss."""
         seen = self._draw(batch["state"])
-        batch = batch.set(self.online_network.observes, seen).set(OUTPUT, self.online_network(seen))
+        output = check_finite(self.online_network(seen))
+        batch = batch.set(self.online_network.observes, seen).set(OUTPUT, output)
         parts = self.loss(batch)
         loss: Tensor = parts["loss_objective"] + parts["loss_critic"] + parts["loss_entropy"]
         if (penalty := self._method.penalty(self.online_network, batch)) is not None:
@@ -223,6 +224,17 @@ class PPO:
         self._rollout = [{key: value[time] for key, value in rows.items()} for time in range(count)]
         self._exploration.set_state(state["exploration"].cpu())
         self._shuffle.set_state(state["shuffle"].cpu())
+
+
+def check_finite(output: Tensor) -> Tensor:
+    """Return outputs of the network, from which probabilities are made.
+
+    Raises:
+        DivergedError: one is not finite.
+    """
+    if not bool(output.isfinite().all()):
+        raise DivergedError("an output of the network is not finite")
+    return output
 
 
 def build(setup: Setup) -> PPO:

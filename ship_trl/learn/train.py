@@ -11,7 +11,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Schedule
-from ship_trl.learn.algorithm import Algorithm
+from ship_trl.learn.algorithm import Algorithm, DivergedError
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.rollout import Episode, outcome, rollout
 
@@ -50,10 +50,6 @@ class Evaluated:
     def success_rate(self) -> float:
         """Share of the episodes that end at the goal."""
         return sum(one.goal for one in self.episodes) / len(self.episodes)
-
-
-class DivergedError(Exception):
-    """A loss, weight or Q-value is not finite; the text names the environment step."""
 
 
 class Training:

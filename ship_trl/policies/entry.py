@@ -54,8 +54,8 @@ def rollout_entry(
 ) -> tuple[ShipEnv, Policy, list[Episode]]:
     """Roll out episodes in one batch, the cases in turn; return the environment, the policy and the episodes.
 
-    `episodes` is their number, by default each case once, or `EPISODES` if the starts are perturbed. The seed
-    is of the starts and of a policy that draws.
+    `episodes` is their number, by default each case once, or `EPISODES` if the starts are perturbed; it is
+    rounded up so that each case has equally many. The seed is of the starts and of a policy that draws.
 
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
@@ -70,7 +70,7 @@ def rollout_entry(
     # Networks draw their own pixels, and policies without training read only the state.
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
     suite, world = entry.suite, entry.world
-    count = episodes or (EPISODES if suite.is_perturbed else len(suite.cases))
+    count = suite.whole_rounds(episodes or (EPISODES if suite.is_perturbed else 1))
     starts = Starts(suite, world).balanced(count, Generator().manual_seed(seed + STARTS_SEED))
     env = ShipEnv(suite, world, colour=entry.colour, from_pixels=pixels, starts=starts)
     policy = load_policy(entry.policy, env, seed)

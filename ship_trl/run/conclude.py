@@ -33,12 +33,15 @@ def write_files(run: Run, parts: Parts, known: float | None) -> None:
     about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
     save_weights(folder / POLICY_LAST, parts.algorithm.network, about)
     greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
-    draw_curve(folder / "curve.png", finished, greedy, known, run.title)
+    rates = [one.success_rate for one in evaluated] if run.evaluation_episodes > 1 else []
+    draw_curve(folder / "curve.png", finished, greedy, known, run.title, rates)
     if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
         returns = [episode.episode_return for episode in finished]
         draw_transfer(folder / console.TRANSFER, config.arm_label, returns, scratch, known, run.title)
     origin = "" if run.arm.is_scratch else f" from {describe(str(config.source))}"
     title = f"{config.arm_label}{origin}, seed {config.seed}"
+    if len(run.target.cases) > 1:
+        title += f", suite {run.target.name}"
     # The first episode of an evaluation begins in the first case.
     case, best = run.target.cases[0], history.best.episodes[0]
     rasteriser, network = parts.eval_env.rasteriser, history.network

@@ -49,9 +49,9 @@ class Run:
 
     @property
     def evaluation_episodes(self) -> int:
-        """Number of episodes of a greedy evaluation: each case once, or the episodes asked for."""
-        is_drawn = self.target.is_perturbed
-        return self.config.learn.evaluate_episodes if is_drawn else len(self.target.cases)
+        """Number of episodes of a greedy evaluation: each case once, or the episodes asked for if drawn."""
+        asked = self.config.learn.evaluate_episodes if self.target.is_perturbed else 1
+        return self.target.whole_rounds(asked)
 
     @property
     def entry_arm(self) -> str:

@@ -15,8 +15,9 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE
 from ship_trl.files.disk import remove, sync
 from ship_trl.files.result import Result, write_result
+from ship_trl.learn.algorithm import DivergedError
 from ship_trl.learn.prefix import add_prefix, strip_prefix
-from ship_trl.learn.train import DivergedError, Evaluated, Finished, Training
+from ship_trl.learn.train import Evaluated, Finished, Training
 from ship_trl.policies.reference import best_known_return
 from ship_trl.run import console
 from ship_trl.run.checkpoint import About, Checkpoints
@@ -45,7 +46,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     started = time.perf_counter()
     # Printed first, because the planner and the jumpstart draws take a while.
     console.say(f"{place}: {run.title}" if place else run.title)
-    for name in {str(run.config.target), *(case.name for case in run.target.cases[1:])}:
+    for name in dict.fromkeys((str(run.config.target), *(case.name for case in run.target.cases))):
         if own := shadowing_case(name):
             console.say(f"case {name}: {own}, not the bundled case of this name")
     parts = make_parts(run, device, source)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Annotated
@@ -69,6 +70,10 @@ class Suite:
     def places(self) -> int:
         """The most target ships of a case."""
         return max(len(case.target_ships) for case in self.cases)
+
+    def whole_rounds(self, episodes: int) -> int:
+        """Return the least number of episodes, at least `episodes`, that has each case equally often."""
+        return len(self.cases) * math.ceil(episodes / len(self.cases))
 
     def split(self) -> list[Suite]:
         """Return a suite of one for each case, perturbed alike."""

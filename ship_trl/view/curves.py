@@ -57,11 +57,13 @@ def draw_curve(
     evaluated: Sequence[tuple[int, float, str]],
     best_return: float | None,
     title: str,
+    success_rates: Sequence[float] = (),
 ) -> None:
     """Write the learning curve of one run as a PNG of 1200 x 800.
 
     `evaluated` has for each greedy evaluation the number of training episodes before it, its raw return and
-    its outcome. Without a `best_return` there is no line for it.
+    its outcome. Evaluations of several episodes have a mean return, and `success_rates` in place of outcomes.
+    Without a `best_return` there is no line for it.
     """
     figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -73,7 +75,7 @@ def draw_curve(
         # The legend also lists an outcome that never happened.
         label = f"training: {outcome} ({len(trained)})"
         upper.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
-        greedy = [row[:2] for row in evaluated if row[2] == outcome]
+        greedy = [row[:2] for row in evaluated if row[2] == outcome and not success_rates]
         if greedy:
             # A cross consists only of its edge.
             edge = colour if marker == "x" else SCRATCH
@@ -84,7 +86,11 @@ def draw_curve(
     label = f"training: mean of {MEAN_OVER}"
     upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
     steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
-    upper.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label="greedy evaluation")
+    label = "greedy evaluation, mean" if success_rates else "greedy evaluation"
+    upper.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label=label)
+    if success_rates:
+        label = "greedy share of goals"
+        lower.step(steps, success_rates, where="post", color=SCRATCH, linewidth=1.2, label=label)
     upper.set_ylabel("return of an episode (undiscounted raw reward)")
     if best_return is not None:
         best = f"best known: {best_return:.1f}"
@@ -163,7 +169,10 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float | None
         if best is not None:
             axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
         tidy(axes)
-    lower.set_ylim(LOWEST_GREEDY, None if best is None else best + 15)
+    # Where no greedy return is above the bound, it would hide all of them.
+    highest = max((float(curve.greedy.max()) for curves in groups.values() for curve in curves), default=0.0)
+    lowest = LOWEST_GREEDY if highest > LOWEST_GREEDY else None
+    lower.set_ylim(lowest, None if best is None else best + 15)
     lower.set_xlabel("training episodes")
     upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")
     lower.set_ylabel("greedy return\n(median of seeds; band: all)")

@@ -255,7 +255,7 @@ WRONG_VALUES = {
     "observation=vector +network.hidden=9": "network.hidden: must be left out beside network.linear, got 9",
     "observation=vector +network.conv=[[8,84,1]]": "network.conv: must be left out beside network.linear, g",
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
-    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 24129029 (8 GB)",
+    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12236374 (8 GB)",
     "~learn.lr": "learn.lr: missing",
     "learn.episodes=1000000001": "learn.episodes: must be from 1 to 1000000000, got 1",
     "learn.warmup_steps=1000000001": "learn.warmup_steps: must be from 0 to 100000000",
@@ -267,8 +267,8 @@ WRONG_VALUES = {
     "learn.huber_delta=1e10": "learn.huber_delta: must be above 0 and at most 1e+09, got 10000000000.0",
     "learn.reward_scale=1e4": "learn.reward_scale: must be above 0 and at most 1000, got 10000.0",
     "world.reward.goal=1e6 world.reward.w1=1e6": "learn.reward_scale: must be at most 0.001 (with the",
-    "learn.replay_size=1000000000000": "learn.replay_size: must be at most 143165576 (8 GB)",
-    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 6815",
+    "learn.replay_size=1000000000000": "learn.replay_size: must be at most 21157474 (8 GB)",
+    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 663315",
     "learn.num_envs=1000000000": "learn.num_envs: must be at most 35241 (4 GB of the maps of network.conv)",
     "learn.batch_size=100000 learn.replay_size=100000": "learn.batch_size: must be at most 35241 (4 GB",
     "network.conv=[[4096,1,1],[4096,84,1]] layers=2": "network.conv: must be at most 100000000 (weights;",
@@ -324,7 +324,7 @@ def test_groups_of_learn_yield_to_the_algorithm_and_that_to_profiles() -> None:
 
 
 def test_large_values_are_accepted() -> None:
-    large = ["learn.episodes=1000000000", "learn.replay_size=100000000", "learn.batch_size=30000"]
+    large = ["learn.episodes=1000000000", "learn.replay_size=20000000", "learn.batch_size=30000"]
     world = ["world.max_steps=1000", "world.dt=60", "world.goal_distance=99999", "world.reward.goal=1e6"]
     config = composed(*HIGH, *large, *world, "learn.num_envs=30000", "learn.lr=1")
     assert config.learn.episodes == 10**9 and config.world.dt == 60.0

@@ -185,6 +185,9 @@ def test_a_suite_draws_its_starts_from_the_seed() -> None:
     one, same, other = starts(1), starts(1), starts([1, None, 3, 4, 5, 6, 7, 8])
     assert all(np.array_equal(a, b) for a, b in zip(one, same, strict=True))
     assert not np.array_equal(one[0], other[0]) and sum(map(len, one)) > 12
+    # Without a seed, two environments begin differently.
+    unseeded = [ShipCollisionVectorEnv(32, "paper").reset()[1]["state"] for _ in range(2)]
+    assert not np.array_equal(*unseeded)
     single = gymnasium.make(f"ship_trl.gym:{ENV_ID}", case="paper")
     first = [single.reset(seed=seed)[1]["state"] for seed in (0, 0, 1, 2, 3)]
     assert np.array_equal(first[0], first[1]) and len({state.tobytes() for state in first}) > 1

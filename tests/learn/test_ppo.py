@@ -12,7 +12,7 @@ from torch import Generator, Tensor, nn
 
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.algorithm import DivergedError, Method, Setup
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
@@ -257,3 +257,12 @@ def test_it_learns_from_numbers_too() -> None:
     walk(learner, 16)
     assert learner.update()
     assert not any(torch.equal(a, b) for a, b in zip(before, learner.network.parameters(), strict=True))
+
+
+def test_an_output_that_is_not_finite_stops_the_training() -> None:
+    learner = make()
+    walk(learner, 3)
+    with torch.no_grad():
+        learner.online_network.advantage.weight.fill_(math.nan)
+    with pytest.raises(DivergedError, match="an output of the network is not finite"):
+        walk(learner, 1)

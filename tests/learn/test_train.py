@@ -11,12 +11,12 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.algorithm import DivergedError, Setup
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import rollout
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
-from ship_trl.learn.train import DivergedError, Evaluated, Finished, train
+from ship_trl.learn.train import Evaluated, Finished, train
 from tests.learn.worlds import Corridor, draw, schedule
 
 

@@ -214,6 +214,9 @@ def test_a_suite_is_named_where_a_case_is() -> None:
     alone = run("target=paper", "method=scratch")
     assert to_one.source is not None and to_one.source.config_hash == alone.config_hash
     assert (alone.evaluation_episodes, to_one.evaluation_episodes) == (7, 1)
+    # Each case is evaluated equally often.
+    perturbed = ("target=paper", "method=scratch", "perturbation.own_position=5")
+    assert run(*perturbed, "learn.evaluate_episodes=8").evaluation_episodes == 14
 
 
 def test_a_perturbation_is_of_source_and_target_and_in_the_hash_only_when_set() -> None:

@@ -85,10 +85,13 @@ def total_time(record: Record) -> float:
 
 
 def around_exploration_end(record: Record) -> tuple[slice, slice]:
-    """Return the tenth of the episodes before exploration ends, and the tenth after."""
-    count = len(record.training.returns)
+    """Return the tenth of the episodes before exploration ends, and the tenth after.
+
+    Without an epsilon, as in PPO, the last tenth counts as the one after.
+    """
+    count, tenth = len(record.training.returns), count_share(record.scores, LAST)
     ended = np.flatnonzero(record.training.epsilon <= record.training.epsilon.min())
-    end, tenth = int(ended[0]) if ended.size else count, count_share(record.scores, LAST)
+    end = int(ended[0]) if ended.size else count - tenth
     return slice(max(0, end - tenth), max(1, end)), slice(min(end, count - 1), min(end + tenth, count))
 
 

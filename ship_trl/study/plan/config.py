@@ -150,6 +150,11 @@ def check_overrides(config: StudyConfig) -> None:
             raise ConfigError(
                 f"overrides: {key} differs between runs; allowed: what all runs share, as learn.lr=1e-3"
             )
+        if key.startswith("perturbation"):
+            raise ConfigError(
+                "overrides: perturbation: a study compares with the best known returns of cases; "
+                "allowed: no perturbation"
+            )
         if key == "learn.epsilon_start" and config.reuse:
             raise ConfigError(f"overrides: {key} differs between runs; allowed: reuse=false")
 

@@ -81,6 +81,13 @@ def test_a_run_has_fallen_that_misses_the_goal_ten_times_in_a_row_after_explorat
     assert measure(ten, "misses") == pytest.approx(10 / 40, abs=0.02)
 
 
+def test_without_epsilon_the_last_tenth_counts_as_after_exploration() -> None:
+    made = make_record(np.array([0.9] * 80 + [0.1] * 20), "pairs", "low", "FT1", 0)
+    nan = np.full(len(made.training.returns), np.nan)
+    record = replace(made, training=replace(made.training, epsilon=nan))
+    assert metrics.fell(record) == 1.0 and measure(record, "misses") == 1.0
+
+
 @given(st.lists(st.floats(-3, 1), min_size=1, max_size=160))
 def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
     made = make_record(np.array(scores), "pairs", "low", "FT1", 0)

@@ -33,6 +33,7 @@ from tests.config.test_config import composed
         ("overrides=[demonstrations=demos]", "overrides: demonstrations differs between runs"),
         ("overrides=[+sweep=learning_rate]", "overrides: sweep differs between runs"),
         ("overrides=[+arm=FE3]", "overrides: arm differs between runs"),
+        ("overrides=[perturbation.own_position=5]", "overrides: perturbation: a study compares with"),
         ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start differs"),
         ("arms=scratch,FE3", "arms: must be a list, as [A,B] or [], got scratch,FE3"),
         ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),

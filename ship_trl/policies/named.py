@@ -17,8 +17,11 @@ from ship_trl.config.imports import import_function
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
+from ship_trl.policies.apf import apf
 from ship_trl.policies.pretrained import find, is_pretrained
 from ship_trl.policies.reference import best_known
+from ship_trl.policies.sb_mpc import sb_mpc
+from ship_trl.policies.vo import vo
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP
@@ -83,6 +86,9 @@ POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
     "random": random_actions,
     "keep_course": keep_course,
     "best_known": follow_best_known,
+    "vo": vo,
+    "sb_mpc": sb_mpc,
+    "apf": apf,
 }
 ALLOWED = f"{', '.join(POLICIES)}, pretrained, a safetensors file, or file.py:function"
 

@@ -193,7 +193,10 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
     [
         ("random", "target: none given for random"),
         ("target=2", "policy: none given"),
-        ("nobody target=2", "policy: no nobody; allowed: random, keep_course, best_known, pretrained, a"),
+        (
+            "nobody target=2",
+            "policy: no nobody; allowed: random, keep_course, best_known, vo, sb_mpc, apf, pretrained, a",
+        ),
         ("random target=99", "target: no case or suite 99"),
         ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY"),
         (

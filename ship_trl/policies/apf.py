@@ -1,0 +1,68 @@
+"""An artificial potential field.
+
+Source: attraction to the goal and repulsion by 1/d after Khatib 1986 (doi 10.1177/027836498600500106). After
+Lyu and Yin 2019 (doi 10.1017/S0373463318000796) only ships with which own ship is on collision course repel,
+and part of the repulsion is perpendicular, to starboard.
+
+Ours: the attraction has length 1, because only the direction of the sum is used. Distances are in the scale
+of this world. A ship also repels if own ship would be on collision course on the straight way to the goal, so
+that it does not swing back at once. The field has no memory and knows no encounter classes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from tensordict import TensorDictBase
+
+from ship_trl.learn.rollout import Policy
+from ship_trl.policies.encounter import Steering, goal_course, own_velocity, ship_velocities
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.geometry import predicted_approach, unit_vector, wrap_angle
+from ship_trl.sim.state import HEADING, is_present, relative_positions
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Parameters of the field: metres and seconds.
+
+    Ships within `range` repel whose DCPA is below the safe distance and `margin`, and whose TCPA is between 0
+    and `horizon`. `repulsion` is the factor of the force, of which `starboard` is perpendicular.
+    """
+
+    range: float = 450.0
+    margin: float = 15.0
+    horizon: float = 30.0
+    repulsion: float = 120.0
+    starboard: float = 1.0
+
+
+def apf(env: ShipEnv, _: int = 0, settings: Settings = Settings()) -> Policy:
+    """Return the policy that follows the force of an artificial potential field."""
+    world, steering = env.world, Steering(env.world, env.device)
+    cruise = world.actions[world.straight_action][0]
+    safe = world.safe_distance
+
+    def act(step: TensorDictBase) -> TensorDictBase:
+        state = step["state"]
+        toward = unit_vector(goal_course(state))
+        away, ships = relative_positions(state), ship_velocities(state)
+        distance = torch.linalg.vector_norm(away, dim=-1)
+        repels = torch.zeros_like(distance, dtype=torch.bool)
+        for velocity in (own_velocity(state), cruise * toward):
+            dcpa, tcpa = predicted_approach(away, ships - velocity[:, None])
+            repels |= (dcpa < safe + settings.margin) & (tcpa > 0) & (tcpa < settings.horizon)
+        repels &= is_present(state) & (distance < settings.range)
+        gap = (distance - safe).clamp(min=1.0)
+        force = settings.repulsion * (1 / gap - 1 / (settings.range - safe)) * repels
+        bearing = away / distance.clamp(min=1e-6)[..., None]
+        starboard = torch.stack((bearing[..., 1], -bearing[..., 0]), -1)
+        push = (force[..., None] * (settings.starboard * starboard - bearing)).sum(-2)
+        east, north = (toward + push).unbind(-1)
+        error = wrap_angle(torch.atan2(north, east) - state[:, HEADING])
+        error = error.clamp(-math.pi / 2, math.pi / 2)
+        return step.set("action", steering(error, torch.full_like(error, cruise)))
+
+    return act

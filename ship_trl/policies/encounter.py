@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
+from ship_trl.sim.encounters import HEAD_ON, Encounter, classify
 from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector
 from ship_trl.sim.state import (
     HEADING,
@@ -28,22 +28,6 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
-
-# Rule 13: a ship that comes up from more than 22.5 degrees abaft the beam overtakes.
-ABAFT_BEAM = math.radians(112.5)
-# Pedersen 2023: the overtaken ship is at most this far off the overtaker's bow.
-AHEAD = math.radians(67.5)
-
-
-class Encounter(IntEnum):
-    """What the rules ask of own ship towards one target ship."""
-
-    NONE = 0
-    HEAD_ON = 1
-    GIVE_WAY = 2
-    STAND_ON = 3
-    OVERTAKING = 4
-    OVERTAKEN = 5
 
 
 class Motion(NamedTuple):
@@ -97,30 +81,6 @@ def relative_motion(state: Tensor) -> Motion:
     )
 
 
-def classify(bearing: Tensor, aspect: Tensor, head_on: float) -> Tensor:
-    """Return encounter classes by Pedersen's sectors (2023, as in DNV's traffic generator), int64 [...].
-
-    The sectors say what the rules would ask, not whether there is a risk of collision.
-
-    Args:
-        bearing: of the target ship from own ship, clockwise (rad) [...].
-        aspect: bearing of own ship from the target ship, likewise.
-        head_on: half-angle (rad) of the head-on sector, Pedersen's is 5 degrees.
-    """
-
-    def crosses(one: Tensor, other: Tensor) -> Tensor:
-        """Whether a ship has the other on its starboard side, by the bearings from either."""
-        return (one > 0) & (one < ABAFT_BEAM) & (other > -ABAFT_BEAM) & (other <= head_on)
-
-    classes = torch.full_like(bearing, Encounter.NONE, dtype=torch.int64)
-    classes[crosses(aspect, bearing)] = Encounter.STAND_ON
-    classes[crosses(bearing, aspect)] = Encounter.GIVE_WAY
-    classes[(bearing.abs() <= head_on) & (aspect.abs() <= head_on)] = Encounter.HEAD_ON
-    classes[(bearing.abs() > ABAFT_BEAM) & (aspect.abs() < AHEAD)] = Encounter.OVERTAKEN
-    classes[(aspect.abs() > ABAFT_BEAM) & (bearing.abs() < AHEAD)] = Encounter.OVERTAKING
-    return classes
-
-
 @dataclass(frozen=True)
 class Onset:
     """When an encounter begins and ends. Metres, seconds, degrees.
@@ -132,7 +92,7 @@ class Onset:
     dcpa: float
     tcpa: float
     clear: float
-    head_on: float = 5.0
+    head_on: float = HEAD_ON
 
 
 class Encounters:

@@ -19,7 +19,8 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.policies.encounter import Encounter, Motion, Onset, classify, relative_motion
+from ship_trl.policies.encounter import Motion, Onset, relative_motion
+from ship_trl.sim.encounters import Encounter, classify
 from ship_trl.sim.geometry import closest_approach, wrap_angle
 from ship_trl.sim.state import HEADING, SHIP_COUNT, SPEED, goal_distance, position
 

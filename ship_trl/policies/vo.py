@@ -22,7 +22,6 @@ from torch import Tensor
 
 from ship_trl.learn.rollout import Policy
 from ship_trl.policies.encounter import (
-    Encounter,
     Encounters,
     Onset,
     Steering,
@@ -30,6 +29,7 @@ from ship_trl.policies.encounter import (
     relative_motion,
     ship_velocities,
 )
+from ship_trl.sim.encounters import Encounter
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
 from ship_trl.sim.state import HEADING, is_present

@@ -23,8 +23,8 @@ OWN_SIZE = 9
 # `SHIP_COUNT` is empty, and holds zeros.
 SHIP_X, SHIP_Y, SHIP_HEADING, SHIP_SPEED, SHIP_BEHAVIOUR = range(5)
 SHIP_SIZE = 5
-# The behaviour of a target ship that holds course and speed.
-HOLDS_COURSE = 0.0
+# Behaviours of a target ship: it holds course and speed, or gives way by the rules.
+HOLDS_COURSE, GIVES_WAY = 0.0, 1.0
 
 
 def state_size(places: int) -> int:

@@ -9,9 +9,10 @@ import torch
 from tensordict import TensorDict
 
 from ship_trl.learn.rollout import Policy, rollout
-from ship_trl.policies.encounter import Encounter, classify, relative_motion
+from ship_trl.policies.encounter import relative_motion
 from ship_trl.policies.named import POLICIES
 from ship_trl.sim.cases import Case, check_case, load_case, load_world
+from ship_trl.sim.encounters import Encounter, classify
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import STEP, initial_state
 from ship_trl.sim.transition import Transition

@@ -7,10 +7,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.policies.encounter import Encounter, Steering, classify
+from ship_trl.policies.encounter import Steering
 from ship_trl.policies.rules import Settings, ShipScore, route_ratios, safety_score, score_episode
 from ship_trl.sim.cases import Case, load_world
 from ship_trl.sim.dynamics import advance
+from ship_trl.sim.encounters import Encounter, classify
 from ship_trl.sim.state import initial_state
 from tests.policies.imazu import imazu
 

@@ -49,10 +49,23 @@ def train(words: list[str]) -> None:
 
     with refusals():
         check_words(words)
+        # Hydra reads them from there.
+        sys.argv[1:] = add_profile(words)
     mark_launcher()
     end_at_sigterm()
     with hydra_errors():
         entry()
+
+
+def add_profile(words: list[str]) -> list[str]:
+    """Add the profile that the target's suite asks for, unless the words name one."""
+    from ship_trl.sim.suites import profile_of
+
+    if any(word.lstrip("+").startswith("profile=") for word in words):
+        return words
+    targets = [word.removeprefix("target=") for word in words if word.startswith("target=")]
+    profile = profile_of(targets[0]) if len(targets) == 1 else ""
+    return [*words, f"profile={profile}"] if profile else words
 
 
 if __name__ == "__main__":

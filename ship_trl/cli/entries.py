@@ -113,7 +113,7 @@ def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbatio
             if not (place / file).is_file():
                 print_error(f"{place / file} is missing; left out")
                 continue
-            claimed = None if targets or suites[0].is_perturbed else claim.episode_return
+            claimed = None if targets or suites[0].is_drawn else claim.episode_return
             name = f"{label}, {key}"
             found += [Entry(str(place / file), name, suite, world, colour, claimed) for suite in suites]
     if not found:

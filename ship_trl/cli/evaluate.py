@@ -85,10 +85,11 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     show(HEADINGS, rows, options.markdown)
     if options.gif is not None and film is not None:
         from ship_trl.policies.named import network_of
+        from ship_trl.sim.state import first_case
         from ship_trl.view.film import write_gif
 
         entry, env, policy, episode = film
-        network, case = network_of(policy), entry.suite.cases[0]
+        network, case = network_of(policy), first_case(entry.suite, episode.states[0])
         write_gif(options.gif, case, entry.world, episode, env.rasteriser, entry.label, network)
         sys.stdout.write(f"{options.gif}\n")
     return wrong
@@ -100,7 +101,7 @@ def row(entry: Entry, episodes: list[Episode], reached: float, best: float | Non
     # Cases without target ships have no DCPA.
     dcpa = [episode.dcpa for episode in episodes if math.isfinite(episode.dcpa)]
     return [
-        entry.suite.name + ", perturbed" * entry.suite.is_perturbed,
+        entry.suite.name + ", perturbed" * (not entry.suite.perturbation.is_none),
         entry.label,
         f"{reached:.1f}",
         f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-",

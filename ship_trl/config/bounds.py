@@ -35,6 +35,14 @@ PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
 Bound = Annotated[float, limit(0, MAX_DISTANCE)]
+Range = Annotated[
+    list[Bound],
+    Rule("[least, most], two numbers in order", lambda ends: len(ends) == 2 and ends[0] <= ends[1]),
+]
+ShipShares = Rule(
+    "the shares of scenes with 0, 1, 2, ... ships, for at most 8 ships, not all zero",
+    lambda shares: 1 <= len(shares) <= 9 and sum(shares) > 0,
+)
 Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
 PathName = Annotated[
     str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)

@@ -39,11 +39,13 @@ from ship_trl.config.bounds import (
     PathName,
     Positive,
     PositiveShare,
+    Range,
     Seed,
     Share,
+    ShipShares,
 )
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import limit
+from ship_trl.config.schema import Rule, limit
 
 # Environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
@@ -63,6 +65,8 @@ class Logger(Enum):
 
 
 Loss = Enum("Loss", ["l2", "huber"])
+# What the rules ask of own ship towards a target ship: keep clear of it, or hold its course.
+EncounterClass = Enum("EncounterClass", ["head_on", "give_way", "stand_on", "overtaking", "overtaken"])
 # What the network sees: pictures, or the scene as numbers in own ship's frame.
 Observation = Enum("Observation", ["pixels", "vector"])
 # What a sweeper maximises: the mean greedy return after exploration, the last one, or the highest.
@@ -130,6 +134,31 @@ class Perturbation:
     def is_none(self) -> bool:
         """Whether nothing is changed."""
         return self == Perturbation()
+
+
+@dataclass(frozen=True)
+class Margin:
+    """What training alone adds to the reward, so that ships keep more than the safe distance.
+
+    A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
+    of it at the safe distance.
+    """
+
+    distance: Bound = 0.0
+    penalty: Bound = 0.0
+
+
+@dataclass
+class Traffic:
+    """A distribution of random encounters; conf/suite/traffic.yaml says what each key means."""
+
+    ships: Annotated[list[Share], ShipShares]
+    classes: Annotated[list[EncounterClass], Rule("at least one class of encounter", bool)]
+    speeds: Range
+    meeting: Range
+    offset: Bound
+    distance: Range
+    reacting: Share
 
 
 @dataclass
@@ -263,6 +292,7 @@ class Config:
     checkpoint: Checkpoint
     wandb: Wandb
     observation: Observation = Observation.pixels
+    margin: Margin = field(default_factory=Margin)
 
     @property
     def arm(self) -> Arm:

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from ship_trl.gym.ships import Infos, Pixels, Ships
+from ship_trl.sim.state import first_case
 
 ENV_ID = "ShipCollision-v0"
 LARGE_PICTURE = 600
@@ -81,4 +82,5 @@ class ShipCollisionEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
 
         ships = self._ships
         state = torch.from_numpy(ships.state[0])
-        return to_array(draw_scene(ships.suite.cases[0], ships.world, state, LARGE_PICTURE))
+        case = first_case(ships.suite, state)
+        return to_array(draw_scene(case, ships.world, state, LARGE_PICTURE))

@@ -16,7 +16,7 @@ from torch import Generator
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.starts import Starts
+from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
 
@@ -40,7 +40,7 @@ class Ships:
     def __init__(self, count: int, case: str, colour: bool, fast: bool = True) -> None:
         self.world, self._is_seeded = load_world(), False
         self.suite = load_suite(str(case), self.world, "case")
-        self._starts, self._generator = Starts(self.suite, self.world), Generator().manual_seed(0)
+        self._starts, self._generator = make_starts(self.suite, self.world), Generator().manual_seed(0)
         rasteriser, transition = Rasteriser(self.world, colour=colour, fast=fast), Transition(self.world)
         if rasteriser.compiled is not None:
             # Imported here: without compiled loops nothing needs numba.

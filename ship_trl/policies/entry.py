@@ -65,13 +65,13 @@ def rollout_entry(
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.starts import Starts
+    from ship_trl.sim.starts import make_starts
 
     # Networks draw their own pixels, and policies without training read only the state.
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
     suite, world = entry.suite, entry.world
-    count = suite.whole_rounds(episodes or (EPISODES if suite.is_perturbed else 1))
-    starts = Starts(suite, world).balanced(count, Generator().manual_seed(seed + STARTS_SEED))
+    count = suite.whole_rounds(episodes or (EPISODES if suite.is_drawn else 1))
+    starts = make_starts(suite, world).balanced(count, Generator().manual_seed(seed + STARTS_SEED))
     env = ShipEnv(suite, world, colour=entry.colour, from_pixels=pixels, starts=starts)
     policy = load_policy(entry.policy, env, seed)
     return env, policy, rollout(env, policy)

@@ -49,10 +49,10 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
     """Return the policy that follows the planner's best plan of each case.
 
     Raises:
-        ConfigError: the starts are perturbed.
+        ConfigError: the starts are drawn.
     """
-    if env.suite.is_perturbed:
-        raise ConfigError("policy: best_known has no plan of a perturbed start; allowed: no perturbation")
+    if env.suite.is_drawn:
+        raise ConfigError("policy: best_known has no plan of a drawn start; allowed: cases, not perturbed")
     plans = [follow(best_known(case, env.world).actions) for case in env.suite.cases]
     if len(plans) == 1:
         return plans[0]

@@ -6,7 +6,7 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import World
-from ship_trl.sim.starts import Starts
+from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import Suite
 from ship_trl.sim.transition import make_step
 
@@ -23,7 +23,7 @@ def random_return(
     `make_step`.
     """
     step, generator = make_step(world, fast=fast), Generator().manual_seed(seed)
-    state = Starts(suite, world).balanced(episodes, generator).contiguous()
+    state = make_starts(suite, world).balanced(episodes, generator).contiguous()
     total = torch.zeros(episodes, dtype=torch.float64)
     running = torch.ones(episodes, dtype=torch.bool)
     while bool(running.any()):

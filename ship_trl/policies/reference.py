@@ -54,7 +54,7 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
 
 def best_known_return(suite: Suite, world: World, folder: Path | None = None) -> float | None:
     """Return the mean best known return of a suite's cases; None if their starts are perturbed."""
-    if suite.is_perturbed:
+    if suite.is_drawn:
         return None
     returns = [best_known(case, world, folder).episode_return for case in suite.cases]
     return sum(returns) / len(returns)

@@ -18,6 +18,7 @@ from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.run.process import processor_name
 from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
+from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
@@ -42,8 +43,8 @@ def write_files(run: Run, parts: Parts, known: float | None) -> None:
     title = f"{config.arm_label}{origin}, seed {config.seed}"
     if len(run.target.cases) > 1:
         title += f", suite {run.target.name}"
-    # The first episode of an evaluation begins in the first case.
-    case, best = run.target.cases[0], history.best.episodes[0]
+    best = history.best.episodes[0]
+    case = first_case(run.target, best.states[0])
     rasteriser, network = parts.eval_env.rasteriser, history.network
     write_gif(folder / "episode.gif", case, config.world, best, rasteriser, title, network)
 

@@ -21,7 +21,7 @@ from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.starts import Starts
+from ship_trl.sim.starts import make_starts
 from ship_trl.transfer.methods import make_method
 
 # Networks that run side by side before training; each takes 3 MB.
@@ -91,7 +91,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device, fast=config.fast)
     drawn = Generator().manual_seed(run.stream("evaluation"))
-    eval_env = make_env(starts=Starts(run.target, world).balanced(run.evaluation_episodes, drawn))
+    eval_env = make_env(starts=make_starts(run.target, world).balanced(run.evaluation_episodes, drawn))
     draw = eval_env.observer(config.network)
     actions = len(world.actions)
     network = make_network(config.network, actions, streams["weights"], colour=config.colour)
@@ -112,7 +112,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     )
     algorithm = build_algorithm(setup)
     starts = Generator().manual_seed(run.stream("starts"))
-    env = make_env(learn.num_envs, encoders=algorithm.encoders, generator=starts)
+    env = make_env(learn.num_envs, encoders=algorithm.encoders, generator=starts, margin=config.margin)
     show_demonstrations(run, env, algorithm)
     best = make_network(config.network, actions, Generator(), colour=config.colour).to(device)
     return Parts(

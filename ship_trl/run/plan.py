@@ -122,7 +122,7 @@ def hash_of(
     learn = plain(config.learn)
     # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
     del learn["jumpstart_draws"], learn["backend"]
-    if not target.is_perturbed:
+    if not target.is_drawn:
         # Then it is not used.
         del learn["evaluate_episodes"]
     values: dict[str, Any] = {
@@ -135,14 +135,22 @@ def hash_of(
         "world": plain(config.world),
         "learn": learn,
     }
-    if network := non_default_network(config.network):
-        values["network"] = network
-    if algorithm := non_default_algorithm(config.algorithm):
-        file, _, function = algorithm["build"].rpartition(":")
-        if file.endswith(".py"):
-            content = hashlib.sha256(Path(file).read_bytes()).hexdigest()
-            algorithm = algorithm | {"build": f"{content}:{function}"}
-        values["algorithm"] = algorithm
-    if demonstrations:
-        values["demonstrations"] = [one.actions for one in demonstrations]
+    # Left out where they are the default, so that older results keep their digest.
+    optional: dict[str, Any] = {
+        "margin": plain(config.margin) if config.margin.penalty else None,
+        "network": non_default_network(config.network),
+        "algorithm": algorithm_to_hash(config),
+        "demonstrations": [one.actions for one in demonstrations],
+    }
+    values |= {key: value for key, value in optional.items() if value}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def algorithm_to_hash(config: Config) -> dict[str, Any] | None:
+    """Return the settings of an algorithm that is not the default, with the digest of its file."""
+    algorithm = non_default_algorithm(config.algorithm)
+    file, _, function = algorithm["build"].rpartition(":") if algorithm else ("", "", "")
+    if algorithm and file.endswith(".py"):
+        content = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        return algorithm | {"build": f"{content}:{function}"}
+    return algorithm

@@ -50,7 +50,7 @@ class Run:
     @property
     def evaluation_episodes(self) -> int:
         """Number of episodes of a greedy evaluation: each case once, or the episodes asked for if drawn."""
-        asked = self.config.learn.evaluate_episodes if self.target.is_perturbed else 1
+        asked = self.config.learn.evaluate_episodes if self.target.is_drawn else 1
         return self.target.whole_rounds(asked)
 
     @property

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from typing import Any, TypeVar
 
-import torch
+from numpy.typing import NDArray
 from torch import Tensor
+
+Angles = TypeVar("Angles", Tensor, NDArray[Any])
 
 # Rule 13: a ship that comes up from more than 22.5 degrees abaft the beam overtakes.
 ABAFT_BEAM = math.radians(112.5)
@@ -30,25 +33,27 @@ class Encounter(IntEnum):
     OVERTAKEN = 5
 
 
-def classify(bearing: Tensor, aspect: Tensor, head_on: float) -> Tensor:
+def classify(bearing: Angles, aspect: Angles, head_on: float) -> Angles:
     """Return encounter classes by Pedersen's sectors (2023, as in DNV's traffic generator), int64 [...].
 
     The sectors say what the rules would ask, not whether there is a risk of collision.
 
     Args:
-        bearing: of the target ship from own ship, clockwise (rad) [...].
+        bearing: of the target ship from own ship, clockwise (rad) [...]; a tensor or an array.
         aspect: bearing of own ship from the target ship, likewise.
         head_on: half-angle (rad) of the head-on sector.
     """
 
-    def crosses(one: Tensor, other: Tensor) -> Tensor:
+    def crosses(one: Angles, other: Angles) -> Angles:
         """Whether a ship has the other on its starboard side, by the bearings from either."""
         return (one > 0) & (one < ABAFT_BEAM) & (other > -ABAFT_BEAM) & (other <= head_on)
 
-    classes = torch.full_like(bearing, Encounter.NONE, dtype=torch.int64)
-    classes[crosses(aspect, bearing)] = Encounter.STAND_ON
-    classes[crosses(bearing, aspect)] = Encounter.GIVE_WAY
-    classes[(bearing.abs() <= head_on) & (aspect.abs() <= head_on)] = Encounter.HEAD_ON
-    classes[(bearing.abs() > ABAFT_BEAM) & (aspect.abs() < AHEAD)] = Encounter.OVERTAKEN
-    classes[(aspect.abs() > ABAFT_BEAM) & (bearing.abs() < AHEAD)] = Encounter.OVERTAKING
-    return classes
+    meets = (abs(bearing) <= head_on) & (abs(aspect) <= head_on)
+    gives_way = crosses(bearing, aspect) & ~meets
+    return (
+        Encounter.HEAD_ON * meets
+        + Encounter.GIVE_WAY * gives_way
+        + Encounter.STAND_ON * (crosses(aspect, bearing) & ~meets & ~gives_way)
+        + Encounter.OVERTAKING * ((abs(aspect) > ABAFT_BEAM) & (abs(bearing) < AHEAD))
+        + Encounter.OVERTAKEN * ((abs(bearing) > ABAFT_BEAM) & (abs(aspect) < AHEAD))
+    )

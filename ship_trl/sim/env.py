@@ -12,10 +12,10 @@ from torch import Generator, Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config.types import Network, World
+from ship_trl.config.types import Margin, Network, World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.starts import Starts
+from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.sim.transition import make_step
 from ship_trl.sim.vector import VectorObservation
@@ -51,6 +51,7 @@ class ShipEnv(EnvBase):
         generator: random generator of the initial states, on the CPU; one with seed 0 by default.
         starts: initial states [N, S] with which every reset begins the N rows, in place of drawn ones.
         fast: whether compiled loops step and draw on the CPU; else torch does, which rounds differently.
+        margin: what passing near a target ship costs in addition to the world's reward.
     """
 
     batch_locked = True
@@ -68,16 +69,17 @@ class ShipEnv(EnvBase):
         generator: Generator | None = None,
         starts: Tensor | None = None,
         fast: bool = True,
+        margin: Margin | None = None,
     ) -> None:
         num_envs = num_envs if starts is None else len(starts)
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.suite = suite_of(suite) if isinstance(suite, Case) else suite
         self.world = world
         self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
-        self._starts, self._given = Starts(self.suite, world), starts
+        self._starts, self._given = make_starts(self.suite, world), starts
         self._simulate = make_step(world, self.device, fast=fast)
         self.rasteriser = Rasteriser(world, colour=colour, device=self.device, fast=fast)
-        self.from_pixels = from_pixels
+        self.from_pixels, self.margin = from_pixels, margin or Margin()
         self._encoders = dict(encoders or {})
         self._make_specs()
         first = self._observe(self._starts.states[:1].to(self.device))
@@ -156,13 +158,16 @@ class ShipEnv(EnvBase):
         terminated = (after.goal | after.collision).unsqueeze(-1)
         truncated = after.truncated.unsqueeze(-1)
         dcpa = torch.minimum(tensordict["dcpa"], after.min_distance.unsqueeze(-1))
+        reward = after.reward.unsqueeze(-1)
+        if self.margin.penalty:
+            reward = reward - self._near_penalty(after.min_distance.unsqueeze(-1))
         return TensorDict(
             self._observe(after.state)
             | {
                 "dcpa": dcpa,
                 "goal": after.goal.unsqueeze(-1),
                 "collision": after.collision.unsqueeze(-1),
-                "reward": after.reward.unsqueeze(-1),
+                "reward": reward,
                 "done": terminated | truncated,
                 "terminated": terminated,
                 "truncated": truncated,
@@ -170,6 +175,11 @@ class ShipEnv(EnvBase):
             batch_size=self.batch_size,
             device=self.device,
         )
+
+    def _near_penalty(self, distance: Tensor) -> Tensor:
+        """Return what steps cost whose least distance (m) to a target ship is `distance`, see `Margin`."""
+        width = max(self.margin.distance - self.world.safe_distance, 1e-6)
+        return self.margin.penalty * ((self.margin.distance - distance) / width).clamp(0.0, 1.0)
 
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """Take a step, then reset the rows whose episode has ended.

@@ -27,6 +27,7 @@ from ship_trl.sim.state import (
     target_ships,
 )
 from ship_trl.sim.suites import Suite
+from ship_trl.sim.traffic import TrafficStarts, uniform
 
 # Perturbed starts inside the safe distance or at the goal are drawn again, at most this often.
 MAX_DRAWS = 1000
@@ -115,10 +116,7 @@ class Starts:
         """Return initial states [N, S] of cases [N], perturbed if the suite is."""
         states: States = self._low.take(cases, 0)
         if self._is_perturbed:
-            # Filling an array costs half as much as `torch.rand`.
-            share = np.empty_like(states)
-            torch.from_numpy(share).uniform_(generator=generator)
-            states += self._width.take(cases, 0) * share
+            states += self._width.take(cases, 0) * uniform(states.shape, generator)
             np.maximum(states, self._least, out=states)
         return states
 
@@ -127,3 +125,8 @@ class Starts:
         away = states[:, self._points] - states[:, None, X : Y + 1]
         distance = np.hypot(away[..., 0], away[..., 1])
         return (distance < self._keep.take(cases, 0) + reach).any(1).nonzero()[0]
+
+
+def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:
+    """Make what draws the initial states of a suite."""
+    return Starts(suite, world) if suite.traffic is None else TrafficStarts(suite.traffic, world)

@@ -15,7 +15,8 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import Case
+from ship_trl.sim.cases import Case, TargetShip
+from ship_trl.sim.suites import Suite
 
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
 OWN_SIZE = 9
@@ -53,6 +54,18 @@ def initial_state(case: Case, world: World, places: int | None = None) -> Tensor
     row = torch.zeros(state_size(count if places is None else places), device="cpu")
     row[: len(own) + len(ships)] = torch.tensor(own + ships, device="cpu")
     return row
+
+
+def first_case(suite: Suite, state: Tensor) -> Case:
+    """Return the first case of a suite; without cases, a case that begins with a state [S]."""
+    if suite.cases:
+        return suite.cases[0]
+    x, y, heading, _, _, goal_x, goal_y, *_ = state.tolist()
+    ships = [
+        TargetShip(ship[SHIP_X], ship[SHIP_Y], math.degrees(ship[SHIP_HEADING]), ship[SHIP_SPEED])
+        for ship in target_ships(state)[: int(state[SHIP_COUNT])].tolist()
+    ]
+    return Case([x, y], math.degrees(heading), [goal_x, goal_y], "drawn", ships, suite.name)
 
 
 def position(state: Tensor) -> Tensor:

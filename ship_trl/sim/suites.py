@@ -1,4 +1,4 @@
-"""Load suites: lists of cases with which episodes begin, exactly or perturbed. No torch."""
+"""Load suites, what episodes begin with: cases, exact or perturbed, or random encounters. No torch."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import json
 import math
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Annotated
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.schema import Rule, read_as
-from ship_trl.config.types import Perturbation, World
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.sim.cases import Case, case_names, find_case, load_case
 
@@ -21,38 +20,48 @@ UNPERTURBED = Perturbation()
 
 @dataclass
 class SuiteFile:
-    """What a suite's YAML file holds: names or paths of cases."""
+    """What a suite's YAML file holds: names or paths of cases, or a distribution of scenes.
 
-    cases: Annotated[list[str], Rule("at least one case", bool)]
+    `profile` is that of its runs, unless `profile=` is given.
+    """
+
+    cases: list[str] = field(default_factory=list)
     perturbation: Perturbation = field(default_factory=Perturbation)
+    traffic: Traffic | None = None
+    profile: str = ""
 
 
 @dataclass(frozen=True)
 class Suite:
-    """What episodes begin with: one of the cases at random, perturbed."""
+    """What episodes begin with: one of the cases at random, perturbed, or a random encounter.
+
+    With `traffic` there are no cases: every episode begins with a scene of its own.
+    """
 
     name: str
     cases: tuple[Case, ...]
     perturbation: Perturbation = UNPERTURBED
+    traffic: Traffic | None = None
 
     @property
-    def is_perturbed(self) -> bool:
+    def is_drawn(self) -> bool:
         """Whether two episodes of a case may begin differently."""
-        return not self.perturbation.is_none
+        return self.traffic is not None or not self.perturbation.is_none
 
     @cached_property
     def is_fixed(self) -> bool:
         """Whether all episodes begin alike."""
-        return len(self.cases) == 1 and not self.is_perturbed
+        return len(self.cases) == 1 and not self.is_drawn
 
     @cached_property
     def fingerprint(self) -> str:
-        """Return a digest of cases and perturbation, twelve hex digits; of a fixed suite, its case's."""
+        """Return a digest of what is drawn, twelve hex digits; of a fixed suite, its case's."""
         cases = [case.fingerprint for case in self.cases]
         if self.is_fixed:
             return cases[0]
         bounds = {name: float(bound) for name, bound in asdict(self.perturbation).items()}
-        values = json.dumps([cases, bounds], sort_keys=True)
+        drawn = [] if self.traffic is None else [plain(self.traffic)]
+        values = json.dumps([cases, bounds, *drawn], sort_keys=True)
         return hashlib.sha256(values.encode()).hexdigest()[:12]
 
     @property
@@ -60,23 +69,29 @@ class Suite:
         """The case of a suite of one, perturbed or not.
 
         Raises:
-            ConfigError: the suite has several cases.
+            ConfigError: the suite has several cases or none.
         """
-        if len(self.cases) > 1:
-            raise ConfigError(f"suite {self.name}: has several cases; allowed here: one case")
+        if len(self.cases) != 1:
+            has = "several cases" if self.cases else "no cases"
+            raise ConfigError(f"suite {self.name}: has {has}; allowed here: one case")
         return self.cases[0]
 
     @property
     def places(self) -> int:
-        """The most target ships of a case."""
+        """The most target ships of a scene."""
+        if self.traffic is not None:
+            return len(self.traffic.ships) - 1
         return max(len(case.target_ships) for case in self.cases)
 
     def whole_rounds(self, episodes: int) -> int:
         """Return the least number of episodes, at least `episodes`, that has each case equally often."""
-        return len(self.cases) * math.ceil(episodes / len(self.cases))
+        count = max(1, len(self.cases))
+        return count * math.ceil(episodes / count)
 
     def split(self) -> list[Suite]:
-        """Return a suite of one for each case, perturbed alike."""
+        """Return a suite of one for each case, perturbed alike; without cases, the suite itself."""
+        if self.traffic is not None:
+            return [self]
         return [suite_of(case, self.perturbation) for case in self.cases]
 
 
@@ -93,6 +108,14 @@ def suite_names() -> list[str]:
 def is_suite(name: str) -> bool:
     """Return whether a name is that of a suite and not of a case."""
     return name in suite_names() and find_case(name) is None
+
+
+def profile_of(name: str) -> str:
+    """Return the profile that a suite asks for, empty if none or if `name` is no suite."""
+    if not is_suite(name):
+        return ""
+    path = conf_dir() / "suite" / f"{name}.yaml"
+    return read_as(SuiteFile, read_yaml(path), f"{path}: ").profile
 
 
 def describe(name: str) -> str:
@@ -114,9 +137,14 @@ def load_suite(
         path = conf_dir() / "suite" / f"{name}.yaml"
         values = read_as(SuiteFile, read_yaml(path), f"{path}: ")
         cases = tuple(load_case(case, world, f"{path}: cases") for case in values.cases)
+        if bool(cases) == (values.traffic is not None):
+            raise ConfigError(f"{path}: allowed: either cases or traffic")
         own = asdict(values.perturbation)
         given = {bound: value for bound, value in asdict(perturbation).items() if value > 0}
-        return Suite(name, cases, Perturbation(**own | given))
+        bounds = Perturbation(**own | given)
+        if values.traffic is not None and not bounds.is_none:
+            raise ConfigError(f"perturbation: suite {name} draws its scenes; allowed: a suite of cases")
+        return Suite(name, cases, bounds, values.traffic)
     if find_case(name) is None:
         cases_and_suites = f"{', '.join(case_names())}, suite {', '.join(suite_names())}"
         raise ConfigError(

@@ -14,6 +14,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.entry import Entry, rollout_entry
 from ship_trl.policies.named import network_of
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.state import first_case
 from ship_trl.view.telemetry import Telemetry, measure_episode
 
 # Pixels by which the gradient is blurred: single pixels show the stride of the first layer.
@@ -64,7 +65,7 @@ def view_entry(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
         title = title.split("/", 1)[1]
     if episode > 1:
         title += f", episode {episode}"
-    telemetry = measure_episode(entry.case, entry.world, episodes[0])
+    telemetry = measure_episode(first_case(entry.suite, episodes[0].states[0]), entry.world, episodes[0])
     return EpisodeView(title, telemetry, env.rasteriser, network_of(policy))
 
 

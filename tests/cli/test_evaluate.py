@@ -204,7 +204,7 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
             "perturbation.speed: unknown key; allowed here: own_position",
         ),
         ("random target=2 perturbation.own_heading=181", "perturbation.own_heading: must be from 0 to 180"),
-        ("best_known target=2 perturbation.own_heading=1", "policy: best_known has no plan of a perturbed"),
+        ("best_known target=2 perturbation.own_heading=1", "policy: best_known has no plan of a drawn"),
         ("pretrained target=paper", "suite paper: has several cases; allowed here: one case"),
         ("random target=paper --demonstrations d", "--demonstrations: of single cases, not perturbed"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),

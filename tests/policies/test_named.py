@@ -64,5 +64,5 @@ def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
 
 def test_best_known_is_refused_where_starts_are_perturbed(world: World) -> None:
     suite = load_suite("4", world, perturbation=Perturbation(own_position=5))
-    with pytest.raises(ConfigError, match="policy: best_known has no plan of a perturbed start"):
+    with pytest.raises(ConfigError, match="policy: best_known has no plan of a drawn start"):
         load_policy("best_known", ShipEnv(suite, world))

@@ -13,7 +13,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.starts import Starts
+from ship_trl.sim.starts import Starts, make_starts
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -52,7 +52,7 @@ def test_the_paper_suite_has_its_seven_cases(world: World) -> None:
 
 @pytest.mark.parametrize("name", suite_names())
 def test_every_suite_loads_and_draws(name: str, world: World) -> None:
-    assert len(Starts(load_suite(name, world), world).sample(3, draw())) == 3
+    assert len(make_starts(load_suite(name, world), world).sample(3, draw())) == 3
 
 
 def test_a_case_is_a_suite_of_one_and_draws_nothing(world: World) -> None:

@@ -208,5 +208,5 @@ def test_a_claim(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_measure_of_similarity(tmp_path: Path) -> None:
     place = follow("similarity", copy(tmp_path))
-    printed = python(place, tmp_path, "-m", "ship_trl", "cases", "--target", "4", "--by", "ships")
+    printed = python(place, tmp_path, "-m", "ship_trl", "cases", "target=4", "--by", "ships")
     assert "Sources for case 4, by ships" in printed

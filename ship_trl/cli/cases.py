@@ -1,4 +1,9 @@
-"""`python -m ship_trl cases`: list and draw the cases, or rank sources for a target."""
+"""`python -m ship_trl cases target=CASE|SUITE`: list and draw cases, or rank sources for one case.
+
+Of several cases (with commas between them, or a suite; default: target=paper,ship) the tables have ideal
+paths, target ships and similarity. Many cases are drawn on one page, with their classes of encounter. For one
+case, all other cases are ranked as sources, and an arm is recommended.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +16,23 @@ from omegaconf import OmegaConf
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.cli.table import show
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
+from ship_trl.sim.suites import load_suite
 from ship_trl.study.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
-# Transfers listed for a target.
-MAX_TRANSFERS_SHOWN = 12
+# Sources and transfers listed for a target, and cases drawn in rows and compared in a matrix.
+MAX_SHOWN, MAX_ROWS = 12, 8
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print the tables and write the contact sheet."""
+    """Print the tables and write the picture."""
     parser = make_parser("cases", __doc__)
-    parser.add_argument("--target", help="rank all other cases as sources for this one and recommend an arm")
+    parser.add_argument("target", nargs="?", default="target=paper,ship", metavar="target=CASE|SUITE")
     parser.add_argument(
         "--by", choices=MEASURES, default="similarity", help="rank by similarity (equation 8) or distance (7)"
     )
@@ -33,32 +40,51 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help=stored)
     table = f"a report's {TABLE}, to recommend by; default: that of the confirmatory study"
     parser.add_argument("--measured", type=Path, metavar="FILE", help=table)
-    picture = "where the picture goes; default: outputs/cases.png, of a target outputs/case_NAME.png"
+    picture = "where the picture goes; default: outputs/cases.png, of a target with its name"
     add_output(parser, "--picture", (".png",), picture)
     options = parser.parse_args(arguments)
     with refusals():
         world = load_world()
-        cases = {name: load_case(name, world) for name in case_names()}
-        if options.target is None:
+        key, equals, names = options.target.partition("=")
+        if key != "target" or not equals:
+            raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE|SUITE")
+        suites = [load_suite(name, world, "target") for name in names.split(",")]
+        cases = {case.name: case for suite in suites for case in suite.cases}
+        if len(cases) > 1:
             show_cases(cases)
             show_pairs(cases, world)
-            name, shown = "cases.png", list(cases.values())
+            is_default = options.target == parser.get_default("target")
+            name = f"cases{'' if is_default else '_' + '-'.join(suite.name for suite in suites)}.png"
         else:
-            target = load_case(options.target, world, "--target")
-            sources = [case for case in cases.values() if case.fingerprint != target.fingerprint]
+            (target,) = cases.values()
+            others = (load_case(name, world) for name in case_names())
+            sources = [case for case in others if case.fingerprint != target.fingerprint]
             # The table exists once a study is finished.
             measured = options.measured or (BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None)
             known = [] if measured is None else read_transfers(measured)
             show_ranking(target, sources, world, options.by, CaseBase(options.case_base))
             show_measured(target, transfers_to(target, known, sources))
-            name, shown = f"case_{target.name}.png", [target]
-
-        from ship_trl.view.contact_sheet import write_contact_sheet
-
+            name = f"case_{target.name}.png"
         path = options.picture or Path("outputs") / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_contact_sheet(path, shown, world)
+        draw_cases(path, cases, world)
         sys.stdout.write(f"{path}\n")
+
+
+def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
+    """Write a picture with a row for each case, or a page of small pictures if they are many."""
+    import torch
+
+    from ship_trl.sim.state import initial_state
+    from ship_trl.view.case_page import write_case_page
+    from ship_trl.view.contact_sheet import write_contact_sheet
+
+    if len(cases) <= MAX_ROWS:
+        write_contact_sheet(path, list(cases.values()), world)
+    else:
+        places = max(len(case.target_ships) for case in cases.values())
+        states = [initial_state(case, world, places) for case in cases.values()]
+        write_case_page(path, list(cases), torch.stack(states), world)
 
 
 def show_cases(cases: dict[str, Case]) -> None:
@@ -72,7 +98,7 @@ def show_cases(cases: dict[str, Case]) -> None:
 
 
 def show_pairs(cases: dict[str, Case], world: World) -> None:
-    """Print table 2 with the properties behind each number, and the similarity of all pairs."""
+    """Print table 2 with the properties behind each number, and the similarity of all pairs of few cases."""
     configs = ((path.stem, OmegaConf.load(path)) for path in (conf_dir() / "pair").glob("*.yaml"))
     pairs = []
     for source, target, pair in sorted((values.source, values.target, pair) for pair, values in configs):
@@ -81,8 +107,11 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
             one, other = cases[source], cases[target]
             value, apart = f"{similarity(one, other):.2f}", f"{distance(one, other, world):.2f}"
             pairs.append((pair, source, target, value, apart, *describe_similarity(one, other)))
-    headings = ("pair", "source", "target", "similarity", "distance", "common", "different")
-    show(headings, pairs, title="Table 2: similarity by equation 8, distance by equation 7")
+    if pairs:
+        headings = ("pair", "source", "target", "similarity", "distance", "common", "different")
+        show(headings, pairs, title="Table 2: similarity by equation 8, distance by equation 7")
+    if len(cases) > MAX_ROWS:
+        return
     matrix = [
         (name, *(f"{similarity(source, target):.2f}" for target in cases.values()))
         for name, source in cases.items()
@@ -93,7 +122,7 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 def show_ranking(target: Case, sources: list[Case], world: World, by: str, stored: CaseBase) -> None:
     """Print the sources for a target, best first, with stored networks and the paper's arm."""
     fingerprints = [entry.fingerprint for entry in stored.entries()]
-    ranking = rank(target, sources, world, by)
+    ranking = rank(target, sources, world, by)[:MAX_SHOWN]
     arms = [" ".join(f"{key}={value}" for key, value in match.arm.keys.items()) for match in ranking]
     rows = []
     for match, arm in zip(ranking, arms, strict=True):
@@ -127,7 +156,7 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
         f"the same epsilon. The {len(found)} intervals hold together at 95 %; each alone would be narrower."
     )
     rows = []
-    for one in found[:MAX_TRANSFERS_SHOWN]:
+    for one in found[:MAX_SHOWN]:
         start = "1" if one.epsilon_start is None else f"{one.epsilon_start:g}"
         between = f"{one.low:+.3f} to {one.high:+.3f}"
         rows.append((one.source, one.arm, start, f"{one.gain:+.3f}", between, str(one.seeds)))

@@ -76,7 +76,7 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
     """Return the bundled networks, on `targets` or each on its own case, with the return that each claims."""
     if targets:
         has_own_case = name != PRETRAINED
-        chosen = [(find(name, None if has_own_case else suite.case), suite) for suite in targets]
+        chosen = [(find(name, None if has_own_case else suite), suite) for suite in targets]
     else:
         named = networks() if name == PRETRAINED else [find(name, None)]
         chosen = [(one, load_suite(one.case, world, "target", perturbation)) for one in named]

@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING, Any
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
-from ship_trl.policies.pretrained import CURVES, MANIFEST, Pretrained
+from ship_trl.policies.pretrained import CURVES, MANIFEST, Pretrained, networks
 from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.transfer.casebase import POLICY
@@ -38,11 +37,11 @@ SEEDS, RUNS = range(100, 105), Path("outputs/pretrained")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the missing trainings, then choose and write the networks."""
+    """Run the missing trainings of the bundled cases, then choose and write the networks."""
     parser = make_parser("pretrain", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where networks and manifest are written")
     folder = parser.parse_args(arguments).folder
-    cases = sorted(path.stem for path in (conf_dir() / "case").glob("*.yaml"))
+    cases = sorted(one.case for one in networks())
     grid = f"target={','.join(cases)}", "method=scratch", f"seed={','.join(map(str, SEEDS))}"
     line = [sys.executable, "-m", "ship_trl", "-m", *grid, f"output={RUNS}"]
     if code := subprocess.run(line, check=False).returncode:

@@ -1,8 +1,8 @@
-"""`python -m ship_trl record POLICY... target=CASE --output FILE`: `watch` without a screen.
+"""`python -m ship_trl record POLICY... target=CASE|SUITE --output FILE`: `watch` without a screen.
 
 POLICY is the same as for `watch`; of a result folder, the best network is taken. FILE ends with .gif or
-.mp4; any other name is a folder for PNG frames. Several policies are shown one after the other, or two side
-by side with --compare. --trajectories draws all of them in one chart.
+.mp4; any other name is a folder for PNG frames. Several policies, and the cases of a suite, are shown one
+after the other, or two policies side by side with --compare. --trajectories draws all of them in one chart.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""`python -m ship_trl watch POLICY... target=CASE`: watch episodes of any policies in a window.
+"""`python -m ship_trl watch POLICY... target=CASE|SUITE`: watch episodes of any policies in a window.
 
 POLICY is random, keep_course, best_known, pretrained, a safetensors file, a result folder (its best and its
 last network), or file.py:function of your own. Result folders and pretrained networks have their own target.
-Without a policy, the pretrained network of case 4 is shown. Press H in the window for the keys.
+Of several cases, those in which the first policy misses the goal come first; C shows the next. Without a
+policy, the pretrained network of case 4 is shown. Press H in the window for the keys.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import shlex
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
-from ship_trl.policies.entry import split_suites
+from ship_trl.policies.entry import failures_first, split_suites
 
 DEFAULT_WORDS = ["pretrained", "target=4"]
 
@@ -34,7 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
 
         configure_process()
         # Load the policies first: their errors are shown without a screen, too.
-        session = Session(entries, options.compare, options.seed)
+        session = Session(failures_first(entries, options.seed), options.compare, options.seed)
         flags = [*["--compare"] * options.compare, *["--colour"] * options.colour]
         words = shlex.join([*options.words, *flags])
         with open_window(options.size, f"python -m ship_trl record {words} --output film.gif makes a film"):

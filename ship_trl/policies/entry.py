@@ -49,6 +49,16 @@ def split_suites(entries: Iterable[Entry]) -> list[Entry]:
     return found
 
 
+def failures_first(entries: list[Entry], seed: int = 0) -> list[Entry]:
+    """Return the entries, but first those of the first policy that miss the goal; single cases alone."""
+    first = entries[0].policy
+    if sum(entry.policy == first for entry in entries) == 1:
+        return entries
+    return sorted(
+        entries, key=lambda entry: entry.policy != first or rollout_entry(entry, 1, seed)[2][0].goal
+    )
+
+
 def rollout_entry(
     entry: Entry, episodes: int | None = None, seed: int = 0
 ) -> tuple[ShipEnv, Policy, list[Episode]]:

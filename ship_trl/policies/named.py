@@ -109,7 +109,7 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     if name in POLICIES:
         return POLICIES[name](env, seed)
     if is_pretrained(name):
-        name = str(find(name, None if ":" in name else env.case).file)
+        name = str(find(name, None if ":" in name else env.suite).file)
     if Path(name).suffix == ".safetensors":
         layers = saved_network(Path(name), "policy")
         colour = env.rasteriser.channels == 3

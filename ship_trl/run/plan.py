@@ -22,7 +22,7 @@ from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.run.run import Run
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.suites import Suite, load_suite
+from ship_trl.sim.suites import Suite, is_suite, load_suite
 from ship_trl.transfer.casebase import rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an
@@ -45,7 +45,7 @@ def make_run(config: Config) -> Run:
     if not config.arm.is_scratch:
         origin = load_suite(str(config.source), world, "source")
         if config.arm.weights is SourceWeights.pretrained:
-            pretrained = find(PRETRAINED, origin.case, "source")
+            pretrained = find(PRETRAINED, origin, "source")
         elif config.source_file is None and config.arm.has_trained_source:
             source_config = dataclasses.replace(
                 config.with_arm(SCRATCH),
@@ -91,7 +91,8 @@ def resolve_pretrained(config: Config, target: Suite) -> Config:
             )
         source = str(OmegaConf.load(pair).source)
     else:
-        cases = [load_case(one.case, config.world, "source") for one in networks()]
+        names = [one.case for one in networks() if not is_suite(one.case)]
+        cases = [load_case(name, config.world, "source") for name in names]
         other_cases = [case for case in cases if case.fingerprint != target.case.fingerprint]
         source = rank(target.case, other_cases, config.world)[0].case.name
     if config.arm.is_scratch:

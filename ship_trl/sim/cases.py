@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 from omegaconf import OmegaConf
 from yaml import YAMLError
 
-from ship_trl.config.bounds import MAX_DISTANCE
+from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir, is_name
 from ship_trl.config.schema import Rule, limit, read_as
@@ -38,8 +38,8 @@ class TargetShip:
 
 
 @dataclass
-class CaseFile:
-    """Fields of a case's YAML file.
+class Layout:
+    """Where own ship, goal and target ships are at the start.
 
     `ideal_path` names the shortest safe path, which cases may share. Only similarity reads it.
     """
@@ -52,8 +52,22 @@ class CaseFile:
 
 
 @dataclass
-class Case(CaseFile):
-    """One encounter (figure 4). `name` is the stem of its file."""
+class CaseFile(Layout):
+    """Fields of a case's YAML file; `unit` is how many metres a 1 in a coordinate stands for."""
+
+    unit: Metres = 1.0
+
+    def in_metres(self, name: str) -> Case:
+        """Return the case of this name with its coordinates in metres."""
+        unit = self.unit
+        ships = [replace(ship, x=unit * ship.x, y=unit * ship.y) for ship in self.target_ships]
+        start, goal = ([unit * number for number in point] for point in (self.start, self.goal))
+        return Case(start, self.heading, goal, self.ideal_path, ships, name)
+
+
+@dataclass
+class Case(Layout):
+    """One encounter in metres (figure 4). `name` is the stem of its file."""
 
     name: str = ""
 
@@ -87,8 +101,10 @@ def shadowing_case(name: str) -> Path | None:
     return own if both and read_file(own) != read_file(bundled) else None
 
 
-def load_case(name: str, world: World, key: str = "case") -> Case:
+def load_case(name: str, world: World, key: str = "case", unit: float | None = None) -> Case:
     """Read a case by name, or by the path of a YAML file, and check that it fits the world.
+
+    `unit` (metres) replaces that of the file.
 
     Raises:
         ConfigError: there is no such case, a field is missing, unknown or invalid, or see `check_case`.
@@ -104,7 +120,8 @@ def load_case(name: str, world: World, key: str = "case") -> Case:
         values = read_yaml(path)
     except (YAMLError, OSError) as error:
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
-    case = Case(**vars(read_as(CaseFile, values, f"{path}: ")), name=path.stem)
+    found = read_as(CaseFile, values, f"{path}: ")
+    case = replace(found, unit=unit or found.unit).in_metres(path.stem)
     check_case(case, world, str(path))
     return case
 
@@ -130,8 +147,12 @@ def check_case(case: Case, world: World, where: str) -> None:
     """Check that a case fits the world; `where` begins the messages.
 
     Raises:
-        ConfigError: the goal cannot be reached in time, or a ship starts inside the safe distance.
+        ConfigError: the goal cannot be reached in time, or a ship starts inside the safe distance or too far
+            away for its unit.
     """
+    points = [case.start, case.goal, *([ship.x, ship.y] for ship in case.target_ships)]
+    if max(abs(number) for point in points for number in point) > MAX_DISTANCE:
+        raise ConfigError(f"{where}: unit: must keep all coordinates within {MAX_DISTANCE:g} m")
     to_goal = math.dist(case.start, case.goal) - world.goal_distance
     if to_goal <= 0:
         raise ConfigError(

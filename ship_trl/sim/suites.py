@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 
+from ship_trl.config.bounds import Metres
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as
@@ -22,11 +23,14 @@ UNPERTURBED = Perturbation()
 class SuiteFile:
     """What a suite's YAML file holds: names or paths of cases, or a distribution of scenes.
 
+    A `unit` (metres) replaces that of the cases.
+
     `profile` is that of its runs, unless `profile=` is given.
     """
 
     cases: list[str] = field(default_factory=list)
     perturbation: Perturbation = field(default_factory=Perturbation)
+    unit: Metres | None = None
     traffic: Traffic | None = None
     profile: str = ""
 
@@ -75,6 +79,11 @@ class Suite:
             has = "several cases" if self.cases else "no cases"
             raise ConfigError(f"suite {self.name}: has {has}; allowed here: one case")
         return self.cases[0]
+
+    @property
+    def unperturbed(self) -> Suite:
+        """The suite of the same cases without perturbation."""
+        return replace(self, perturbation=UNPERTURBED)
 
     @property
     def places(self) -> int:
@@ -136,7 +145,7 @@ def load_suite(
     if is_suite(name):
         path = conf_dir() / "suite" / f"{name}.yaml"
         values = read_as(SuiteFile, read_yaml(path), f"{path}: ")
-        cases = tuple(load_case(case, world, f"{path}: cases") for case in values.cases)
+        cases = tuple(load_case(case, world, f"{path}: cases", values.unit) for case in values.cases)
         if bool(cases) == (values.traffic is not None):
             raise ConfigError(f"{path}: allowed: either cases or traffic")
         own = asdict(values.perturbation)

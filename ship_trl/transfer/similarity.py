@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import Case, TargetShip
+from ship_trl.sim.cases import Case
 
 ALPHA = 1.0
 BETA = 0.5
@@ -36,7 +36,7 @@ def compare(base: Case, target: Case) -> list[Comparison]:
     same = base.ideal_path == target.ideal_path
     weights = (SAME_PATH, 0.0) if same else (0.0, SAME_PATH)
     comparisons = [Comparison("ideal path", *weights)]
-    target_ships, base_ships = (Counter(map(_ship, case.target_ships)) for case in (target, base))
+    target_ships, base_ships = Counter(_ships(target)), Counter(_ships(base))
     common_ships = (target_ships & base_ships).total()
     comparisons += [Comparison("common target ship", SAME_SHIP, 0.0)] * common_ships
     for attribute, extra, other_ships in (
@@ -50,8 +50,11 @@ def compare(base: Case, target: Case) -> list[Comparison]:
     return comparisons
 
 
-def _ship(ship: TargetShip) -> tuple[float, float, float, float]:
-    return ship.x, ship.y, ship.heading % 360.0, ship.speed
+def _ships(case: Case) -> Iterator[tuple[float, float, float, float]]:
+    """Yield the target ships, with positions relative to own ship's start."""
+    x, y = case.start
+    for ship in case.target_ships:
+        yield ship.x - x, ship.y - y, ship.heading % 360.0, ship.speed
 
 
 def describe_similarity(base: Case, target: Case) -> tuple[str, str]:

@@ -17,6 +17,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
+from ship_trl.view.case_page import describe_classes, encounter_classes
 from ship_trl.view.painter import draw_legend, draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
 from ship_trl.view.words import counted
@@ -31,8 +32,8 @@ WIDTH = 2 * MARGIN + LABEL + 4 * PICTURE + 3 * GAP
 def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None:
     """Write a PNG with a row for each case.
 
-    A row has the case's name and ideal path, a picture of the start, and one after keeping course for
-    `STEPS` steps. The network's view of this moment follows, in grey and in colour.
+    A row has the case's name, ideal path and encounter classes, a picture of the start, and one after keeping
+    course for `STEPS` steps. The network's view of this moment follows, in grey and in colour.
     """
     bottom = HEAD + len(cases) * (PICTURE + GAP)
     sheet = pen.new_surface(WIDTH, bottom + LEGEND)
@@ -47,12 +48,15 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         top = HEAD + row * (PICTURE + GAP)
         width = LABEL - GAP
         pygame.draw.aaline(sheet, RULE, (MARGIN, top), (MARGIN + width - GAP, top))
+        motion, start = Transition(world), initial_state(case, world)
         name, ships = f"case {case.name}", counted(len(case.target_ships), "target ship")
-        lines = ((55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT))
+        lines = [(55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT)]
+        if case.target_ships:
+            classes = describe_classes(encounter_classes(start))
+            lines += [(131 + 19 * k, text, colour) for k, (text, colour) in enumerate(classes)]
         pen.write(sheet, pen.cut(name, width, 20, True), (MARGIN, top + 25), TEXT, 20, True)
         for down, text, shade in lines:
             pen.write(sheet, pen.cut(text, width, 13), (MARGIN, top + down), shade, 13)
-        motion, start = Transition(world), initial_state(case, world)
         straight, later = torch.tensor([world.straight_action]), start[None]
         for _ in range(STEPS):
             later = motion(later, straight).state

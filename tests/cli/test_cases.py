@@ -20,7 +20,7 @@ def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
 
 
 def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
-    done = ship_trl("--target", "new", folder=tmp_path, verb="cases")
+    done = ship_trl("target=new", folder=tmp_path, verb="cases")
     line = "python -m ship_trl source=2 target=new method=feature_extraction layers=3"
     assert line in done.stdout.splitlines()
     with Image.open(tmp_path / "outputs/case_new.png") as picture:
@@ -32,17 +32,17 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
         (place / name).write_text("")
     base = CaseBase(tmp_path / "a base")
     base.retain(case, "FTW-from-1", 3, "abc", {"best": {"return": 80.0}}, place)
-    done = ship_trl("--target", "new", "--case-base", "a base", folder=tmp_path, verb="cases")
+    done = ship_trl("target=new", "--case-base", "a base", folder=tmp_path, verb="cases")
     policy = "a base/2/FTW-from-1/seed=3-abc/policy.safetensors"
     assert f"{line} 'source_file={policy}'" in done.stdout.splitlines()
     assert "(FTW-from-1, seed 3, greedy return 80.0)" in done.stdout
-    done = ship_trl("--target", "banana", folder=tmp_path, verb="cases", code=1)
-    assert done.stderr.startswith("ship_trl: --target: no case banana; allowed: 1, 2")
+    done = ship_trl("target=banana", folder=tmp_path, verb="cases", code=1)
+    assert done.stderr.startswith("ship_trl: target: no case or suite banana; allowed: 1, 2")
     assert done.stderr.count("\n") == 1
 
 
 def test_the_picture_of_a_target_goes_where_it_is_asked_to(tmp_path: Path) -> None:
-    main(["--target", "new", "--picture", "a.png"])
+    main(["target=new", "--picture", "a.png"])
     assert [path.name for path in tmp_path.rglob("*.png")] == ["a.png"]
 
 

@@ -26,7 +26,7 @@ COMMANDS = {
     "restore": ("keep", "--restore", "tables", "again"),
     "record": ("record", RUN, "--output", "film.gif", "--trajectories", "chart.png"),
     "results": ("results", "outputs", "--picture", "curves.png", "--csv", "numbers.csv"),
-    "cases": ("cases", "--target", "met"),
+    "cases": ("cases", "target=met"),
     "study": STUDY,
 }
 # Output of a command must fit.

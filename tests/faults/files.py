@@ -45,9 +45,9 @@ COMMANDS = {
         ("results", "outputs", "--stability", "--csv", "n.csv"), (*RUN_FILES, f"{RUN}/curve.csv")
     ),
     "record": Command(("record", RUN, "--trajectories", "chart.png"), (*RUN_FILES, CASE)),
-    "cases": Command(("cases", "--target", "met"), (CASE,)),
+    "cases": Command(("cases", "target=met"), (CASE,)),
     "measured": Command(
-        ("cases", "--target", "met", "--measured", "tables/transfers.csv"), ("tables/transfers.csv",)
+        ("cases", "target=met", "--measured", "tables/transfers.csv"), ("tables/transfers.csv",)
     ),
     "report": Command(("report", "study"), STUDY_FILES),
     "report of tables": Command(("report", "tables", "--output", "page"), TABLES),

@@ -49,7 +49,7 @@ def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None
 
 
 def test_the_network_of_a_case_is_refused_in_a_suite_of_several(world: World) -> None:
-    with pytest.raises(ConfigError, match="suite paper: has several cases; allowed here: one case"):
+    with pytest.raises(ConfigError, match="policy: no bundled network of suite paper; allowed: 1, "):
         load_policy("pretrained", ShipEnv(load_suite("paper", world), world))
 
 

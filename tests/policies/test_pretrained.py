@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.suites import Perturbation, load_suite
 from tests.cli.test_evaluate import table
 from tests.command import ROOT, refused, ship_trl
 
@@ -25,11 +27,11 @@ SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "le
 
 
 def test_each_bundled_case_has_a_network_that_matches_the_manifest() -> None:
-    cases = {path.stem for path in (conf_dir() / "case").glob("*.yaml")}
-    assert {one.case for one in pretrained.networks()} == cases
+    cases = {case.name for case in load_suite("paper", WORLD).cases} | {"ship"}
+    assert {one.case for one in pretrained.networks()} >= cases
     for one in pretrained.networks():
         assert hashlib.sha256(one.file.read_bytes()).hexdigest() == one.sha256
-        assert one.fingerprint == load_case(one.case, WORLD).fingerprint
+        assert one.fingerprint == load_suite(one.case, WORLD).fingerprint
         assert {str(value.dtype) for value in load_file(one.file).values()} == {f"torch.{one.dtype}"}
 
 
@@ -93,10 +95,24 @@ def test_a_policy_in_one_line() -> None:
 def test_an_own_case_has_no_pretrained_network() -> None:
     Path("mine.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
     with pytest.raises(ConfigError, match="policy: no bundled network of case mine; allowed: 1, "):
-        pretrained.find("pretrained", load_case("mine.yaml", WORLD))
+        pretrained.find("pretrained", load_suite("mine.yaml", WORLD))
     # The same case by another name is the same.
     Path("same.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text())
-    assert pretrained.find("pretrained", load_case("same.yaml", WORLD)).case == "4"
+    assert pretrained.find("pretrained", load_suite("same.yaml", WORLD)).case == "4"
+
+
+def test_a_suite_has_a_network_by_its_fingerprint(monkeypatch: pytest.MonkeyPatch) -> None:
+    suite = load_suite("imazu", WORLD)
+    (known,) = [one for one in pretrained.networks() if one.case == "4"]
+    own = replace(known, case="imazu", fingerprint=suite.fingerprint)
+    monkeypatch.setattr(pretrained, "networks", lambda: (known, own))
+    assert pretrained.find("pretrained", suite) == own
+    # Drawn starts of the same cases are for the same network.
+    drawn = Perturbation(own_heading=5.0)
+    assert pretrained.find("pretrained", load_suite("imazu", WORLD, perturbation=drawn)) == own
+    assert pretrained.find("pretrained", load_suite("4", WORLD, perturbation=drawn)) == known
+    with pytest.raises(ConfigError, match="suite imazu differs from the bundled suite of this name"):
+        pretrained.find("pretrained", replace(suite, cases=suite.cases[:-1]))
 
 
 def test_a_changed_bundled_case_is_evaluated_without_claim(

@@ -9,14 +9,14 @@ from torch import Tensor
 
 from ship_trl.policies.encounter import Steering
 from ship_trl.policies.rules import Settings, ShipScore, route_ratios, safety_score, score_episode
-from ship_trl.sim.cases import Case, load_world
+from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.dynamics import advance
 from ship_trl.sim.encounters import Encounter, classify
 from ship_trl.sim.state import initial_state
-from tests.policies.imazu import imazu
 
 WORLD = load_world()
 PORT, STRAIGHT, STARBOARD = 0, 3, 6
+IMAZU = {number: load_case(f"imazu0{number}", WORLD) for number in (1, 2, 3)}
 
 
 def track(case: Case, *held: tuple[int, int]) -> Tensor:
@@ -34,7 +34,7 @@ def score(case: Case, *held: tuple[int, int]) -> ShipScore:
 
 
 def test_a_collision_is_unsafe_and_not_timely() -> None:
-    one = score(imazu(1), (STRAIGHT, 30))
+    one = score(IMAZU[1], (STRAIGHT, 30))
     assert (one.encounter, one.onset, one.manoeuvre) == (Encounter.HEAD_ON, 0, -1)
     assert one.least_distance == pytest.approx(0.0, abs=1e-3)
     assert (one.safety, one.rule8, one.score, one.turn) == (0, 0, 0, 0)
@@ -42,8 +42,8 @@ def test_a_collision_is_unsafe_and_not_timely() -> None:
 
 
 def test_head_on_wants_a_starboard_turn() -> None:
-    right = score(imazu(1), (STARBOARD, 8), (STRAIGHT, 25))
-    left = score(imazu(1), (PORT, 8), (STRAIGHT, 25))
+    right = score(IMAZU[1], (STARBOARD, 8), (STRAIGHT, 25))
+    left = score(IMAZU[1], (PORT, 8), (STRAIGHT, 25))
     assert right.turn == pytest.approx(math.degrees(0.8), abs=0.1)
     assert left.turn == pytest.approx(-right.turn)
     assert right.least_distance == pytest.approx(left.least_distance, abs=0.01)
@@ -53,8 +53,8 @@ def test_head_on_wants_a_starboard_turn() -> None:
 
 
 def test_a_late_manoeuvre_scores_less() -> None:
-    early = score(imazu(2), (STARBOARD, 8), (STRAIGHT, 25))
-    late = score(imazu(2), (STRAIGHT, 12), (STARBOARD, 8), (STRAIGHT, 15))
+    early = score(IMAZU[2], (STARBOARD, 8), (STRAIGHT, 25))
+    late = score(IMAZU[2], (STRAIGHT, 12), (STARBOARD, 8), (STRAIGHT, 15))
     assert (early.manoeuvre, late.manoeuvre) == (0, 12)
     assert early.dcpa == pytest.approx(0.0, abs=1e-3) and late.tcpa == pytest.approx(8.0, abs=1e-3)
     assert early.rule8 == pytest.approx(1.0)
@@ -64,16 +64,16 @@ def test_a_late_manoeuvre_scores_less() -> None:
 
 def test_a_small_turn_is_not_apparent() -> None:
     # Five steps of 0.01 rad are 2.9 degrees, and slow from 15 to 12 m/s.
-    one = score(imazu(2), (4, 5), (STRAIGHT, 25))
+    one = score(IMAZU[2], (4, 5), (STRAIGHT, 25))
     assert one.turn == pytest.approx(math.degrees(0.05), abs=0.01)
     slowed = ((0.2 - 0.07) / 0.18) ** 2
     assert one.rule8 == pytest.approx((((one.turn - 2) / 28) ** 2 + slowed) / 2, abs=0.01)
 
 
 def test_give_way_passes_astern() -> None:
-    astern = score(imazu(2), (STARBOARD, 8), (STRAIGHT, 25))
+    astern = score(IMAZU[2], (STARBOARD, 8), (STRAIGHT, 25))
     # To port at first, then ahead of the other ship's bow.
-    ahead = score(imazu(2), (STRAIGHT, 1), (1, 20), (STRAIGHT, 20))
+    ahead = score(IMAZU[2], (STRAIGHT, 1), (1, 20), (STRAIGHT, 20))
     assert astern.encounter is ahead.encounter is Encounter.GIVE_WAY
     assert astern.score == pytest.approx(astern.safety * astern.rule8)
     assert astern.score > 0.4 > ahead.score
@@ -91,8 +91,8 @@ def test_stand_on_keeps_course(make_case: Callable[..., Case]) -> None:
 
 
 def test_overtaking_may_pass_on_either_side() -> None:
-    right = score(imazu(3), (STARBOARD, 4), (STRAIGHT, 10), (PORT, 4), (STRAIGHT, 30))
-    left = score(imazu(3), (PORT, 4), (STRAIGHT, 10), (STARBOARD, 4), (STRAIGHT, 30))
+    right = score(IMAZU[3], (STARBOARD, 4), (STRAIGHT, 10), (PORT, 4), (STRAIGHT, 30))
+    left = score(IMAZU[3], (PORT, 4), (STRAIGHT, 10), (STARBOARD, 4), (STRAIGHT, 30))
     assert right.encounter is left.encounter is Encounter.OVERTAKING
     assert right.score == pytest.approx(left.score, abs=1e-4) and right.score > 0
 

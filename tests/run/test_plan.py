@@ -236,7 +236,10 @@ def test_a_perturbation_is_of_source_and_target_and_in_the_hash_only_when_set() 
     ("line", "said"),
     [
         ("source=pretrained target=paper layers=1", "suite paper: has several cases; allowed here: one case"),
-        ("source=paper target=4 source_weights=pretrained layers=1", "suite paper: has several cases"),
+        (
+            "source=paper target=4 source_weights=pretrained layers=1",
+            "source: no bundled network of suite paper",
+        ),
         ("target=paper method=scratch demonstrations=here", "demonstrations: allowed with one case as tar"),
         ("target=1 method=scratch demonstrations=here perturbation.own_heading=1", "demonstrations: allowed"),
         ("target=papers method=scratch", "target: no case or suite papers; allowed: 1, 2"),

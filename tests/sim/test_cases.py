@@ -59,7 +59,8 @@ def test_the_bundled_cases_are_those_of_the_paper(world: World) -> None:
         assert ships[more][:-1] == ships[fewer]
     # Our own case: the ships of cases 2 and 3.
     assert load_case("ship", world).target_ships == [*ships["2"], *ships["3"]]
-    assert {path.stem for path in (conf_dir() / "case").glob("*.yaml")} == set(BUNDLED)
+    names = {path.stem for path in (conf_dir() / "case").glob("*.yaml")}
+    assert {name for name in names if not name.startswith("imazu")} == set(BUNDLED)
 
 
 def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, world: World) -> None:
@@ -105,6 +106,8 @@ def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, worl
         (with_value("goal", "[0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
         (GOOD + SHIP * MAX_TARGET_SHIPS, "target_ships"),
         (GOOD + "name: other\n", "name"),
+        (GOOD + "unit: 0\n", "unit: must be above 0"),
+        (GOOD + "unit: 1.0e+3\n", "unit: must keep all coordinates within 100000 m"),
         (with_value("heading", "???"), "heading"),
         (with_value("heading", "null"), "heading: must be a finite number, got null"),
         (GOOD.replace(SHIP, ""), "target_ships: must be a list, as [A,B] or [], got null"),
@@ -185,12 +188,21 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     # The working directory's cases come before the bundled ones.
     (folder / "1.yaml").write_text(GOOD)
     (folder / "2.yaml").write_text((conf_dir() / "case" / "2.yaml").read_text())
-    assert case_names() == sorted([*BUNDLED, "mine"])
+    assert [name for name in case_names() if not name.startswith("imazu")] == sorted([*BUNDLED, "mine"])
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
     # A case that differs from the bundled one of its name is reported.
     shadowed = {name for name in case_names() if shadowing_case(name)}
     assert shadowed == {"1"} and shadowing_case("1") == Path("conf/case/1.yaml")
+
+
+def test_a_unit_scales_coordinates_and_nothing_else(tmp_path: Path, world: World) -> None:
+    in_units = GOOD.replace("600.0", "2.0").replace("x: 100.0, y: 300.0", "x: 0.5, y: -1.5")
+    case = load_text(in_units + "unit: 300.0\n", tmp_path, world)
+    plain = load_text(with_ship(x="150.0", y="-450.0"), tmp_path, world)
+    assert case == plain and case.fingerprint == plain.fingerprint
+    assert (case.heading, case.target_ships[0].heading, case.target_ships[0].speed) == (90.0, 180.0, 15.0)
+    assert load_case(str(tmp_path / "mine.yaml"), world, unit=0.5).target_ships[0].x == 75.0
 
 
 def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:

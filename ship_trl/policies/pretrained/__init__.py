@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.sim.cases import Case
+from ship_trl.sim.suites import Suite
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +26,7 @@ MANIFEST, CURVES = "manifest.json", "curves.csv.xz"
 
 @dataclass(frozen=True)
 class Pretrained:
-    """A bundled network: its case, its run, its greedy episode, and the file of its weights.
+    """A bundled network: its case or suite, its run, its greedy episode, and the file of its weights.
 
     `episode_return` is raw, `of_best_known` its share of the planner's return, `length` in steps, and `dcpa`
     in metres (None without target ships).
@@ -68,23 +68,31 @@ def is_pretrained(name: str) -> bool:
     return name.partition(":")[0] == PRETRAINED
 
 
-def find(name: str, case: Case | None, key: str = "policy") -> Pretrained:
-    """Find the bundled network `pretrained:CASE`, or for `pretrained` the network of `case`, by fingerprint.
+def find(name: str, suite: Suite | None, key: str = "policy") -> Pretrained:
+    """Find the bundled network `pretrained:CASE`, or for `pretrained` the network of `suite`, by fingerprint.
+
+    A perturbed suite without a network of its own has that of its cases as they are.
 
     Raises:
-        ConfigError: there is no network of that case; the message names `key`.
+        ConfigError: there is no such network; the message names `key`.
     """
     wanted = name.partition(":")[2]
-    for one in networks():
-        if one.case == wanted or (case and not wanted and one.fingerprint == case.fingerprint):
-            return one
-    if case and not wanted and any(one.case == case.name for one in networks()):
+    if wanted or suite is None:
+        found = [one for one in networks() if one.case == wanted]
+    else:
+        either = suite.fingerprint, suite.unperturbed.fingerprint
+        found = [one for fingerprint in either for one in networks() if one.fingerprint == fingerprint]
+    if found:
+        return found[0]
+    kind = "suite" if suite and len(suite.cases) > 1 else "case"
+    if suite and not wanted and any(one.case == suite.name for one in networks()):
         raise ConfigError(
-            f"{key}: case {case.name} differs from the bundled case of this name; "
-            f"allowed: {PRETRAINED}:{case.name}, which was trained on the bundled one"
+            f"{key}: {kind} {suite.name} differs from the bundled {kind} of this name; "
+            f"allowed: {PRETRAINED}:{suite.name}, which was trained on the bundled one"
         )
-    of, allowed = wanted or (case.name if case else "none"), ", ".join(one.case for one in networks())
-    raise ConfigError(f"{key}: no bundled network of case {of}; allowed: {allowed}")
+    of = f"case {wanted}" if wanted or not suite else f"{kind} {suite.name}"
+    allowed = ", ".join(one.case for one in networks())
+    raise ConfigError(f"{key}: no bundled network of {of}; allowed: {allowed}")
 
 
 def training_returns(config_hashes: set[str]) -> pd.DataFrame:

@@ -75,9 +75,15 @@ class Session(Window):
 
     @property
     def status(self) -> str:
-        """A message, or whether it plays and how fast."""
+        """A message, or which of several cases it plays, and how fast."""
         sign = "\N{BLACK RIGHT-POINTING TRIANGLE}" if self.is_running else "\N{MEDIUM VERTICAL BAR}" * 2
-        return self._message or f"{sign}  {self.speed:g}\N{MULTIPLICATION SIGN}    H: keys"
+        place = f"{self._place + 1} of {len(self.cases)}"
+        return self._message or f"{place}    {sign}  {self.speed:g}\N{MULTIPLICATION SIGN}    H: keys"
+
+    @property
+    def _place(self) -> int:
+        """The index of the case that is shown."""
+        return [case.fingerprint for case in self.cases].index(self.case.fingerprint)
 
     def tick(self, seconds: float) -> bool:
         """Play on; return whether the picture has changed."""
@@ -98,9 +104,7 @@ class Session(Window):
 
     def next_case(self) -> None:
         """Show the next of the given cases; if only one is given, of all cases."""
-        fingerprints = [case.fingerprint for case in self.cases]
-        following = fingerprints.index(self.case.fingerprint) + 1
-        self._show(self.policy, self.cases[following % len(self.cases)], self.episode)
+        self._show(self.policy, self.cases[(self._place + 1) % len(self.cases)], self.episode)
 
     def next_episode(self) -> None:
         """Roll out again; only stochastic policies differ then."""

@@ -79,7 +79,7 @@ def test_the_transfer_that_is_shown_to_gain_most_is_recommended(
 
     def said(target: str, *rows: dict[str, str]) -> list[str]:
         write_csv(given, rows)
-        cases(["--target", target, "--measured", str(given)])
+        cases([f"target={target}", "--measured", str(given)])
         *lines, picture = capsys.readouterr().out.splitlines()
         assert picture == f"outputs/case_{target}.png"
         return lines

@@ -9,7 +9,7 @@ from ship_trl.cli.cases import main
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CaseBase
-from tests.command import ROOT, ship_trl
+from tests.command import ROOT, refused, ship_trl
 
 
 def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
@@ -44,6 +44,19 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
 def test_the_picture_of_a_target_goes_where_it_is_asked_to(tmp_path: Path) -> None:
     main(["target=new", "--picture", "a.png"])
     assert [path.name for path in tmp_path.rglob("*.png")] == ["a.png"]
+
+
+def test_a_suite_is_shown_on_a_page(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["target=imazu"])
+    out = capsys.readouterr().out
+    assert all(f"imazu{number:02d} " in out for number in range(1, 23)) and "Similarity of every" not in out
+    assert out.splitlines()[-1] == "outputs/cases_imazu.png"
+    with Image.open("outputs/cases_imazu.png") as picture:
+        assert picture.width == 1200 and picture.height > 1000
+
+
+def test_a_target_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "target: none given in imazu; allowed: target=CASE|SUITE" in refused(capsys, main, "imazu")
 
 
 @pytest.mark.skipif(not (ROOT / ".gitignore").exists(), reason="no checkout")

@@ -47,6 +47,14 @@ def test_frames_of_several_policies_come_one_after_the_other() -> None:
     assert all((a == b).all() for a, b in zip(both, one + other, strict=True))
 
 
+def test_the_cases_of_a_suite_come_one_after_the_other() -> None:
+    line = ["--fps", "1", "--speed", "20", "--size", "640x360", "--output"]
+    main(["keep_course", "target=paper", *line, "suite"])
+    main(["keep_course", "target=1,2,3,4,5,6,new", *line, "cases"])
+    one, other = ([path.read_bytes() for path in sorted(Path(name).iterdir())] for name in ("suite", "cases"))
+    assert one == other and len(one) >= 7 * 3
+
+
 def test_of_a_result_its_best_network_is_shown() -> None:
     best = replace(entry(), policy="a/policy.safetensors", label="a scratch seed 0, best")
     last = replace(entry(), policy="a/policy_last.safetensors", label="a scratch seed 0, final")

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from ship_trl.cli.entries import find_entries
 from ship_trl.cli.watch import main
+from ship_trl.policies.entry import failures_first, split_suites
 from tests.command import refused
 
 
@@ -31,6 +33,14 @@ def test_without_a_screen_record_is_offered(
     assert said.startswith("ship_trl: no screen")
     assert f"python -m ship_trl record {offered} --output film.gif" in said
     assert [path.name for path in tmp_path.iterdir()] == ["my policy.py"]
+
+
+def test_of_a_suite_the_failures_of_the_first_policy_come_first() -> None:
+    entries = split_suites(find_entries(["keep_course", "best_known", "target=paper"], False))
+    found = [(entry.policy, entry.case.name) for entry in failures_first(entries)]
+    assert [case for policy, case in found[:7]] == ["3", "4", "5", "6", "1", "2", "new"]
+    assert {policy for policy, _ in found[:7]} == {"keep_course"}
+    assert found[7:] == [("best_known", case) for case in ("1", "2", "3", "4", "5", "6", "new")]
 
 
 @pytest.mark.parametrize(

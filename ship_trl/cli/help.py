@@ -33,8 +33,8 @@ ship_trl: transfer reinforcement learning in ship collision avoidance.
 
 What to run
   +pair=NAME            {pairs}; or any two cases:
-  source=CASE           {cases}, or a YAML file
-  target=CASE           the same
+  source=CASE           {cases}, imazu01 to imazu22, or a YAML file
+  target=CASE           the same; both may be a suite: {suites}
   method=METHOD         scratch, feature_extraction, finetune (default)
   layers=N              1 to 4 layers (as many as the network has), or all (finetune only)
   +arm=NAME             method and layers at once: {arms}
@@ -69,6 +69,9 @@ Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
 
 def print_help() -> None:
     """Print the help."""
-    groups = ("pair", "case", "arm", "profile", "algorithm", "network", "sweep")
+    groups = ("pair", "case", "suite", "arm", "profile", "algorithm", "network", "sweep")
     verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
-    print(HELP.format(**{f"{group}s": group_names(group) for group in groups}, verbs=verbs), end="")
+    names = {f"{group}s": group_names(group) for group in groups}
+    # The Imazu problems are too many to list.
+    names["cases"] = ", ".join(name for name in names["cases"].split(", ") if not name.startswith("imazu"))
+    print(HELP.format(**names, verbs=verbs), end="")

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from ship_trl.config.types import World
-from ship_trl.sim.cases import case_names, load_case
+from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 
 KINDS = (PygameShipEnv, TunedPygameShipEnv)
+# The last two: own ship starts elsewhere, and there are three ships.
+CASES = ("1", "2", "3", "4", "5", "6", "new", "ship", "imazu02", "imazu16")
 
 
 def difference(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> float:
@@ -21,7 +23,7 @@ def difference(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> float:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", case_names())
+@pytest.mark.parametrize("name", CASES)
 def test_it_is_the_same_world(name: str, kind: type[PygameShipEnv], world: World) -> None:
     case, random = load_case(name, world), np.random.default_rng(7)
     theirs, ours = kind(case, world), ShipEnv(case, world, 1, from_pixels=True)

@@ -84,7 +84,7 @@ def find(name: str, suite: Suite | None, key: str = "policy") -> Pretrained:
         found = [one for fingerprint in either for one in networks() if one.fingerprint == fingerprint]
     if found:
         return found[0]
-    kind = "suite" if suite and len(suite.cases) > 1 else "case"
+    kind = "suite" if suite and len(suite.cases) != 1 else "case"
     if suite and not wanted and any(one.case == suite.name for one in networks()):
         raise ConfigError(
             f"{key}: {kind} {suite.name} differs from the bundled {kind} of this name; "

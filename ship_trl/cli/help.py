@@ -33,7 +33,7 @@ ship_trl: transfer reinforcement learning in ship collision avoidance.
 
 What to run
   +pair=NAME            {pairs}; or any two cases:
-  source=CASE           {cases}, imazu01 to imazu22, or a YAML file
+  source=CASE           {cases}, or a YAML file
   target=CASE           the same; both may be a suite: {suites}
   method=METHOD         scratch, feature_extraction, finetune (default)
   layers=N              1 to 4 layers (as many as the network has), or all (finetune only)
@@ -72,6 +72,4 @@ def print_help() -> None:
     groups = ("pair", "case", "suite", "arm", "profile", "algorithm", "network", "sweep")
     verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
     names = {f"{group}s": group_names(group) for group in groups}
-    # The Imazu problems are too many to list.
-    names["cases"] = ", ".join(name for name in names["cases"].split(", ") if not name.startswith("imazu"))
     print(HELP.format(**names, verbs=verbs), end="")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
 # Characters of a name from a file, such as a case's or a result's.
@@ -42,4 +44,11 @@ def conf_dir() -> Path:
 
 def group_names(group: str) -> str:
     """List the names of a config group, for people."""
-    return ", ".join(sorted(path.stem for path in (conf_dir() / group).glob("*.yaml")))
+    return list_names(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+
+
+def list_names(names: Iterable[str]) -> str:
+    """List names, sorted, for people; the Imazu problems are a range, without their variants."""
+    first = "imazu01"
+    listed = sorted(name for name in names if name == first or not re.match(r"imazu\d", name))
+    return ", ".join("imazu01 to imazu22" if name == first else name for name in listed)

@@ -14,7 +14,7 @@ from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir, is_name
+from ship_trl.config.paths import conf_dir, is_name, list_names
 from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_file
@@ -111,8 +111,8 @@ def load_case(name: str, world: World, key: str = "case", unit: float | None = N
     """
     path = find_case(name)
     if path is None:
-        names = ", ".join(case_names())
-        raise ConfigError(f"{key}: no case {name}; allowed: {names}, or a path to a YAML file")
+        allowed = f"{list_names(case_names())}, or a path to a YAML file"
+        raise ConfigError(f"{key}: no case {name}; allowed: {allowed}")
     if not is_name(path.stem):
         # Results are written to a folder of this name.
         raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")

@@ -10,7 +10,7 @@ from functools import cached_property
 
 from ship_trl.config.bounds import Metres
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_dir, list_names
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.untrusted import read_yaml
@@ -155,7 +155,7 @@ def load_suite(
             raise ConfigError(f"perturbation: suite {name} draws its scenes; allowed: a suite of cases")
         return Suite(name, cases, bounds, values.traffic)
     if find_case(name) is None:
-        cases_and_suites = f"{', '.join(case_names())}, suite {', '.join(suite_names())}"
+        cases_and_suites = f"{list_names(case_names())}, suite {', '.join(suite_names())}"
         raise ConfigError(
             f"{key}: no case or suite {name}; allowed: {cases_and_suites}, or a path to a YAML file"
         )

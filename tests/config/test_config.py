@@ -365,7 +365,7 @@ def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 UNRUNNABLE = {
-    "target=9 method=scratch": "target: no case or suite 9; allowed: 1, 2, 3, 4, 5, 6, new, ship, suite",
+    "target=9 method=scratch": "target: no case or suite 9; allowed: 1, 2, 3, 4, 5, 6, imazu01 to imazu22,",
     "source=9 target=1 layers=1": "source: no case or suite 9; allowed: 1,",
     "target=1 method=scratch world.max_steps=35": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
     "target=1 method=scratch world.dt=0.1": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",

@@ -11,6 +11,8 @@ Loop = Callable[..., Any]
 
 # The last bit may be rounded differently (fused multiply-add), and zeros have no sign.
 RELAXED = {"contract", "nsz"}
+# Lets the compiler assume that no value is NaN, so that `min` and `max` are single instructions.
+NO_NAN = RELAXED | {"nnan"}
 
 
 def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:

@@ -21,6 +21,8 @@ MAX_COUNT, MAX_DRAWS = 10**9, 10**6
 MAX_STEPS = 1000
 # Seconds of a step; metres of a radius or a coordinate.
 MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5
+# Rad/s: a full turn in six seconds.
+MAX_TURN = 1.0
 MAX_REWARD_COEFFICIENT = 1e6
 # Adam's steps are about as large as the learning rate.
 MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9
@@ -43,6 +45,7 @@ ShipShares = Rule(
     "the shares of scenes with 0, 1, 2, ... ships, for at most 8 ships, not all zero",
     lambda shares: 1 <= len(shares) <= 9 and sum(shares) > 0,
 )
+Seconds = Annotated[float, limit(0, MAX_STEP_SECONDS, note="seconds")]
 Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
 PathName = Annotated[
     str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)

@@ -21,21 +21,15 @@ from ship_trl.config.bounds import (
     MAX_HUBER_DELTA,
     MAX_REWARD_SCALE,
     MAX_SHIPS,
-    MAX_STEP_SECONDS,
-    MAX_STEPS,
     MAX_UNITS,
-    MIN_STEP_SECONDS,
     OWN_NUMBERS,
     SHIP_NUMBERS,
-    Actions,
     Bound,
-    Coefficient,
     ConvNumbers,
     Count,
     Device,
     FolderName,
     LearningRate,
-    Metres,
     PathName,
     Positive,
     PositiveShare,
@@ -46,6 +40,8 @@ from ship_trl.config.bounds import (
 )
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import Rule, limit
+from ship_trl.config.world import Reward as Reward
+from ship_trl.config.world import World
 
 # Environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
@@ -78,43 +74,12 @@ BackendName = Enum("BackendName", ["auto", "incremental", "dense"])
 WandbMode = Enum("WandbMode", ["offline", "online"])
 
 
-@dataclass
-class Reward:
-    """Constants of equations 4 to 6."""
-
-    goal: Coefficient
-    collision: Coefficient
-    w1: Coefficient
-    w2: Coefficient
-    w3: Coefficient
-    w4: Coefficient
-    k1: Coefficient
-    k2: Coefficient
-
-
 def bfloat16_allowed() -> bool:
     """Return whether `SHIP_TRL_BFLOAT16` allows bfloat16; `off` forbids it on any machine."""
     value = os.environ.get(BFLOAT16) or "on"
     if value not in ("on", "off"):
         raise ConfigError(f"{BFLOAT16}: must be on or off, got {value}")
     return value == "on"
-
-
-@dataclass
-class World:
-    """The physics shared by all cases (sections 3.1 and 3.3)."""
-
-    dt: Annotated[float, limit(MIN_STEP_SECONDS, MAX_STEP_SECONDS, note="seconds")]
-    max_steps: Annotated[int, limit(1, MAX_STEPS, note="the planner's memory grows with its square")]
-    safe_distance: Metres
-    goal_distance: Metres
-    actions: Actions
-    reward: Reward
-
-    @property
-    def straight_action(self) -> int:
-        """Index of the action that turns least; of several, the fastest."""
-        return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))
 
 
 @dataclass(frozen=True)
@@ -321,3 +286,12 @@ class Config:
 def plain(values: Any) -> Any:
     """Return a config object as dicts, lists and single values, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)
+
+
+def world_values(world: World) -> dict[str, Any]:
+    """Return a world as plain values for a digest.
+
+    Keys that came later are left out at their default, so that digests of older worlds stay the same.
+    """
+    defaults = {one.name: one.default for one in dataclasses.fields(World)}
+    return {key: value for key, value in plain(world).items() if getattr(world, key) != defaults[key]}

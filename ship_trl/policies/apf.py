@@ -6,7 +6,8 @@ and part of the repulsion is perpendicular, to starboard.
 
 Ours: the attraction has length 1, because only the direction of the sum is used. Distances are in the scale
 of this world. A ship also repels if own ship would be on collision course on the straight way to the goal, so
-that it does not swing back at once. The field has no memory and knows no encounter classes.
+that it does not swing back at once. The field has no memory and knows no encounter classes. Lags of own ship
+(`world.turn_time`, `world.speed_time`) are ignored, and target ships are assumed to hold course and speed.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import torch
 from tensordict import TensorDictBase
 
 from ship_trl.learn.rollout import Policy
-from ship_trl.policies.encounter import Steering, goal_course, own_velocity, ship_velocities
+from ship_trl.policies.encounter import Steering, goal_course
+from ship_trl.sim.encounter import own_velocity, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import predicted_approach, unit_vector, wrap_angle
 from ship_trl.sim.state import HEADING, is_present, relative_positions

@@ -17,7 +17,7 @@ from typing import Annotated
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import Rule, limit, read_as
-from ship_trl.config.types import World, plain
+from ship_trl.config.types import World, world_values
 from ship_trl.files.disk import read_json, writing
 from ship_trl.sim.cases import Case
 
@@ -44,7 +44,7 @@ class Demonstration:
 
 def digest(world: World) -> str:
     """Return a digest of physics and reward in twelve hex digits."""
-    return hashlib.sha256(json.dumps(plain(world), sort_keys=True).encode()).hexdigest()[:12]
+    return hashlib.sha256(json.dumps(world_values(world), sort_keys=True).encode()).hexdigest()[:12]
 
 
 def write_demonstration(

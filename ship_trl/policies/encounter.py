@@ -1,84 +1,22 @@
-"""What planners and metrics share: relative motion, encounter classes, and steering a course by actions.
-
-Bearings here are clockwise from the bow in radians, starboard positive, as the rules count them; headings and
-rates of turn are counter-clockwise, as everywhere in the package.
-"""
+"""What planners share: remembered encounter classes, and steering a course by actions."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.encounters import HEAD_ON, Encounter, classify
-from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector
-from ship_trl.sim.state import (
-    HEADING,
-    SHIP_HEADING,
-    SHIP_SPEED,
-    SPEED,
-    STEP,
-    goal,
-    is_present,
-    position,
-    relative_positions,
-    target_ships,
-)
-
-
-class Motion(NamedTuple):
-    """Target ships as own ship sees them; places without a ship hold infinite distances.
-
-    Shapes: position (m) and velocity (m/s) relative to own ship [..., K, 2]; distance, dcpa (m) and tcpa (s)
-    [..., K]; `bearing` of the target ship from own ship and `aspect`, the bearing of own ship from the target
-    ship, [..., K].
-    """
-
-    position: Tensor
-    velocity: Tensor
-    distance: Tensor
-    dcpa: Tensor
-    tcpa: Tensor
-    bearing: Tensor
-    aspect: Tensor
-
-
-def own_velocity(state: Tensor) -> Tensor:
-    """Return own ship's velocities (m/s) [..., 2] in states [..., S]."""
-    return state[..., SPEED, None] * unit_vector(state[..., HEADING])
-
-
-def ship_velocities(state: Tensor) -> Tensor:
-    """Return the target ships' velocities (m/s) [..., K, 2] in states [..., S]."""
-    ships = target_ships(state)
-    return ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
+from ship_trl.sim.encounter import Encounter, Motion, classify
+from ship_trl.sim.state import STEP, goal, position
 
 
 def goal_course(state: Tensor) -> Tensor:
     """Return the headings (rad) [...] from own ship to the goal in states [..., S]."""
     east, north = (goal(state) - position(state)).unbind(-1)
     return torch.atan2(north, east)
-
-
-def relative_motion(state: Tensor) -> Motion:
-    """Return how the target ships move relative to own ship, for states [..., S]."""
-    away, ships, present = relative_positions(state), target_ships(state), is_present(state)
-    velocity = ship_velocities(state) - own_velocity(state)[..., None, :]
-    dcpa, tcpa = predicted_approach(away, velocity)
-    own = position(state)[..., None, :]
-    return Motion(
-        away,
-        velocity,
-        torch.linalg.vector_norm(away, dim=-1).masked_fill(~present, math.inf),
-        dcpa.masked_fill(~present, math.inf),
-        tcpa,
-        -angle_off_bow(own, state[..., HEADING, None], own + away),
-        -angle_off_bow(own + away, ships[..., SHIP_HEADING], own),
-    )
 
 
 @dataclass(frozen=True)
@@ -92,7 +30,7 @@ class Onset:
     dcpa: float
     tcpa: float
     clear: float
-    head_on: float = HEAD_ON
+    head_on: float = 5.0
 
 
 class Encounters:

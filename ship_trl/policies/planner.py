@@ -21,6 +21,8 @@ from ship_trl.sim.state import (
     HEADING,
     SHIP_HEADING,
     SHIP_SPEED,
+    SPEED,
+    YAW_RATE,
     initial_state,
     is_present,
     position,
@@ -33,8 +35,8 @@ from ship_trl.sim.transition import Transition
 class Resolution(NamedTuple):
     """Resolution of one beam search, which keeps the best plan of each cell at each step.
 
-    Plans share a cell if their position (m), heading (rad) and passing distance (m) are similar. Plans stay
-    within `max_deviation` (m) of the best plan so far.
+    Plans share a cell if their position (m), heading (rad) and passing distance (m) are similar; with lags,
+    their speed and rate of turn too. Plans stay within `max_deviation` (m) of the best plan so far.
     """
 
     position: float
@@ -52,6 +54,8 @@ RESOLUTIONS = (
 # Ranks plans lower that will pass inside the safe distance: a metre too close counts like this many metres
 # to the goal in one step. Without it, plans that will collide crowd out plans that give way.
 CLOSENESS_PENALTY = 50.0
+# Speed (m/s) and rate of turn (rad/s) that a cell spans, where own ship follows its actions with lags.
+RATE_CELLS = (1.0, 0.02)
 
 
 @dataclass(frozen=True)
@@ -138,16 +142,15 @@ def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, reso
     weights, safe = transition.world.reward, transition.world.safe_distance
     penalty = abs(weights.w3 * weights.k1) * CLOSENESS_PENALTY
     order = torch.argsort(bound - penalty * (safe - passing).clamp(min=0.0), descending=True, stable=True)
-    cells = torch.cat(
-        (
-            position(state) / resolution.position,
-            state[:, HEADING, None] / resolution.heading,
-            passing[:, None] / resolution.passing,
-        ),
-        dim=-1,
-    )
+    cells = [
+        position(state) / resolution.position,
+        state[:, HEADING, None] / resolution.heading,
+        passing[:, None] / resolution.passing,
+    ]
+    if transition.lags is not None:
+        cells.append(state[:, SPEED : YAW_RATE + 1] / torch.tensor(RATE_CELLS))
     key = torch.zeros(len(state), dtype=torch.long)
-    for column in cells[order].floor().long().unbind(-1):
+    for column in torch.cat(cells, dim=-1)[order].floor().long().unbind(-1):
         key = key * 10_007 + column
     # The sort by cell is stable, so the best-ranked plan of each cell comes first.
     by_cell = torch.argsort(key, stable=True)
@@ -160,8 +163,8 @@ def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, reso
 def passing_distance(state: Tensor, transition: Transition) -> Tensor:
     """Return the distances [N] in metres at which states [N, S] will pass the nearest target ship.
 
-    Own ship is assumed to keep its course at full speed. Distances are clipped at 4/3 of the safe distance.
-    Ships that own ship has passed count as this far away.
+    Own ship is assumed to keep its course at full speed, and target ships to hold theirs. Distances are
+    clipped at 4/3 of the safe distance. Ships that own ship has passed count as this far away.
     """
     away = relative_positions(state)
     max_distance = transition.world.safe_distance * 4 / 3

@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import World, plain
+from ship_trl.config.types import World, world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim import reward
@@ -63,7 +63,7 @@ def best_known_return(suite: Suite, world: World, folder: Path | None = None) ->
 def plan_name(case: Case, world: World) -> str:
     """Return the file name of a case's plan: a digest of planner, case, world and reward.py."""
     # An edited formula may have another best plan, even if the return of the cached one stays the same.
-    inputs = (PLANNER_VERSION, case.fingerprint, plain(world), inspect.getsource(reward))
+    inputs = (PLANNER_VERSION, case.fingerprint, world_values(world), inspect.getsource(reward))
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:12] + ".json"
 
 

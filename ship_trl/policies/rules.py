@@ -2,7 +2,7 @@
 
 Source: Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner et al. 2019
 (doi 10.1007/s10514-018-9765-y), read from a public reconstruction. Numbers in parentheses are its equations.
-Encounter classes are Pedersen's at the onset (`encounter.classify`).
+Encounter classes are Pedersen's at the onset (`sim.encounter.classify`).
 
 Ours: radii are scaled by 45/35, from their collision radius to the safe distance, and the stages by the
 window of the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Rule 17's
@@ -19,8 +19,8 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.policies.encounter import Motion, Onset, relative_motion
-from ship_trl.sim.encounters import Encounter, classify
+from ship_trl.policies.encounter import Onset
+from ship_trl.sim.encounter import Encounter, Motion, classify, relative_motion
 from ship_trl.sim.geometry import closest_approach, wrap_angle
 from ship_trl.sim.state import HEADING, SHIP_COUNT, SPEED, goal_distance, position
 

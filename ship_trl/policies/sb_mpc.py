@@ -12,7 +12,8 @@ together: turn for some steps, or weave (two opposite actions in turn, which is 
 speed factor of a turn is 1. The horizon is 20 s in place of 150 s, `close` 100 m in place of 1,000 m,
 `k_coll` 0.005 in place of 0.5, and the costs of course and change follow, tuned on the paper's cases and on
 random encounters. A step inside the safe distance and a margin costs more the deeper it is. Steps after the
-goal do not count. A step's distance is that of closest approach within it.
+goal do not count. A step's distance is that of closest approach within it. Lags of own ship
+(`world.turn_time`, `world.speed_time`) are ignored, and target ships are assumed to hold course and speed.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ steps left. With target ships, each step assumes the ship distance with the high
 from __future__ import annotations
 
 import math
+from functools import reduce
 
 import torch
 from torch import Tensor
@@ -40,6 +41,8 @@ class ValueBound:
     - Within two goal distances of the goal the grid is too coarse to tell which states reach it. There the
       bound may be too low by more than `max_error`.
 
+    With lags own ship may have any speed and rate of turn of the actions, in any pair, in each step.
+
     `start` [S] is the case's initial state. The grid has `rows` goal distances, `row_spacing` metres apart,
     and `GRID_ANGLES` angles, `column_spacing` radians apart. `table` [max_steps + 1, rows * GRID_ANGLES] has
     the returns by steps left.
@@ -48,7 +51,8 @@ class ValueBound:
     def __init__(self, transition: Transition, start: Tensor) -> None:
         self.transition = transition
         self._has_ships = bool(start[SHIP_COUNT] > 0)
-        world, count = transition.world, len(transition.actions)
+        world, motions = transition.world, possible_motions(transition)
+        count = len(motions)
         reach = float(transition.actions[:, 0].abs().max()) * world.dt
         self.row_spacing = reach / GRID_STEPS_PER_ACTION
         self.column_spacing = 2 * math.pi / GRID_ANGLES
@@ -59,7 +63,7 @@ class ValueBound:
         state[..., X] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
         state[..., HEADING] = math.pi - torch.arange(GRID_ANGLES) * self.column_spacing
         before = state.reshape(-1, 1, OWN_SIZE).expand(-1, count, -1)
-        after = advance(before, torch.arange(count).expand(len(before), -1), transition.actions, world.dt)
+        after = advance(before, torch.arange(count).expand(len(before), -1), motions, world.dt)
         distance = goal_distance(after)
         off_bow = angle_off_bow(position(after), after[..., HEADING], goal(after))
         at_goal = distance <= world.goal_distance + POSITION_TOLERANCE
@@ -72,18 +76,21 @@ class ValueBound:
             self.table[steps_left + 1] = torch.maximum(reward + following, collision).amax(-1)
 
     def _best_rewards(self, distance: Tensor, off_bow: Tensor, at_goal: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the highest rewards of a step without and with a collision, [..., A] each.
+        """Return the highest rewards of a step without and with a collision, [..., M] each.
 
         With another reward formula, being near a ship or ending early may be best. Without target ships the
         reward of a collision is minus infinity.
-        Shapes, after the step: distance to the goal (m), off_bow (theta_2, rad), whether at_goal: [..., A].
+        Shapes, after the step: distance to the goal (m), off_bow (theta_2, rad), whether at_goal: [..., M].
         """
-        speed, turn = self.transition.actions.unbind(-1)
+        actions = self.transition.actions
+        # Without lags each motion is an action's, else it may be the motion of any.
+        paid = [actions.unbind(-1)] if self.transition.lags is None else actions.tolist()
         reached, zero = at_goal.to(distance.dtype), torch.zeros_like(distance)
 
         def rewards(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
-            constants, nearest_ship = self.transition.constants, zero + nearest
-            return step_reward(constants, distance, off_bow, reached, collided, nearest_ship, speed, turn)
+            seen = distance, off_bow, reached, collided, zero + nearest
+            found = (step_reward(self.transition.constants, *seen, speed, turn) for speed, turn in paid)
+            return reduce(torch.maximum, found)
 
         reward, collision = rewards(MAX_SHIP_DISTANCE, reached, zero), zero - math.inf
         safe = self.transition.world.safe_distance
@@ -113,3 +120,11 @@ class ValueBound:
         corners, weights = self._corners(goal_distance(state), off_bow)
         steps_left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
         return (self.table[steps_left][corners] * weights).sum(-1)
+
+
+def possible_motions(transition: Transition) -> Tensor:
+    """Return mean speeds and rates of turn that own ship may have in a step, [M, 2]."""
+    if transition.lags is None:
+        return transition.actions
+    speeds, turns = transition.actions.unbind(-1)
+    return torch.cartesian_prod(speeds.unique(), turns.unique())

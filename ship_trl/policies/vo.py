@@ -8,7 +8,8 @@ costs of 1,000 and 100, and headings within 120 degrees by 2.5, are those of NTN
 Ours: distances and times are in the scale of this world. The grid's speeds are those of the actions. A cone
 begins where the turn to its velocity ends, and the turn must be clear too: a turn here takes up to 20 s at
 half the speed. A ship inside the margin must only come no nearer. Where no velocity is free, the cheapest one
-is taken.
+is taken. Lags of own ship (`world.turn_time`, `world.speed_time`) are ignored, and target ships are assumed
+to hold course and speed.
 """
 
 from __future__ import annotations
@@ -21,15 +22,8 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.learn.rollout import Policy
-from ship_trl.policies.encounter import (
-    Encounters,
-    Onset,
-    Steering,
-    goal_course,
-    relative_motion,
-    ship_velocities,
-)
-from ship_trl.sim.encounters import Encounter
+from ship_trl.policies.encounter import Encounters, Onset, Steering, goal_course
+from ship_trl.sim.encounter import Encounter, relative_motion, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
 from ship_trl.sim.state import HEADING, is_present

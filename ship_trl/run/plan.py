@@ -16,7 +16,7 @@ from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import Config, plain
+from ship_trl.config.types import Config, plain, world_values
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
@@ -133,7 +133,7 @@ def hash_of(
         **config.arm.keys,
         "seed": config.seed,
         "colour": config.colour,
-        "world": plain(config.world),
+        "world": world_values(config.world),
         "learn": learn,
     }
     # Left out where they are the default, so that older results keep their digest.

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass, replace
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -27,14 +28,19 @@ SHIP_COUNT = Rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) 
 Point = Annotated[list[Number], Rule("two numbers, as [X,Y]", lambda point: len(point) == 2)]
 
 
+# A target ship holds course and speed, or gives way to own ship by the rules (`world.give_way`).
+Behaviour = Enum("Behaviour", ["holds", "gives_way"])
+
+
 @dataclass
 class TargetShip:
-    """A ship that holds course and speed: metres, degrees counter-clockwise from east, m/s."""
+    """A target ship: metres, degrees counter-clockwise from east, m/s."""
 
     x: Number
     y: Number
     heading: Number
     speed: Annotated[float, limit(0, MAX_DISTANCE)]
+    behaviour: Behaviour = Behaviour.holds
 
 
 @dataclass
@@ -76,6 +82,10 @@ class Case(Layout):
         """Return a digest of the case, without its name: twelve hex digits."""
         values = asdict(self)
         del values["name"]
+        # Left out at the default, so that older cases keep their fingerprints.
+        for ship in values["target_ships"]:
+            if (behaviour := ship.pop("behaviour")) is not Behaviour.holds:
+                ship["behaviour"] = behaviour.name
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 

@@ -20,6 +20,8 @@ from ship_trl.sim.geometry import polygon_edges
 from ship_trl.sim.state import (
     HEADING,
     SHIP_HEADING,
+    SHIP_SPEED,
+    SPEED,
     goal,
     is_present,
     position,
@@ -69,6 +71,9 @@ class Rasteriser:
         self._patch = torch.arange(scene.patch_size(), device=self.device, dtype=torch.float32)
         self._along = torch.arange(self.size // 2, device=self.device, dtype=torch.float32)
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
+        self._own_ink = self._ink(scene.OWN)
+        # Pixels for each m/s of a speed vector; 0 draws none.
+        self._vector_scale = world.vector_time * scene.PIXELS_PER_METRE
         self._background = self._draw_background(world)
         self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
         self.compiled: CompiledDrawing | None = None
@@ -80,7 +85,9 @@ class Rasteriser:
                 self._outline,
                 self._line_ink,
                 self._ship_ink,
+                self._own_ink,
                 self._background,
+                self._vector_scale,
             )
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
@@ -130,6 +137,8 @@ class Rasteriser:
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
         self._draw_line(image, goal(flat) - position(flat), rotate_x, rotate_y)
+        if self._vector_scale:
+            self._draw_vectors(image, flat, rotate_x[:, None], rotate_y[:, None], turn)
         if target_ships(flat).shape[1]:
             self._draw_ships(image, flat, rotate_x[:, None], rotate_y[:, None], turn)
         return image.add_(0.5).to(torch.uint8)
@@ -167,6 +176,52 @@ class Rasteriser:
         index = torch.where(steep[:, None, None], column * self.size + row, row * self.size + column)
         self._blend(image, index, coverage, self._line_ink)
 
+    def _draw_vectors(
+        self, image: Tensor, state: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
+    ) -> None:
+        """Blend the speed vectors of own ship and target ships over `image`; arguments as `_draw_ships`.
+
+        A vector is the way of a ship's bow in `world.vector_time`, if the ship holds course and speed.
+        """
+        cx, cy = self._places(relative_positions(state), rotate_x, rotate_y)
+        heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]
+        speed = target_ships(state)[..., SHIP_SPEED] * is_present(state)
+        half, ahead = torch.full_like(turn, self.size / 2), torch.full_like(turn, math.pi / 2)
+        self._draw_vector(image, (half, half), ahead, state[:, SPEED], scene.OWN_LENGTH, self._own_ink)
+        for k in range(cx.shape[1]):
+            middle, ink = (cx[:, k], cy[:, k]), self._ship_ink
+            self._draw_vector(image, middle, heading[:, k], speed[:, k], scene.TARGET_LENGTH, ink)
+
+    def _draw_vector(
+        self,
+        image: Tensor,
+        middle: tuple[Tensor, Tensor],
+        heading: Tensor,
+        speed: Tensor,
+        hull: float,
+        ink: Tensor,
+    ) -> None:
+        """Blend a line from each ship's bow over `image`; the whole picture is computed, for simplicity.
+
+        Shapes: middle of the ship in pixels from the left and upper edges, heading (rad) counter-clockwise
+        from the right, speed (m/s), all [N]; hull is the ship's length (m).
+        """
+        axis = torch.arange(self.size, device=self.device) + 0.5
+        x, y = axis - middle[0][:, None, None], middle[1][:, None, None] - axis[:, None]
+        cos, sin = torch.cos(heading)[:, None, None], torch.sin(heading)[:, None, None]
+        length = speed[:, None, None] * self._vector_scale
+        on_axis, off_axis = x * cos + y * sin - hull / 2 * scene.PIXELS_PER_METRE, y * cos - x * sin
+        beyond_end = on_axis - torch.minimum(on_axis.clamp(min=0.0), length)
+        distance = torch.hypot(beyond_end, off_axis)
+        coverage = (0.5 + scene.LINE_WIDTH / 2 - distance).clamp_(0.0, 1.0) * (length > 0)
+        image += coverage.flatten(1)[:, None] * (ink[:, None] - image)
+
+    def _places(self, away: Tensor, rotate_x: Tensor, rotate_y: Tensor) -> tuple[Tensor, Tensor]:
+        """Return pixels from the left and upper edges, [N, K] each, of places relative to own ship (m)."""
+        half = self.size / 2
+        right = away[..., 0] * rotate_x - away[..., 1] * rotate_y + half
+        return right, half - (away[..., 0] * rotate_y + away[..., 1] * rotate_x)
+
     def _draw_ships(
         self, image: Tensor, state: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
     ) -> None:
@@ -176,9 +231,7 @@ class Rasteriser:
         radians; `rotate_x` and `rotate_y` [N, 1] are its cosine and sine, times pixels per metre.
         In figure 2 a ship's direction is theta_1 + 90 deg, its heading theta_1 + theta_3 + 90 deg.
         """
-        half, ships = self.size / 2, relative_positions(state)
-        cx = ships[..., 0] * rotate_x - ships[..., 1] * rotate_y + half
-        cy = half - (ships[..., 0] * rotate_y + ships[..., 1] * rotate_x)
+        cx, cy = self._places(relative_positions(state), rotate_x, rotate_y)
         heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]
         # Patches are moved back inside the picture. This does not change the coverage of a pixel.
         last = self.size - len(self._patch)
@@ -192,7 +245,7 @@ class Rasteriser:
         coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._outline)
         coverage = coverage * is_present(state)[..., None, None]
         index = row[..., :, None] * self.size + column[..., None, :]
-        for k in range(ships.shape[1]):
+        for k in range(cx.shape[1]):
             self._blend(image, index[:, k], coverage[:, k], self._ship_ink)
 
     def _blend(self, image: Tensor, index: Tensor, coverage: Tensor, ink: Tensor) -> None:

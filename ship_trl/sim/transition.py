@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.dynamics import advance
+from ship_trl.sim.dynamics import advance, give_way, lag_shares
 from ship_trl.sim.geometry import angle_off_bow, closest_approach
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, reward_constants, step_reward
 from ship_trl.sim.state import HEADING, STEP, goal, goal_distance, is_present, position, relative_positions
@@ -47,16 +47,20 @@ class Transition:
 
     Attributes:
         actions: speed (m/s) and rate of turn (rad/s) of each action, [A, 2].
+        lags: `dynamics.lag_shares` [2, 2], or None without lags.
     """
 
     def __init__(self, world: World, device: torch.device | str = "cpu") -> None:
         self.world, self.constants = world, reward_constants(world.reward)
         self.actions = torch.tensor(world.actions, dtype=torch.float32, device=device)
+        has_lags = world.turn_time > 0 or world.speed_time > 0
+        self.lags = torch.tensor(lag_shares(world), device=device) if has_lags else None
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """Take one action with each ship: states float32 [N, S], action indices int64 [N]."""
         world = self.world
-        after = advance(state, action, self.actions, world.dt)
+        state = give_way(state, world.give_way, world.dt)
+        after = advance(state, action, self.actions, world.dt, self.lags)
         distances = closest_approach(relative_positions(state), relative_positions(after))
         distances = distances.masked_fill(~is_present(state), math.inf)
         nearest = distances.amin(-1) if distances.shape[-1] else torch.full_like(state[:, 0], math.inf)

@@ -14,9 +14,15 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
-from ship_trl.policies.encounter import own_velocity, relative_motion, ship_velocities
 from ship_trl.sim import scene
-from ship_trl.sim.encounters import HEAD_ON, Encounter, classify
+from ship_trl.sim.encounter import (
+    HEAD_ON,
+    Encounter,
+    classify,
+    own_velocity,
+    relative_motion,
+    ship_velocities,
+)
 from ship_trl.sim.state import HEADING, SHIP_COUNT, SHIP_HEADING, SHIP_Y, goal, position, target_ships
 from ship_trl.view import pen
 from ship_trl.view.painter import MARGIN as AROUND

@@ -18,7 +18,8 @@ from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.case_page import describe_classes, encounter_classes
-from ship_trl.view.painter import draw_legend, draw_scene
+from ship_trl.view.legend import draw_legend
+from ship_trl.view.painter import draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
 from ship_trl.view.words import counted
 

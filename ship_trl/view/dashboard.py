@@ -14,7 +14,8 @@ import pygame
 from ship_trl.view import pen
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.graph import Graph, make_graphs
-from ship_trl.view.painter import absolute_frame, draw_legend, paint_scene
+from ship_trl.view.legend import draw_legend
+from ship_trl.view.painter import absolute_frame, paint_scene
 from ship_trl.view.palette import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
 from ship_trl.view.panel import Panel
 

@@ -19,12 +19,11 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, X, Y
+from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SPEED, X, Y
 from ship_trl.view import pen
-from ship_trl.view.palette import BACKGROUND, CHOSEN, OUTCOMES, RULE, TEXT, Colour, blend
+from ship_trl.view.palette import BACKGROUND, OUTCOMES, TEXT, Colour, blend
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers, Telemetry, measure
-from ship_trl.view.words import circle_names
 
 # Metres.
 RINGS = (200.0, 400.0, 600.0)
@@ -34,6 +33,8 @@ GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
 # Metres around everything in the absolute frame, and the step to which its width is rounded up.
 MARGIN, WIDTH_STEP = 90.0, 100.0
+# Metres: a longer speed vector is cut, outside the picture.
+MAX_VECTOR = 4 * scene.VIEW_RADIUS
 # Metres between the lines of a grid, or of a scale bar.
 LENGTHS = (50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5)
 
@@ -121,7 +122,17 @@ def paint_scene(
     _draw_hull(picture, frame, own, scene.OWN, scene.OWN_LENGTH, to_scale)
     width = scene.LINE_WIDTH * side / scene.SIZE if plain else max(2, side // 220)
     pen.strip(picture, scene.LINE, middle, frame.point(*telemetry.states[0, [GOAL_X, GOAL_Y]]), width)
-    headings = telemetry.headings[min(int(position), telemetry.steps)]
+    step = min(int(position), telemetry.steps)
+    headings = telemetry.headings[step]
+    if world.vector_time:
+        # People tell own ship's vector from the line to the goal by its width.
+        own_width = width if plain else 2 * width
+        way = telemetry.states[step, SPEED] * world.vector_time
+        _draw_vector(picture, frame, own, way, scene.OWN_LENGTH, scene.OWN, own_width)
+        ways = telemetry.speeds[step] * world.vector_time
+        for place, heading, way in zip(ships, headings, ways, strict=True):
+            pose = np.array([*place, heading])
+            _draw_vector(picture, frame, pose, way, scene.TARGET_LENGTH, scene.TARGET, width)
     for k, (place, heading) in enumerate(zip(ships, headings, strict=True), 1):
         pose = np.array([*place, heading])
         _draw_hull(picture, frame, pose, scene.TARGET, scene.TARGET_LENGTH, to_scale)
@@ -201,6 +212,23 @@ def _draw_hull(
     pen.polygon(picture, colour, drawn)
 
 
+def _draw_vector(
+    picture: pygame.Surface,
+    frame: Projection,
+    pose: Numbers,
+    way: float,
+    hull: float,
+    colour: Colour,
+    width: float,
+) -> None:
+    """Draw a ship's speed vector: the way (m) that its bow will make."""
+    ahead = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
+    bow = pose[[X, Y]] + hull / 2 * ahead
+    if way > 0:
+        end = bow + min(way, MAX_VECTOR) * ahead
+        pen.strip(picture, colour, frame.point(*bow), frame.point(*end), width)
+
+
 def _draw_number(picture: pygame.Surface, frame: Projection, pose: Numbers, number: int) -> None:
     """Write a ship's number abeam of it, on a badge so that no line crosses it."""
     right, down = frame.point(*pose[:2])
@@ -246,55 +274,3 @@ def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
     pygame.draw.rect(picture, BACKGROUND, box, border_radius=round(size / 2))
     pygame.draw.rect(picture, OUTCOMES[outcome], box, 2, border_radius=round(size / 2))
     pen.write(picture, outcome.upper(), box.center, OUTCOMES[outcome], size, True, across=0.5)
-
-
-def draw_legend(
-    surface: pygame.Surface,
-    room: pygame.Rect,
-    world: World,
-    size: int,
-    to_scale: bool = False,
-    plain: bool = False,
-) -> None:
-    """Explain the scene from the top left of a room, in as many lines as needed; options as `paint_scene`."""
-    if to_scale:
-        hulls = f"hulls to scale, {TRUE_LENGTH:g} m; outline: as drawn for the network"
-    else:
-        drawn = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
-        hulls = f"hulls drawn {drawn} long, to scale {TRUE_LENGTH:g} m"
-    expected, safe = circle_names(world)
-    track = (scene.OWN, "dots", f"track, {world.dt:g} s apart")
-    items = [
-        (scene.OWN, "ship", "own ship"),
-        (scene.TARGET, "ship", "target ship"),
-        (scene.GOAL_CIRCLE, "disc", expected),
-        (scene.SAFE_CIRCLE, "disc", safe),
-        (scene.LINE, "line", "to the goal"),
-        (TEXT, "", f"width {2 * scene.VIEW_RADIUS:g} m") if plain else track,
-        (CHOSEN, "", hulls),
-    ]
-    x, y = float(room.left), room.top + 0.95 * size
-    for colour, shape, words in items:
-        sample = 1.9 * size if shape else 0.0
-        if x > room.left and x + sample + pen.width_of(words, size) > room.right:
-            x, y = float(room.left), y + 1.5 * size
-        if shape:
-            _draw_sample(surface, colour, shape, (x + 0.7 * size, y), size)
-        text = pen.cut(words, room.right - x - sample, size)
-        x = pen.write(surface, text, (x + sample, y), TEXT if shape else colour, size) + 1.1 * size
-
-
-def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: Point, size: int) -> None:
-    """Draw a small ship, disc, line or track."""
-    x, y = at
-    if shape == "ship":
-        pen.polygon(surface, colour, [(x - v, y - u) for u, v in scene.ship_outline(1.15 * size)])
-    elif shape == "disc":
-        pen.circle(surface, RULE, at, 0.55 * size + 1)
-        pen.circle(surface, colour, at, 0.55 * size)
-    elif shape == "line":
-        across, up = 0.6 * size, 0.4 * size
-        pygame.draw.aaline(surface, colour, (x - across, y + up), (x + across, y - up), 2)
-    else:
-        for k in (-1, 0, 1):
-            pen.circle(surface, colour, (x + 0.5 * k * size, y), 0.13 * size)

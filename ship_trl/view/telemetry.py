@@ -45,6 +45,7 @@ class Telemetry:
         states: states, see `sim.state`, [T + 1, S].
         ships: positions of the target ships, [T + 1, K, 2].
         headings: headings of the target ships, [T + 1, K].
+        speeds: speeds of the target ships, [T + 1, K].
         actions: indices of the actions taken, [T].
         q_values: of all actions, [T, A]; None if the policy has none.
         terms: return so far by reward term, each [T + 1].
@@ -62,6 +63,7 @@ class Telemetry:
     states: Numbers
     ships: Numbers
     headings: Numbers
+    speeds: Numbers
     actions: NDArray[np.int64]
     q_values: Numbers | None
     terms: dict[str, Numbers]
@@ -135,6 +137,7 @@ def measure(
         states=states.double().numpy(),
         ships=ships[..., : SHIP_Y + 1].double().numpy(),
         headings=ships[..., SHIP_HEADING].double().numpy(),
+        speeds=ships[..., SHIP_SPEED].double().numpy(),
         actions=actions.cpu().numpy().astype(np.int64),
         q_values=None if q_values is None else q_values.double().numpy(),
         terms=_returns_by_term(world, states, actions),

@@ -11,7 +11,7 @@ from ship_trl.policies.encounter import Steering
 from ship_trl.policies.rules import Settings, ShipScore, route_ratios, safety_score, score_episode
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.dynamics import advance
-from ship_trl.sim.encounters import Encounter, classify
+from ship_trl.sim.encounter import Encounter, classify
 from ship_trl.sim.state import initial_state
 
 WORLD = load_world()

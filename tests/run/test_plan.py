@@ -7,6 +7,7 @@ import pytest
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import world_values
 from ship_trl.files.result import write_result
 from ship_trl.run.folder import find_result
 from ship_trl.run.plan import make_run
@@ -165,6 +166,17 @@ def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text
         run("+pair=high", "layers=1", f"output={tmp_path}")
     assert damaged.read_text() == text
     assert find_result(run(*line, "overwrite=true")) is None
+
+
+@pytest.mark.parametrize("change", ["turn_time=2", "speed_time=4", "vector_time=20", "give_way.dcpa=60"])
+def test_a_later_key_of_the_world_is_in_the_hash_only_when_set(change: str) -> None:
+    line = ("target=1", "method=scratch")
+    paper, changed = run(*line).config, run(*line, f"world.{change}").config
+    key = change.partition("=")[0].partition(".")[0]
+    assert set(world_values(changed.world)) - set(world_values(paper.world)) == {key}
+    assert run(*line).config_hash != run(*line, f"world.{change}").config_hash
+    default = f"world.{change.partition('=')[0]}={90 if 'dcpa' in change else 0}"
+    assert run(*line, default).config_hash == run(*line).config_hash
 
 
 def test_another_algorithm_version_changes_the_hash(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,8 @@ metres = st.floats(-500, 500)
 degrees = st.floats(-180, 180)
 # m/s and rad/s. Speeds are positive, because a world that only goes astern reaches no goal.
 speeds, turns = st.floats(1, 20), st.floats(-0.15, 0.15)
+# Seconds.
+lags = st.just(0.0) | st.floats(0.1, 10)
 
 
 @dataclass
@@ -26,7 +28,7 @@ class Scenario:
 
 @st.composite
 def worlds(draw: st.DrawFn) -> World:
-    """Draw a world of realistic size, with random actions, step, radii and reward."""
+    """Draw a world of realistic size, with random actions, step, radii, lags and reward."""
     count = draw(st.integers(2, 8))
     weight = st.floats(-2, 2)
     return World(
@@ -35,6 +37,9 @@ def worlds(draw: st.DrawFn) -> World:
         safe_distance=draw(st.floats(20, 80)),
         goal_distance=draw(st.floats(20, 80)),
         actions=[[draw(speeds), draw(turns)] for _ in range(count)],
+        turn_time=draw(lags),
+        speed_time=draw(lags),
+        vector_time=draw(st.sampled_from([0.0, 20.0])),
         reward=Reward(*(draw(st.floats(-300, 300)) for _ in range(2)), *(draw(weight) for _ in range(6))),
     )
 

@@ -1,6 +1,7 @@
 """The motion of table 1, action by action."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -8,6 +9,7 @@ import torch
 from ship_trl.config.types import World
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.dynamics import advance
+from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -20,6 +22,7 @@ from ship_trl.sim.state import (
     initial_state,
     target_ships,
 )
+from ship_trl.sim.transition import Transition
 from tests.sim.scenes import scenes
 
 TABLE_1 = [(7.5, 0.1), (12, 0.02), (12, 0.01), (15, 0), (12, -0.01), (12, -0.02), (7.5, -0.1)]
@@ -50,6 +53,45 @@ def test_the_step_length_scales_turn_and_way(world: World) -> None:
     after = advance(state, torch.tensor(0), torch.tensor(world.actions), 0.5)
     x, y, heading, step = after[[X, Y, HEADING, STEP]].tolist()
     assert heading == pytest.approx(0.05) and math.hypot(x, y) == pytest.approx(3.75) and step == 1.0
+
+
+def lagging(world: World, turn_time: float, speed_time: float, dt: float = 1.0) -> World:
+    return replace(world, turn_time=turn_time, speed_time=speed_time, dt=dt)
+
+
+@pytest.mark.parametrize("dt", [0.5, 1.0, 2.0])
+def test_speed_and_rate_of_turn_cover_63_percent_of_their_way_in_the_time_constant(
+    world: World, dt: float
+) -> None:
+    slow, states = lagging(world, 4.0, 8.0, dt), []
+    state = initial_state(load_case("1", world), world)
+    for _ in range(round(8 / dt)):
+        state = Transition(slow)(state[None], torch.tensor([0])).state[0]
+        states.append(state)
+    assert float(states[round(4 / dt) - 1][YAW_RATE]) == pytest.approx(0.1 * (1 - 1 / math.e), rel=1e-5)
+    assert float(state[SPEED]) == pytest.approx(15 - 7.5 * (1 - 1 / math.e), rel=1e-5)
+
+
+def test_turn_and_way_with_lags_are_the_integrals_over_the_step(world: World) -> None:
+    state = initial_state(load_case("1", world), world)
+    state[[HEADING, SPEED, YAW_RATE]] = torch.tensor([0.0, 9.0, -0.04])
+    after = Transition(lagging(world, 3.0, 5.0, 2.0))(state[None], torch.tensor([0])).state[0]
+    moments = (torch.arange(10_000, dtype=torch.float64) + 0.5) / 5000
+    heading = float((0.1 - 0.14 * torch.exp(-moments / 3)).mean() * 2)
+    way = float((7.5 + 1.5 * torch.exp(-moments / 5)).mean() * 2)
+    assert float(after[HEADING]) == pytest.approx(heading, abs=1e-6)
+    # Own ship turns first, then moves.
+    expected = [way * math.cos(heading), way * math.sin(heading)]
+    assert after[[X, Y]].tolist() == pytest.approx(expected, abs=1e-4)
+
+
+def test_a_short_lag_is_nearly_none(world: World) -> None:
+    state, action = initial_state(load_case("4", world), world).repeat(7, 1), torch.arange(7)
+    for step in (Transition, lambda world: CompiledStep(Transition(world))):
+        wanted, got = step(world)(state, action), step(lagging(world, 1e-6, 1e-6))(state, action)
+        torch.testing.assert_close(got.state, wanted.state, atol=1e-4, rtol=0)
+        one_lag = step(lagging(world, 0.0, 3.0))(state, action).state
+        assert torch.equal(one_lag[:, [HEADING, YAW_RATE]], wanted.state[:, [HEADING, YAW_RATE]])
 
 
 def test_target_ships_hold_course_and_speed(world: World) -> None:

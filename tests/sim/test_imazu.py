@@ -9,12 +9,11 @@ import pytest
 import torch
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.policies.encounter import relative_motion
 from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import best_known
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
-from ship_trl.sim.encounters import Encounter, classify
+from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state, relative_positions
 from ship_trl.sim.suites import load_suite

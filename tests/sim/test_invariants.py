@@ -84,6 +84,14 @@ def least_distance(before: Positions, after: Positions) -> float:
     return float(np.hypot(*(before + share[:, None] * travel).T).min(initial=math.inf))
 
 
+def follow(now: float, wanted: float, time: float, dt: float) -> tuple[float, float]:
+    """Return a rate that follows another one with a lag, at the end of a step and as its mean."""
+    if time == 0:
+        return wanted, wanted
+    left = math.exp(-dt / time)
+    return wanted + (now - wanted) * left, wanted + (now - wanted) * (1 - left) * time / dt
+
+
 def simulate(scenario: Scenario) -> list[Expected]:
     """Simulate in float64, independently of the environment."""
     case, world = scenario.case, scenario.world
@@ -92,11 +100,12 @@ def simulate(scenario: Scenario) -> list[Expected]:
     angles = [math.radians(s.heading) for s in case.target_ships]
     pairs = zip(case.target_ships, angles, strict=True)
     velocity = np.array([[s.speed * math.cos(a), s.speed * math.sin(a)] for s, a in pairs]).reshape(-1, 2)
-    steps = []
+    steps, speed, turn = [], world.actions[world.straight_action][0], 0.0
     for action in scenario.actions:
-        speed, turn = world.actions[action]
-        heading += turn * world.dt
-        after = position + speed * world.dt * np.array([math.cos(heading), math.sin(heading)])
+        speed, mean_speed = follow(speed, world.actions[action][0], world.speed_time, world.dt)
+        turn, mean_turn = follow(turn, world.actions[action][1], world.turn_time, world.dt)
+        heading += mean_turn * world.dt
+        after = position + mean_speed * world.dt * np.array([math.cos(heading), math.sin(heading)])
         ships_after = ships + velocity * world.dt
         goal = np.array(case.goal) - after
         off_bow = math.remainder(math.atan2(goal[1], goal[0]) - heading, 2 * math.pi)

@@ -13,7 +13,7 @@ from torch import Tensor
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.state import state_size
+from ship_trl.sim.state import OWN_SIZE, SHIP_SPEED, SPEED, state_size
 from tests.sim.moving import moved_case, moved_row
 from tests.sim.pictures import supersampled
 from tests.sim.scenes import scenes
@@ -125,6 +125,47 @@ def test_the_line_changes_only_the_pixels_along_it(state: tuple[float, ...]) -> 
 def test_own_ship_on_the_goal_is_drawn() -> None:
     on, beside = (draw(CASES["4"], at(x, 600.0, AHEAD, 40.0)) for x in (0.0, -0.01))
     assert int((on - beside).abs().max()) <= 2
+
+
+VECTORS = replace(WORLD, vector_time=20.0)
+
+
+def test_without_a_vector_time_no_vectors_are_drawn() -> None:
+    state = scenes(CASES["4"], WORLD, [[20.0, 200.0, 1.9, 12.0]])
+    fast = state.clone()
+    fast[:, SPEED] = 3.0
+    assert torch.equal(GREY(fast), GREY(state))
+    assert not torch.equal(Rasteriser(VECTORS)(state), GREY(state))
+
+
+@pytest.mark.parametrize("place", [SPEED, OWN_SIZE + SHIP_SPEED])
+@pytest.mark.parametrize("fast", [False, True])
+def test_two_speeds_give_two_pictures(place: int, fast: bool) -> None:
+    draw = Rasteriser(VECTORS, fast=fast)
+    slow = scenes(CASES["4"], WORLD, [[20.0, 150.0, 1.9, 5.0]])
+    quick = slow.clone()
+    slow[:, place], quick[:, place] = 8.0, 12.0
+    assert int((draw(slow).int() - draw(quick).int()).abs().max()) > 40
+
+
+@given(st.floats(-180, 180), st.floats(1.0, 18.0))
+def test_a_vector_is_the_way_of_the_bow(heading: float, speed: float) -> None:
+    here, place = at(0.0, 0.0, AHEAD, 0.0), (-180.0, 180.0)
+    case = replace(with_ship(*place, heading), target_ships=[TargetShip(*place, heading, speed)])
+    with_vector, without = (
+        Rasteriser(world, colour=True)(scenes(case, world, here))[0, 1].float() for world in (VECTORS, WORLD)
+    )
+    changed = (with_vector - without)[:, :41]  # own ship's vector is in the middle
+    ahead = torch.tensor([math.cos(math.radians(heading)), math.sin(math.radians(heading))])
+    ink = changed / (scene.TARGET[1] - scene.DISC[1])
+    rows, columns = (ink > 0.3).nonzero().unbind(-1)
+    metres = torch.stack((columns + 0.5 - 42, 42 - rows - 0.5), -1) / scene.PIXELS_PER_METRE
+    along = (metres - torch.tensor(place)) @ ahead
+    # Up to a pixel and a half of 15 m, and but for pixels that ship or line cover.
+    bow = scene.TARGET_LENGTH / 2
+    assert along.numel() and float(along.min()) > bow - 23 and float(along.max()) < bow + 20 * speed + 23
+    if bow + 20 * speed < 150:
+        assert float(along.max()) > bow + 20 * speed - 23
 
 
 @pytest.mark.parametrize("distance", [100.0, 250.0, 330.0, 475.0, 600.0])

@@ -9,7 +9,7 @@ from PIL import Image
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.encounters import Encounter
+from ship_trl.sim.encounter import Encounter
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import load_suite

@@ -1,6 +1,7 @@
 """The picture for people is the network's, drawn large, in both frames and with additions."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,6 +77,15 @@ def test_people_and_network_see_the_same(world: World, name: str) -> None:
         whole, parts = compare(network_picture(case, world, state), people_picture(case, world, state))
         assert whole > 0.997, state
         assert parts > 0.99, state
+
+
+def test_people_and_network_see_the_same_speed_vectors(world: World) -> None:
+    case, with_vectors = load_case("6", world), replace(world, vector_time=20.0)
+    for state in STATES:
+        network, people = (draw(case, with_vectors, state) for draw in (network_picture, people_picture))
+        whole, parts = compare(network, people)
+        assert whole > 0.995 and parts > 0.985, state
+        assert compare(network, network_picture(case, world, state))[0] < whole
 
 
 def test_colours_are_the_scenes(world: World, make_case: Callable[..., Case]) -> None:

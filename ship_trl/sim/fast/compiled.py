@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.sim import scene
+from ship_trl.sim.dynamics import lag_shares
 from ship_trl.sim.fast import draw_kernels, step_kernel
 from ship_trl.sim.fast.step_kernel import Array
 from ship_trl.sim.geometry import polygon_edges
@@ -30,6 +31,8 @@ class CompiledStep:
         self._constants = (
             reference.actions.numpy(),
             step_kernel.limits(world),
+            np.asarray(lag_shares(world), np.float32),
+            step_kernel.rule_limits(world),
         )
         self._actions = self._constants[0]
         self._reward_constants = tuple(float32_array(*reward_constants(world.reward)))
@@ -67,8 +70,9 @@ class CompiledDrawing:
 
     `drawing(state)` maps floats [N, S] to uint8 [N, C, 84 * 84].
 
-    Shapes of the arguments: outline [E, 2], corners of a target ship in pixels, counter-clockwise; line_ink
-    and ship_ink [C], colours; background [C, 84 * 84], the picture without line and target ships, in floats.
+    Shapes of the arguments: outline [E, 2], corners of a target ship in pixels, counter-clockwise; line_ink,
+    ship_ink and own_ink [C], colours; background [C, 84 * 84], the picture without line and target ships, in
+    floats. `vector_scale` is the length in pixels of a speed vector of 1 m/s.
     """
 
     def __init__(
@@ -76,16 +80,20 @@ class CompiledDrawing:
         outline: Tensor,
         line_ink: Tensor,
         ship_ink: Tensor,
+        own_ink: Tensor,
         background: Tensor,
+        vector_scale: float,
     ) -> None:
         self._shape = background.shape
         self._constants = (
             np.asarray(polygon_edges(outline), np.float32),
-            float32_array(scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2),
+            float32_array(scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2, vector_scale),
+            float32_array(scene.OWN_LENGTH, scene.TARGET_LENGTH) / 2 * scene.PIXELS_PER_METRE,
             scene.patch_size(),
             scene.SIZE,
             line_ink.numpy(),
             ship_ink.numpy(),
+            own_ink.numpy(),
             background.numpy(),
             (background + 0.5).to(torch.uint8).numpy(),
         )

@@ -11,8 +11,9 @@ import math
 import numpy as np
 from numba import float32
 
-from ship_trl.jit import RELAXED, compiled
+from ship_trl.jit import NO_NAN, RELAXED, compiled
 from ship_trl.sim.fast.step_kernel import ONE, ZERO, Array, Number
+from ship_trl.sim.fast.vector_kernel import blend_vectors
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -27,9 +28,6 @@ from ship_trl.sim.state import (
     Y,
 )
 
-# Lets the compiler assume that no value is NaN, so that `min` and `max` are single instructions. `draw`
-# rejects NaN.
-NO_NAN = RELAXED | {"nnan"}
 # Bound of the sum of a state's absolute numbers. Above it, squares overflow float32, and pixel indices would
 # point outside the picture's memory.
 MAX_STATE_SUM = np.float32(1e9)
@@ -186,25 +184,28 @@ def draw(
     states: Array,
     edges: Array,
     scales: Array,
+    bows: Array,
     patch: int,
     size: int,
     line_ink: Array,
     ship_ink: Array,
+    own_ink: Array,
     background: Array,
     background_picture: Array,
     pictures: Array,
 ) -> None:
     """Draw N states, float32 [N, S], into `pictures`, uint8 [N, C, P].
 
-    Inputs, float32 unless said otherwise: edges [E, 3] from `polygon_edges`, in pixels; scales [2]: pixels
-    per metre, `reach` of `cover_line` (pixels); patch and size, widths in pixels of the square around a ship
-    and of the picture; line_ink and ship_ink [C]; background [C, P], the picture without line and target
-    ships; background_picture, the same in uint8.
+    Inputs, float32 unless said otherwise: edges [E, 3] from `polygon_edges`, in pixels; scales [3]: pixels
+    per metre, `reach` of `cover_line` (pixels), pixels per m/s of speed vectors; bows [2]: from the middle of
+    own ship and of a target ship to the bow; patch and size, widths in pixels of the square around a ship
+    and of the picture; line_ink, ship_ink and own_ink [C]; background [C, P], the picture without line and
+    target ships; background_picture, the same in uint8.
 
     Raises:
         ValueError: a state is not finite, or larger than `MAX_STATE_SUM`.
     """
-    scale, reach = scales
+    scale, reach, vector_scale = scales
     channels, half = background.shape[0], float32(size) * HALF
     # Line and ships are blended in floats. The pixels that they changed are restored before the next state.
     image = background.copy()
@@ -228,6 +229,8 @@ def draw(
         right, up = east * across - north * ahead, -(east * ahead + north * across)
         count, pixel_step = cover_line(right, up, reach, size, line_cover, pixels)
         blend_line(image, picture, background, line_ink, line_cover, pixels[:count], pixel_step)
+        if vector_scale > 0:
+            blend_vectors(image, picture, state, scales, bows, size, own_ink, ship_ink)
         drawn = 0
         for k in range((state.shape[0] - OWN_SIZE) // SHIP_SIZE):
             if k >= state[SHIP_COUNT]:
@@ -240,4 +243,7 @@ def draw(
                 image, picture, ship_ink, cx, cy, heading, edges, size, column, row, cover
             )
             drawn = k + 1
-        restore_background(image, background, pixels[:count], pixel_step, squares[:drawn], patch, size)
+        if vector_scale > 0:
+            image[:] = background
+        else:
+            restore_background(image, background, pixels[:count], pixel_step, squares[:drawn], patch, size)

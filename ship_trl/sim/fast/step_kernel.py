@@ -14,12 +14,16 @@ from numba.extending import register_jitable
 
 from ship_trl.config.types import World
 from ship_trl.jit import RELAXED, compiled
-from ship_trl.sim import reward
+from ship_trl.sim import encounter, reward
 from ship_trl.sim.state import (
+    GIVES_WAY,
+    GIVING_WAY,
     GOAL_X,
     GOAL_Y,
     HEADING,
+    HOLDS_COURSE,
     OWN_SIZE,
+    SHIP_BEHAVIOUR,
     SHIP_COUNT,
     SHIP_HEADING,
     SHIP_SIZE,
@@ -40,7 +44,9 @@ Number = Any
 # A Python float would turn every sum into float64.
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
-register_jitable(fastmath=RELAXED)(reward.step_reward)
+for shared in (reward.step_reward, encounter.meets, encounter.crosses, encounter.overtakes):
+    register_jitable(fastmath=RELAXED)(shared)
+must_give_way = register_jitable(fastmath=RELAXED)(encounter.must_give_way)
 write_rewards = compiled(RELAXED)(reward.write_rewards)
 
 
@@ -48,6 +54,43 @@ def limits(world: World) -> Array:
     """Return the constants of `step`: dt (s), safe distance (m), goal distance (m), maximum of steps."""
     to_goal = world.goal_distance + reward.POSITION_TOLERANCE
     return np.asarray((world.dt, world.safe_distance, to_goal, world.max_steps), np.float32)
+
+
+def rule_limits(world: World) -> Array:
+    """Return the constants of `give_way`: TCPA (s), DCPA (m), turn of a step (rad)."""
+    rule = world.give_way
+    return np.asarray((rule.tcpa, rule.dcpa, rule.turn * world.dt), np.float32)
+
+
+@compiled(RELAXED)
+def bearing_of(x: Number, y: Number, heading: Number) -> Number:
+    """Return the bearing (rad) of the point (x, y) off a heading, clockwise in [-pi, pi)."""
+    bearing = heading - math.atan2(y, x)
+    return bearing - float32(2 * math.pi) * float32(
+        math.floor((bearing + float32(math.pi)) / float32(2 * math.pi))
+    )
+
+
+@compiled(RELAXED)
+def give_way(row: Array, ship: int, rule: Array) -> tuple[Number, Number]:
+    """Return heading and behaviour of a reacting ship after its turn, as `dynamics.give_way` computes them.
+
+    `row` [S] is a state, in which the ship's numbers begin at `ship`; `rule` [3] is of `rule_limits`.
+    """
+    tcpa, dcpa, turn = rule
+    course, speed = row[ship + SHIP_HEADING], row[ship + SHIP_SPEED]
+    away_x, away_y = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
+    velocity_x = speed * math.cos(course) - row[SPEED] * math.cos(row[HEADING])
+    velocity_y = speed * math.sin(course) - row[SPEED] * math.sin(row[HEADING])
+    speed2 = velocity_x * velocity_x + velocity_y * velocity_y
+    time = -(away_x * velocity_x + away_y * velocity_y) / speed2 if speed2 > 0 else ZERO
+    is_near = math.hypot(away_x + time * velocity_x, away_y + time * velocity_y) < dcpa
+    is_giving = time > 0 and row[ship + SHIP_BEHAVIOUR] == GIVING_WAY
+    if time > 0 and is_near and time <= tcpa and not is_giving:
+        bearing, aspect = bearing_of(-away_x, -away_y, course), bearing_of(away_x, away_y, row[HEADING])
+        is_giving = must_give_way(bearing, aspect)
+    behaviour = float32(GIVING_WAY if is_giving else GIVES_WAY)
+    return course - (turn if is_giving and is_near else ZERO), behaviour
 
 
 @compiled(RELAXED)
@@ -67,6 +110,8 @@ def step(
     action: Array,
     actions: Array,
     limits: Array,
+    lags: Array,
+    rule: Array,
     after: Array,
     to_goal: Array,
     flags: Array,
@@ -77,7 +122,8 @@ def step(
     The rewards are computed in `write_rewards`.
 
     Shapes, float32 unless said otherwise:
-        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4].
+        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4];
+        lags [2, 2] of `lag_shares`; rule [3].
         Outputs: after [N, S]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
         bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
 
@@ -85,6 +131,7 @@ def step(
         IndexError: action index out of range.
     """
     dt, safe_distance, goal_distance, max_steps = limits
+    (left_speed, left_turn), (mean_speed, mean_turn) = lags
     for n in range(state.shape[0]):
         if action[n] < 0 or action[n] >= actions.shape[0]:
             raise IndexError("action index out of range")
@@ -93,17 +140,22 @@ def step(
             moved[i] = row[i]
         x, y = row[X], row[Y]
         speed, turn = actions[action[n]]
-        heading = row[HEADING] + turn * dt
-        new_x = x + speed * dt * math.cos(heading)
-        new_y = y + speed * dt * math.sin(heading)
+        speed_lag, turn_lag = row[SPEED] - speed, row[YAW_RATE] - turn
+        heading = row[HEADING] + (turn + turn_lag * mean_turn) * dt
+        way = (speed + speed_lag * mean_speed) * dt
+        new_x, new_y = x + way * math.cos(heading), y + way * math.sin(heading)
         nearest = float32(np.inf)
         for k in range((row.shape[0] - OWN_SIZE) // SHIP_SIZE):
             if k >= row[SHIP_COUNT]:
                 break
             ship = OWN_SIZE + SHIP_SIZE * k
             ship_x, ship_y, course = row[ship + SHIP_X], row[ship + SHIP_Y], row[ship + SHIP_HEADING]
-            way = row[ship + SHIP_SPEED] * dt
-            new_ship_x, new_ship_y = ship_x + way * math.cos(course), ship_y + way * math.sin(course)
+            if row[ship + SHIP_BEHAVIOUR] != HOLDS_COURSE:
+                course, moved[ship + SHIP_BEHAVIOUR] = give_way(row, ship, rule)
+                moved[ship + SHIP_HEADING] = course
+            ship_way = row[ship + SHIP_SPEED] * dt
+            new_ship_x = ship_x + ship_way * math.cos(course)
+            new_ship_y = ship_y + ship_way * math.sin(course)
             moved[ship + SHIP_X], moved[ship + SHIP_Y] = new_ship_x, new_ship_y
             nearest = min(
                 nearest, closest_approach(ship_x - x, ship_y - y, new_ship_x - new_x, new_ship_y - new_y)
@@ -116,7 +168,8 @@ def step(
         collided = nearest < safe_distance
         reached = distance <= goal_distance and not collided
         moved[X], moved[Y], moved[HEADING] = new_x, new_y, heading
-        moved[SPEED], moved[YAW_RATE], moved[STEP] = speed, turn, row[STEP] + ONE
+        moved[SPEED], moved[YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
+        moved[STEP] = row[STEP] + ONE
         to_goal[0, n], to_goal[1, n], min_distance[n] = distance, off_bow, nearest
         flags[0, n], flags[1, n] = reached, collided
         flags[2, n] = moved[STEP] >= max_steps and not reached and not collided

@@ -19,7 +19,7 @@ from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, read_as
-from ship_trl.config.types import Config, plain
+from ship_trl.config.types import Config, plain, world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim.suites import load_suite
 from ship_trl.study.plan.config import StudyConfig
@@ -132,7 +132,7 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
         "profile": config.profile,
         "first_seed": config.first_seed,
         "learn": learn,
-        "world": plain(shared.world),
+        "world": world_values(shared.world),
         "colour": shared.colour,
     }
     if network := non_default_network(shared.network):

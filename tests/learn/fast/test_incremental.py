@@ -1,5 +1,6 @@
 """The incremental backend computes the same function as stock convolutions."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -8,9 +9,12 @@ from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
 from ship_trl.learn.fast.incremental import Incremental
-from ship_trl.learn.fast.windows import Rows
+from ship_trl.learn.fast.windows import Rows, WindowExtractor
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.render import Rasteriser
 from tests.learn.networks import NETWORKS, ODD, network
+from tests.sim.scenes import scenes
 
 PAPER = geometry(NETWORKS["paper"])
 # Windows of the first three layers of the paper's network.
@@ -60,3 +64,20 @@ def test_a_network_of_other_layers_is_refused() -> None:
     net.backend = Incremental(background, torch.float32, PAPER)
     with pytest.raises(ValueError, match="its conv layers differ"):
         net(frames)
+
+
+def test_speed_vectors_are_only_more_windows() -> None:
+    world = replace(load_world(), vector_time=20.0)
+    draw, plain = Rasteriser(world), Rasteriser(load_world())
+    generator = Generator().manual_seed(0)
+    row = torch.rand(8, 4, generator=generator) * torch.tensor([400.0, 400.0, 6.0, 30.0])
+    states = scenes(load_case("6", world), world, row)
+    net, dense = network("paper"), network("paper")
+    dense.load_state_dict(net.state_dict())
+    wanted = dense(draw(states))
+    got, gradient = incremental(net, draw(states), draw.background, torch.float32)
+    torch.testing.assert_close(got, wanted.detach(), rtol=1e-4, atol=1e-5)
+    for name, expected in gradients(dense, wanted).items():
+        torch.testing.assert_close(gradient[name], expected, rtol=1e-3, atol=1e-4)
+    extract = WindowExtractor(draw.background, torch.float32, net.geometry)
+    assert row_counts(extract(draw(states)))[0] > row_counts(extract(plain(states)))[0]

@@ -10,7 +10,7 @@ from ship_trl.sim.cases import TargetShip, load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.state import GOAL_X, HEADING, OWN_SIZE, SHIP_HEADING, STEP, X, Y, state_size
+from ship_trl.sim.state import GOAL_X, HEADING, OWN_SIZE, SHIP_HEADING, SPEED, STEP, X, Y, state_size
 from ship_trl.sim.transition import Transition
 from tests.sim.pictures import compiled_difference
 from tests.sim.scenes import scenes
@@ -39,6 +39,18 @@ def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
     assert difference.max() <= 1 and (difference > 0).float().mean() < 1e-5
     # A difference of one is rounding; a shape left out would be far more.
     assert (draw(state) != draw.background).flatten(1).any(1).all()
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize("vector_time", [5.0, 20.0, 300.0])
+def test_speed_vectors_are_those_of_the_reference(vector_time: float, colour: bool) -> None:
+    draw = Rasteriser(replace(WORLD, vector_time=vector_time), colour=colour)
+    state = states("6", 1000, 4)
+    state[:, SPEED] = torch.linspace(-5.0, 20.0, 1000)
+    difference = compiled_difference(draw, state)
+    assert difference.max() <= 1 and (difference > 0).float().mean() < 1e-4
+    # No picture leaves a trace in the next one.
+    assert torch.equal(draw(state[-1:]), draw(state)[-1:])
 
 
 def test_odd_layouts_of_states_are_drawn_alike() -> None:

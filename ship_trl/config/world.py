@@ -1,0 +1,71 @@
+"""The world: physics, reward and picture, which all cases share. Its values are in conf/world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from ship_trl.config.bounds import (
+    MAX_STEP_SECONDS,
+    MAX_STEPS,
+    MAX_TURN,
+    MIN_STEP_SECONDS,
+    Actions,
+    Bound,
+    Coefficient,
+    Metres,
+    Seconds,
+)
+from ship_trl.config.schema import limit
+
+
+@dataclass
+class Reward:
+    """Constants of equations 4 to 6."""
+
+    goal: Coefficient
+    collision: Coefficient
+    w1: Coefficient
+    w2: Coefficient
+    w3: Coefficient
+    w4: Coefficient
+    k1: Coefficient
+    k2: Coefficient
+
+
+@dataclass(frozen=True)
+class GiveWay:
+    """When and how sharply a target ship gives way, if that is its behaviour (`sim.dynamics.give_way`).
+
+    It gives way to own ship if they would pass at less than `dcpa` metres in at most `tcpa` seconds, and
+    turns at `turn` rad/s.
+    """
+
+    tcpa: Seconds = 20.0
+    dcpa: Bound = 90.0
+    turn: Annotated[float, limit(0, MAX_TURN, note="rad/s")] = 0.05
+
+
+@dataclass
+class World:
+    """The physics shared by all cases (sections 3.1 and 3.3); the defaults are the paper's.
+
+    `turn_time` and `speed_time` are the time constants with which own ship's yaw rate and speed follow an
+    action. `vector_time` is the time whose way a ship's speed vector shows in the picture. 0 is none.
+    """
+
+    dt: Annotated[float, limit(MIN_STEP_SECONDS, MAX_STEP_SECONDS, note="seconds")]
+    max_steps: Annotated[int, limit(1, MAX_STEPS, note="the planner's memory grows with its square")]
+    safe_distance: Metres
+    goal_distance: Metres
+    actions: Actions
+    reward: Reward
+    turn_time: Seconds = 0.0
+    speed_time: Seconds = 0.0
+    give_way: GiveWay = GiveWay()
+    vector_time: Seconds = 0.0
+
+    @property
+    def straight_action(self) -> int:
+        """Index of the action that turns least; of several, the fastest."""
+        return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))

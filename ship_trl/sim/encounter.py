@@ -1,0 +1,142 @@
+"""How ships move relative to each other, and what the steering rules ask of them (Rules 13 to 15).
+
+Bearings here are clockwise from the bow in radians, starboard positive, as the rules count them; headings and
+rates of turn are counter-clockwise, as everywhere in the package. The sectors are Pedersen's (2023, as in
+DNV's traffic generator). They say what the rules would ask, not whether there is a risk of collision.
+
+Compiled loops hold the sectors, and numba does not notice a change in this file: then delete its caches
+(`__pycache__/*.nb*`).
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    SHIP_SPEED,
+    SPEED,
+    is_present,
+    position,
+    relative_positions,
+    target_ships,
+)
+
+# Tensors in torch, numbers in compiled loops. Only operations that both share are allowed.
+Angle = Any
+Flag = Any
+
+# Half of the sector in which ships meet head-on.
+HEAD_ON = math.radians(5.0)
+# Rule 13: a ship that comes up from more than 22.5 degrees abaft the beam overtakes.
+ABAFT_BEAM = math.radians(112.5)
+# Pedersen 2023: the overtaken ship is at most this far off the overtaker's bow.
+AHEAD = math.radians(67.5)
+
+
+class Encounter(IntEnum):
+    """What the rules ask of own ship towards one target ship."""
+
+    NONE = 0
+    HEAD_ON = 1
+    GIVE_WAY = 2
+    STAND_ON = 3
+    OVERTAKING = 4
+    OVERTAKEN = 5
+
+
+class Motion(NamedTuple):
+    """Target ships as own ship sees them; places without a ship hold infinite distances.
+
+    Shapes: position (m) and velocity (m/s) relative to own ship [..., K, 2]; distance, dcpa (m) and tcpa (s)
+    [..., K]; `bearing` of the target ship from own ship and `aspect`, the bearing of own ship from the target
+    ship, [..., K].
+    """
+
+    position: Tensor
+    velocity: Tensor
+    distance: Tensor
+    dcpa: Tensor
+    tcpa: Tensor
+    bearing: Tensor
+    aspect: Tensor
+
+
+def own_velocity(state: Tensor) -> Tensor:
+    """Return own ship's velocities (m/s) [..., 2] in states [..., S]."""
+    return state[..., SPEED, None] * unit_vector(state[..., HEADING])
+
+
+def ship_velocities(state: Tensor) -> Tensor:
+    """Return the target ships' velocities (m/s) [..., K, 2] in states [..., S]."""
+    ships = target_ships(state)
+    return ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
+
+
+def relative_motion(state: Tensor) -> Motion:
+    """Return how the target ships move relative to own ship, for states [..., S]."""
+    away, ships, present = relative_positions(state), target_ships(state), is_present(state)
+    velocity = ship_velocities(state) - own_velocity(state)[..., None, :]
+    dcpa, tcpa = predicted_approach(away, velocity)
+    own = position(state)[..., None, :]
+    return Motion(
+        away,
+        velocity,
+        torch.linalg.vector_norm(away, dim=-1).masked_fill(~present, math.inf),
+        dcpa.masked_fill(~present, math.inf),
+        tcpa,
+        -angle_off_bow(own, state[..., HEADING, None], own + away),
+        -angle_off_bow(own + away, ships[..., SHIP_HEADING], own),
+    )
+
+
+def meets(bearing: Angle, aspect: Angle, head_on: float = HEAD_ON) -> Flag:
+    """Return whether two ships meet head-on.
+
+    Args:
+        bearing: of the other ship from a ship, clockwise (rad).
+        aspect: of the ship from the other one, likewise.
+        head_on: half-angle (rad) of the head-on sector.
+    """
+    return (abs(bearing) <= head_on) & (abs(aspect) <= head_on)
+
+
+def crosses(bearing: Angle, aspect: Angle, head_on: float = HEAD_ON) -> Flag:
+    """Return whether a ship crosses with the other one on its starboard side; arguments as `meets`."""
+    return (bearing > 0) & (bearing < ABAFT_BEAM) & (aspect > -ABAFT_BEAM) & (aspect <= head_on)
+
+
+def overtakes(bearing: Angle, aspect: Angle) -> Flag:
+    """Return whether a ship overtakes the other one; arguments as `meets`."""
+    return (abs(aspect) > ABAFT_BEAM) & (abs(bearing) < AHEAD)
+
+
+def must_give_way(bearing: Angle, aspect: Angle) -> Flag:
+    """Return whether the rules ask a ship to keep out of the way of the other one; arguments as `meets`."""
+    return meets(bearing, aspect) | crosses(bearing, aspect) | overtakes(bearing, aspect)
+
+
+def classify(bearing: Any, aspect: Any, head_on: float = HEAD_ON) -> Any:
+    """Return what the rules ask of own ship, encounter classes int64 [...].
+
+    Args:
+        bearing: of the target ship from own ship, clockwise (rad) [...]; a tensor or an array.
+        aspect: bearing of own ship from the target ship, likewise.
+        head_on: half-angle (rad) of the head-on sector.
+    """
+    head_ons = meets(bearing, aspect, head_on)
+    gives_way = crosses(bearing, aspect, head_on) & ~head_ons
+    return (
+        Encounter.HEAD_ON * head_ons
+        + Encounter.GIVE_WAY * gives_way
+        + Encounter.STAND_ON * (crosses(aspect, bearing, head_on) & ~head_ons & ~gives_way)
+        + Encounter.OVERTAKING * overtakes(bearing, aspect)
+        + Encounter.OVERTAKEN * overtakes(aspect, bearing)
+    )

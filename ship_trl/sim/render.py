@@ -83,9 +83,7 @@ class Rasteriser:
 
             self.compiled = CompiledDrawing(
                 self._outline,
-                self._line_ink,
-                self._ship_ink,
-                self._own_ink,
+                torch.stack((self._line_ink, self._ship_ink, self._own_ink)),
                 self._background,
                 self._vector_scale,
             )

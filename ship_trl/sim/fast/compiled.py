@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from ship_trl.sim import scene
-from ship_trl.sim.dynamics import lag_shares
 from ship_trl.sim.fast import draw_kernels, step_kernel
 from ship_trl.sim.fast.step_kernel import Array
 from ship_trl.sim.geometry import polygon_edges
@@ -28,12 +27,7 @@ class CompiledStep:
 
     def __init__(self, reference: Transition) -> None:
         world = reference.world
-        self._constants = (
-            reference.actions.numpy(),
-            step_kernel.limits(world),
-            np.asarray(lag_shares(world), np.float32),
-            step_kernel.rule_limits(world),
-        )
+        self._constants = reference.actions.numpy(), step_kernel.constants(world)
         self._actions = self._constants[0]
         self._reward_constants = tuple(float32_array(*reward_constants(world.reward)))
 
@@ -70,30 +64,26 @@ class CompiledDrawing:
 
     `drawing(state)` maps floats [N, S] to uint8 [N, C, 84 * 84].
 
-    Shapes of the arguments: outline [E, 2], corners of a target ship in pixels, counter-clockwise; line_ink,
-    ship_ink and own_ink [C], colours; background [C, 84 * 84], the picture without line and target ships, in
-    floats. `vector_scale` is the length in pixels of a speed vector of 1 m/s.
+    Shapes of the arguments: outline [E, 2], corners of a target ship in pixels, counter-clockwise; inks
+    [3, C], colours of line, target ships and own ship; background [C, 84 * 84], the picture without line and
+    target ships, in floats. `vector_scale` is the length in pixels of a speed vector of 1 m/s.
     """
 
     def __init__(
         self,
         outline: Tensor,
-        line_ink: Tensor,
-        ship_ink: Tensor,
-        own_ink: Tensor,
+        inks: Tensor,
         background: Tensor,
         vector_scale: float,
     ) -> None:
         self._shape = background.shape
+        bows = [length / 2 * scene.PIXELS_PER_METRE for length in (scene.OWN_LENGTH, scene.TARGET_LENGTH)]
         self._constants = (
             np.asarray(polygon_edges(outline), np.float32),
-            float32_array(scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2, vector_scale),
-            float32_array(scene.OWN_LENGTH, scene.TARGET_LENGTH) / 2 * scene.PIXELS_PER_METRE,
+            float32_array(scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2, vector_scale, *bows),
             scene.patch_size(),
             scene.SIZE,
-            line_ink.numpy(),
-            ship_ink.numpy(),
-            own_ink.numpy(),
+            inks.numpy(),
             background.numpy(),
             (background + 0.5).to(torch.uint8).numpy(),
         )

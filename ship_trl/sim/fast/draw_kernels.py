@@ -184,28 +184,26 @@ def draw(
     states: Array,
     edges: Array,
     scales: Array,
-    bows: Array,
     patch: int,
     size: int,
-    line_ink: Array,
-    ship_ink: Array,
-    own_ink: Array,
+    inks: Array,
     background: Array,
     background_picture: Array,
     pictures: Array,
 ) -> None:
     """Draw N states, float32 [N, S], into `pictures`, uint8 [N, C, P].
 
-    Inputs, float32 unless said otherwise: edges [E, 3] from `polygon_edges`, in pixels; scales [3]: pixels
-    per metre, `reach` of `cover_line` (pixels), pixels per m/s of speed vectors; bows [2]: from the middle of
-    own ship and of a target ship to the bow; patch and size, widths in pixels of the square around a ship
-    and of the picture; line_ink, ship_ink and own_ink [C]; background [C, P], the picture without line and
-    target ships; background_picture, the same in uint8.
+    Inputs, float32 unless said otherwise: edges [E, 3] from `polygon_edges`, in pixels; scales [5]: pixels
+    per metre, `reach` of `cover_line` (pixels), pixels of a speed vector per m/s, pixels from the middle of
+    own ship and of a target ship to the bow; patch and size, widths in pixels of the square around a ship and
+    of the picture; inks [3, C] of line, target ships and own ship; background [C, P], the picture without
+    line and target ships; background_picture, the same in uint8.
 
     Raises:
         ValueError: a state is not finite, or larger than `MAX_STATE_SUM`.
     """
-    scale, reach, vector_scale = scales
+    scale, reach, vector_scale, _, _ = scales
+    line_ink, ship_ink, _ = inks
     channels, half = background.shape[0], float32(size) * HALF
     # Line and ships are blended in floats. The pixels that they changed are restored before the next state.
     image = background.copy()
@@ -230,7 +228,7 @@ def draw(
         count, pixel_step = cover_line(right, up, reach, size, line_cover, pixels)
         blend_line(image, picture, background, line_ink, line_cover, pixels[:count], pixel_step)
         if vector_scale > 0:
-            blend_vectors(image, picture, state, scales, bows, size, own_ink, ship_ink)
+            blend_vectors(image, picture, state, scales, inks, size)
         drawn = 0
         for k in range((state.shape[0] - OWN_SIZE) // SHIP_SIZE):
             if k >= state[SHIP_COUNT]:

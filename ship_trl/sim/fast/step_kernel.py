@@ -15,6 +15,7 @@ from numba.extending import register_jitable
 from ship_trl.config.types import World
 from ship_trl.jit import RELAXED, compiled
 from ship_trl.sim import encounter, reward
+from ship_trl.sim.dynamics import lag_shares
 from ship_trl.sim.state import (
     GIVES_WAY,
     GIVING_WAY,
@@ -50,16 +51,16 @@ must_give_way = register_jitable(fastmath=RELAXED)(encounter.must_give_way)
 write_rewards = compiled(RELAXED)(reward.write_rewards)
 
 
-def limits(world: World) -> Array:
-    """Return the constants of `step`: dt (s), safe distance (m), goal distance (m), maximum of steps."""
-    to_goal = world.goal_distance + reward.POSITION_TOLERANCE
-    return np.asarray((world.dt, world.safe_distance, to_goal, world.max_steps), np.float32)
+def constants(world: World) -> Array:
+    """Return the constants of `step`, float32 [11].
 
-
-def rule_limits(world: World) -> Array:
-    """Return the constants of `give_way`: TCPA (s), DCPA (m), turn of a step (rad)."""
-    rule = world.give_way
-    return np.asarray((rule.tcpa, rule.dcpa, rule.turn * world.dt), np.float32)
+    dt (s), safe distance (m), goal distance (m), maximum of steps; what lags leave of speed and rate of turn
+    at the end of a step, and as the mean over it; TCPA (s), DCPA (m) and turn of a step (rad) of the rule.
+    """
+    to_goal, rule = world.goal_distance + reward.POSITION_TOLERANCE, world.give_way
+    limits = world.dt, world.safe_distance, to_goal, world.max_steps
+    left, mean = lag_shares(world)
+    return np.asarray((*limits, *left, *mean, rule.tcpa, rule.dcpa, rule.turn * world.dt), np.float32)
 
 
 @compiled(RELAXED)
@@ -72,12 +73,11 @@ def bearing_of(x: Number, y: Number, heading: Number) -> Number:
 
 
 @compiled(RELAXED)
-def give_way(row: Array, ship: int, rule: Array) -> tuple[Number, Number]:
+def give_way(row: Array, ship: int, tcpa: Number, dcpa: Number, turn: Number) -> tuple[Number, Number]:
     """Return heading and behaviour of a reacting ship after its turn, as `dynamics.give_way` computes them.
 
-    `row` [S] is a state, in which the ship's numbers begin at `ship`; `rule` [3] is of `rule_limits`.
+    `row` [S] is a state, in which the ship's numbers begin at `ship`; the rest is of `constants`.
     """
-    tcpa, dcpa, turn = rule
     course, speed = row[ship + SHIP_HEADING], row[ship + SHIP_SPEED]
     away_x, away_y = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
     velocity_x = speed * math.cos(course) - row[SPEED] * math.cos(row[HEADING])
@@ -109,9 +109,7 @@ def step(
     state: Array,
     action: Array,
     actions: Array,
-    limits: Array,
-    lags: Array,
-    rule: Array,
+    constants: Array,
     after: Array,
     to_goal: Array,
     flags: Array,
@@ -122,16 +120,16 @@ def step(
     The rewards are computed in `write_rewards`.
 
     Shapes, float32 unless said otherwise:
-        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); limits [4];
-        lags [2, 2] of `lag_shares`; rule [3].
+        Inputs: state [N, S]; action int64 [N]; actions [A, 2] (m/s, rad/s); constants [11].
         Outputs: after [N, S]; to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags
         bool [3, N]: goal, collision, truncated; min_distance [N]: least distance to a target ship (m).
 
     Raises:
         IndexError: action index out of range.
     """
-    dt, safe_distance, goal_distance, max_steps = limits
-    (left_speed, left_turn), (mean_speed, mean_turn) = lags
+    dt, safe_distance, goal_distance, max_steps = constants[:4]
+    left_speed, left_turn, mean_speed, mean_turn = constants[4:8]
+    tcpa, dcpa, rule_turn = constants[8:]
     for n in range(state.shape[0]):
         if action[n] < 0 or action[n] >= actions.shape[0]:
             raise IndexError("action index out of range")
@@ -151,7 +149,7 @@ def step(
             ship = OWN_SIZE + SHIP_SIZE * k
             ship_x, ship_y, course = row[ship + SHIP_X], row[ship + SHIP_Y], row[ship + SHIP_HEADING]
             if row[ship + SHIP_BEHAVIOUR] != HOLDS_COURSE:
-                course, moved[ship + SHIP_BEHAVIOUR] = give_way(row, ship, rule)
+                course, moved[ship + SHIP_BEHAVIOUR] = give_way(row, ship, tcpa, dcpa, rule_turn)
                 moved[ship + SHIP_HEADING] = course
             ship_way = row[ship + SHIP_SPEED] * dt
             new_ship_x = ship_x + ship_way * math.cos(course)

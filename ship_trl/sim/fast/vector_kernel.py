@@ -31,22 +31,14 @@ HALF, UP = np.float32(0.5), np.float32(math.pi / 2)
 
 
 @compiled(NO_NAN)
-def blend_vectors(
-    image: Array,
-    picture: Array,
-    state: Array,
-    scales: Array,
-    bows: Array,
-    size: int,
-    own_ink: Array,
-    ship_ink: Array,
-) -> None:
+def blend_vectors(image: Array, picture: Array, state: Array, scales: Array, inks: Array, size: int) -> None:
     """Blend the speed vectors of a state [S] over `image` and `picture`; arguments as `draw_kernels.draw`."""
-    scale, reach, vector_scale = scales
+    scale, reach, vector_scale, own_bow, ship_bow = scales
+    _, ship_ink, own_ink = inks
     half, turn = float32(size) * HALF, UP - state[HEADING]
     across, ahead = math.cos(turn) * scale, math.sin(turn) * scale
     length = state[SPEED] * vector_scale
-    blend_vector(image, picture, own_ink, half, half, UP, bows[0], length, reach, size)
+    blend_vector(image, picture, own_ink, half, half, UP, own_bow, length, reach, size)
     for k in range((state.shape[0] - OWN_SIZE) // SHIP_SIZE):
         if k >= state[SHIP_COUNT]:
             break
@@ -54,7 +46,7 @@ def blend_vectors(
         east, north = state[ship + SHIP_X] - state[X], state[ship + SHIP_Y] - state[Y]
         cx, cy = east * across - north * ahead + half, half - (east * ahead + north * across)
         heading, length = state[ship + SHIP_HEADING] + turn, state[ship + SHIP_SPEED] * vector_scale
-        blend_vector(image, picture, ship_ink, cx, cy, heading, bows[1], length, reach, size)
+        blend_vector(image, picture, ship_ink, cx, cy, heading, ship_bow, length, reach, size)
 
 
 @compiled(NO_NAN)

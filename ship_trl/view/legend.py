@@ -38,7 +38,7 @@ def draw_legend(
         (scene.GOAL_CIRCLE, "disc", expected),
         (scene.SAFE_CIRCLE, "disc", safe),
         (scene.LINE, "line", "to the goal"),
-        *([(scene.TARGET, "line", f"way in {world.vector_time:g} s")] if world.vector_time else []),
+        *([(scene.TARGET, "line", f"speed vector, {world.vector_time:g} s")] if world.vector_time else []),
         (TEXT, "", f"width {2 * scene.VIEW_RADIUS:g} m") if plain else track,
         (CHOSEN, "", hulls),
     ]

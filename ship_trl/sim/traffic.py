@@ -16,7 +16,7 @@ from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Traffic, World
-from ship_trl.sim.encounter import HEAD_ON, Encounter, classify
+from ship_trl.sim.encounter import Encounter, classify
 from ship_trl.sim.state import (
     GIVES_WAY,
     GOAL_Y,
@@ -145,7 +145,7 @@ class TrafficStarts:
         for ago in (0.0, CLASS_SECONDS):
             direction = np.arctan2(y - north * ago, x - east * ago)
             bearing, aspect = wrap(NORTH - direction), wrap(heading - direction - math.pi)
-            is_valid &= classify(bearing, aspect, HEAD_ON) == self._classes[kind]
+            is_valid &= classify(bearing, aspect) == self._classes[kind]
         behaviour = np.where(share[6] < traffic.reacting, GIVES_WAY, HOLDS_COURSE)
         return np.stack((x, y, heading, speed, behaviour), 1).astype(np.float32), is_valid
 

@@ -16,7 +16,6 @@ from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
 from ship_trl.sim import scene
 from ship_trl.sim.encounter import (
-    HEAD_ON,
     Encounter,
     classify,
     own_velocity,
@@ -49,7 +48,7 @@ CLASSES: dict[Encounter, tuple[str, Colour]] = {
 def encounter_classes(state: Tensor) -> list[Encounter]:
     """Return the encounter class of each target ship in a state [S]."""
     motion = relative_motion(state.double())
-    found = classify(motion.bearing, motion.aspect, math.radians(HEAD_ON)).tolist()
+    found = classify(motion.bearing, motion.aspect).tolist()
     return [Encounter(one) for one in found[: int(state[SHIP_COUNT])]]
 
 

@@ -10,7 +10,7 @@ from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import EncounterClass, World
-from ship_trl.sim.encounter import HEAD_ON, Encounter, classify, relative_motion
+from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import (
@@ -37,7 +37,7 @@ def scenes(world: World, seed: int = 0, count: int = COUNT, **changes: Any) -> T
 
 def classes(states: Tensor) -> Tensor:
     motion = relative_motion(states)
-    return classify(motion.bearing, motion.aspect, HEAD_ON)
+    return classify(motion.bearing, motion.aspect)
 
 
 def test_ships_would_pass_within_the_offset_if_all_kept_course(world: World) -> None:

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from ship_trl.config.bounds import MAX_STEPS, Count, Share
+from ship_trl.config.bounds import MAX_STEPS, Count, PositiveShare, Share
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_path
-from ship_trl.config.schema import limit, read_as
+from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.config.types import Learn
 
 DEFAULT = {"build": "ship_trl.learn.double_dqn:build"}
 ALLOWED = "module:function or file.py:function"
+TEACHERS = "a safetensors file, a result folder, or pretrained:CASE"
+TeacherName = Annotated[Any, Rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
 # Steps of each environment that are held in memory; pictures that are computed at once.
 MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
 # Steps of all environments in a rollout; with eight target ships they take 4 GB.
@@ -51,11 +53,26 @@ class PPO:
     max_grad_norm: Annotated[float, limit(above=0)]
 
 
+@dataclass
+class Pupil:
+    """Distillation of the network of a `teacher` (learn/pupil.py).
+
+    `own_fraction` is the share of the episodes after which the pupil chooses all actions. The temperature is
+    in scaled rewards.
+    """
+
+    teacher: TeacherName
+    own_fraction: PositiveShare
+    temperature: Annotated[float, limit(above=0)]
+    huber_weight: Annotated[float, limit(0, 1000)]
+
+
 # The keys of each bundled algorithm beside `build`; a builder of one's own takes any.
 SETTINGS: dict[str, type] = {
     DEFAULT["build"]: DoubleDQN,
     "ship_trl.learn.n_step:build": NStep,
     "ship_trl.learn.ppo:build": PPO,
+    "ship_trl.learn.pupil:build": Pupil,
 }
 # Those that learn from their own actions alone.
 ON_POLICY = ("ship_trl.learn.ppo:build",)

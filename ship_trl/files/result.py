@@ -53,8 +53,9 @@ class Result:
     `config_hash` is a digest of the settings, `source_network` the source's weights. Evaluations are of an
     untrained network (`scratch`), the network before training, and the kept networks (`best`, `final`).
     `draws` are returns before training with other draws of the fresh layers. `precision` and `backend` are
-    those of the conv layers in training, `steps` environment steps. Rates are shares of training episodes.
-    `best_known_return` is the mean over the cases of a suite; None if their starts are perturbed.
+    those of the conv layers in training, `steps` environment steps. `teacher` is the network that was
+    distilled, with the SHA-256 of its file. Rates are shares of training episodes. `best_known_return` is the
+    mean over the cases of a suite; None if their starts are perturbed.
     """
 
     pair: str
@@ -87,6 +88,7 @@ class Result:
     backend: str
     algorithm_version: int
     schema_version: int
+    teacher: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the values that the file holds."""

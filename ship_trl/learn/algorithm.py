@@ -20,6 +20,9 @@ from ship_trl.learn.backend import Draw
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Policy
 
+# Q-values [N, A] of states [N, S].
+Teacher = Callable[[Tensor], Tensor]
+
 
 class DivergedError(Exception):
     """A loss, weight or output is not finite."""
@@ -114,6 +117,7 @@ class Setup:
         replay: random generator of the batches, on the device.
         method: what a transfer asks of learning.
         options: the settings below `algorithm`.
+        teacher: the network that `algorithm.teacher` names; None without one.
     """
 
     network: DuelingNetwork
@@ -124,6 +128,7 @@ class Setup:
     replay: Generator
     method: Method = field(default_factory=Method)
     options: Mapping[str, Any] = field(default_factory=dict)
+    teacher: Teacher | None = None
 
 
 def build_algorithm(setup: Setup) -> Algorithm:

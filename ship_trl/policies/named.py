@@ -111,14 +111,23 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     if is_pretrained(name):
         name = str(find(name, None if ":" in name else env.suite).file)
     if Path(name).suffix == ".safetensors":
-        layers = saved_network(Path(name), "policy")
-        colour = env.rasteriser.channels == 3
-        network = make_network(layers, len(env.world.actions), Generator(), colour=colour)
-        network.load_state_dict(dict(load_weights(Path(name), network, "policy")))
-        return greedy_policy(network.to(env.device), env.observer(layers))
+        network = load_network(Path(name), env)
+        return greedy_policy(network, env.observer(network.config))
     if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
     return refusing_invalid_actions(import_function(name, "policy")(env, seed), name, env)
+
+
+def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwork:
+    """Load the network of a safetensors file for an environment; `key` is the setting that messages name.
+
+    Raises:
+        ConfigError: the file is invalid, or its network has other actions or colours.
+    """
+    colour = env.rasteriser.channels == 3
+    network = make_network(saved_network(path, key), len(env.world.actions), Generator(), colour=colour)
+    network.load_state_dict(dict(load_weights(path, network, key)))
+    return network.to(env.device)
 
 
 def load_with_network(name: str, env: ShipEnv) -> tuple[Policy, DuelingNetwork]:

@@ -84,6 +84,7 @@ def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> 
         torch=torch.__version__,
         processor=processor_name(),
         seconds=round(seconds, 1),
+        teacher=parts.teacher,
     )
 
 

@@ -20,6 +20,7 @@ from ship_trl.learn.train import Training
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
+from ship_trl.run.teacher import describe_teacher, read_teacher
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
 from ship_trl.transfer.methods import make_method
@@ -37,7 +38,7 @@ class Parts:
     `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin, `draw` maps
     states to the network's input. `scratch` are the greedy episodes of the network before anything is copied,
     `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
-    weights; None from scratch.
+    weights; None from scratch. `teacher` names a teacher and the digest of its file.
     """
 
     training: Training
@@ -49,6 +50,7 @@ class Parts:
     scratch: list[Episode]
     draws: list[float]
     origin: str | None
+    teacher: str | None
 
     @property
     def computed(self) -> str:
@@ -82,7 +84,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     """Make the parts of a training from a run's configuration and its random streams.
 
     Raises:
-        ConfigError: a demonstration does not reach the return in its file.
+        ConfigError: a demonstration does not reach the return in its file, or `algorithm.teacher` is invalid.
     """
     config, world, learn = run.config, run.config.world, run.config.learn
     # Weights are drawn on the CPU, so that they are the same on every device. The other streams must be on
@@ -109,6 +111,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         replay=streams["replay"],
         method=method,
         options=config.algorithm,
+        teacher=read_teacher(config, eval_env),
     )
     algorithm = build_algorithm(setup)
     starts = Generator().manual_seed(run.stream("starts"))
@@ -125,6 +128,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         scratch=scratch,
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
+        teacher=describe_teacher(config),
     )
 
 

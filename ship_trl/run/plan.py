@@ -21,6 +21,7 @@ from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.run.run import Run
+from ship_trl.run.teacher import digest_teacher
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.suites import Suite, is_suite, load_suite
 from ship_trl.transfer.casebase import rank
@@ -137,21 +138,23 @@ def hash_of(
         "learn": learn,
     }
     # Left out where they are the default, so that older results keep their digest.
+    algorithm = non_default_algorithm(config.algorithm)
     optional: dict[str, Any] = {
         "margin": plain(config.margin) if config.margin.penalty else None,
         "network": non_default_network(config.network),
-        "algorithm": algorithm_to_hash(config),
+        "algorithm": algorithm and algorithm | digest_files(config),
         "demonstrations": [one.actions for one in demonstrations],
     }
     values |= {key: value for key, value in optional.items() if value}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def algorithm_to_hash(config: Config) -> dict[str, Any] | None:
-    """Return the settings of an algorithm that is not the default, with the digest of its file."""
-    algorithm = non_default_algorithm(config.algorithm)
-    file, _, function = algorithm["build"].rpartition(":") if algorithm else ("", "", "")
-    if algorithm and file.endswith(".py"):
-        content = hashlib.sha256(Path(file).read_bytes()).hexdigest()
-        return algorithm | {"build": f"{content}:{function}"}
-    return algorithm
+def digest_files(config: Config) -> dict[str, str]:
+    """Return the settings of the algorithm that name files, with digests in place of the paths."""
+    digests = {}
+    file, _, function = config.algorithm["build"].rpartition(":")
+    if file.endswith(".py"):
+        digests["build"] = f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}"
+    if teacher := digest_teacher(config):
+        digests["teacher"] = teacher
+    return digests

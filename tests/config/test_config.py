@@ -85,7 +85,8 @@ def test_whole_numbers_are_accepted_as_actions() -> None:
 @pytest.mark.parametrize("group", ["world", "algorithm", "replay", "exploration", "schedule"])
 def test_every_other_group_composes(group: str) -> None:
     for name in options(group):
-        composed(*HIGH, f"{group}={name}")
+        teacher = ["algorithm.teacher=pretrained:4"] if name == "pupil" else []
+        composed(*HIGH, f"{group}={name}", *teacher)
 
 
 @pytest.mark.parametrize("launcher", options("hydra/launcher"))
@@ -216,6 +217,10 @@ WRONG_VALUES = {
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with algorithm=ppo, which",
     "algorithm=ppo algorithm.rollout_steps=1": "algorithm.rollout_steps: must be from 2 to 100000, got 1",
     "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
+    "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:CASE",
+    "algorithm=pupil algorithm.teacher=[1]": "algorithm.teacher: must be a safetensors file, a result",
+    "algorithm=pupil algorithm.teacher=x algorithm.temperature=0": "algorithm.temperature: must be above 0",
+    "algorithm=pupil algorithm.teacher=x algorithm.own_fraction=0": "algorithm.own_fraction: must be above",
     "world.dt=0": "world.dt: must be from 0.001 to 1000 (seconds), got 0",
     "world.max_steps=0": "world.max_steps: must be from 1 to 1000 (the planner's memo",
     "world.max_steps=1000000": "world.max_steps: must be from 1 to 1000 (the planner'",

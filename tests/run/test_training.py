@@ -99,6 +99,7 @@ ARMS = {
     ),
     "three ships at once": (*SCRATCH, "learn.num_envs=3"),
     "a rollout": (*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40", MINIBATCH),
+    "a pupil": (*SCRATCH, "algorithm=pupil", "algorithm.teacher=pretrained:4"),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
     "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),
 }
@@ -107,7 +108,7 @@ ARMS = {
 # They take longest and cover the least.
 SLOW = [
     pytest.param(arm, marks=pytest.mark.long)
-    for arm in ("some layers frozen", "features of three ships", "three ships at once")
+    for arm in ("a pupil", "some layers frozen", "features of three ships", "three ships at once")
 ]
 
 

@@ -1,0 +1,126 @@
+"""A pupil takes over its teacher's choices, and continues from a checkpoint with the same bits."""
+
+import math
+from typing import Any
+
+import pytest
+import torch
+from tensordict import TensorDict
+from torch import Generator, Tensor
+
+from ship_trl.config.types import BackendName
+from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.pupil import Pupil, build, distillation_loss
+from ship_trl.learn.train import Finished, Training, train
+from tests.learn.worlds import Corridor, draw, schedule
+
+OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3}
+LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
+# All places of the corridor where an action is taken.
+PLACES = torch.arange(-3.0, 4.0)[:, None] * torch.tensor([1.0, 0.0])
+
+
+def teacher(state: Tensor) -> Tensor:
+    """Return Q-values whose best action changes with the place: 1, then 0, then 2."""
+    x = state[..., :1]
+    return torch.cat((0 * x, -0.5 - x, x - 0.5), -1)
+
+
+class Freezing(Method):
+    """Freezes the first two layers up to half of the episodes."""
+
+    thaws = True
+
+    def frozen_layers(self, progress: float) -> int:
+        return 2 if progress < 0.5 else 0
+
+
+def make(seed: int = 0, method: Method | None = None, options: Any = OPTIONS, **changes: Any) -> Pupil:
+    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
+    network = DuelingNetwork(1, 3, weights)
+    learn = schedule(**LEARN | changes)
+    options = {"build": "ship_trl.learn.pupil:build"} | options
+    return build(Setup(network, draw, 3, learn, exploration, replay, method or Method(), options, teacher))
+
+
+def agreement(pupil: Pupil) -> float:
+    """Return the share of the places where pupil and teacher choose alike."""
+    chosen = pupil.greedy(TensorDict({"state": PLACES}, [len(PLACES)]))["action"]
+    return float((chosen == teacher(PLACES).argmax(-1)).float().mean())
+
+
+def taught(**changes: Any) -> Pupil:
+    pupil = make(**changes)
+    for _ in train(Corridor(3), Corridor(1), pupil, schedule(**LEARN)):
+        pass
+    return pupil
+
+
+@pytest.mark.parametrize("backend", [BackendName.dense, BackendName.incremental])
+def test_it_takes_over_the_choices_of_its_teacher(backend: BackendName) -> None:
+    before, after = make(backend=backend), taught(backend=backend)
+    assert agreement(after) > 0.9 > agreement(before)
+    assert after.backend == backend.name
+
+
+def test_without_a_loss_it_learns_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ship_trl.learn.pupil.distillation_loss", lambda q, *_: 0.0 * q.sum())
+    assert agreement(taught()) < 0.9
+
+
+def test_the_loss_is_the_divergence_and_hubers_loss() -> None:
+    q, wanted = torch.tensor([[0.5, 3.0], [1.0, 1.0]]), torch.tensor([[0.0, 1.0], [1.0, 2.0]])
+    p, log = (wanted / 0.5).softmax(-1), (q / 0.5).log_softmax(-1)
+    divergence = (p * (p.log() - log)).sum(-1).mean()
+    # Errors of 0.5, 2, 0 and 1: squares up to 1, linear above.
+    huber = (0.125 + 1.5 + 0.0 + 0.5) / 4
+    torch.testing.assert_close(distillation_loss(q, wanted, 0.5, 0.0), divergence)
+    torch.testing.assert_close(distillation_loss(q, wanted, 0.5, 0.3), divergence + 0.3 * huber)
+    assert float(distillation_loss(wanted, wanted, 0.5, 0.3)) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("episode", "share"), [(0, 0.0), (10, 0.5), (20, 1.0), (39, 1.0)])
+def test_its_own_actions_take_over_by_half_of_the_training(episode: int, share: float) -> None:
+    # The pupil always takes action 1, the teacher 0.
+    pupil = make(epsilon_start=1e-9, epsilon_end=0.0)
+    with torch.no_grad():
+        pupil.online_network.advantage.weight.zero_()
+        pupil.online_network.advantage.bias.copy_(torch.tensor([0.0, 1.0, 0.0]))
+    action = pupil.act(TensorDict({"state": torch.zeros(400, 2)}, [400]), episode)["action"]
+    counts = action.bincount(minlength=3) / 400
+    tolerance = 0.0 if share in (0.0, 1.0) else 0.1
+    assert counts.tolist() == pytest.approx([1 - share, share, 0.0], abs=tolerance)
+
+
+@pytest.mark.parametrize("method", [Method(), Freezing()], ids=["all layers", "thawing"])
+def test_a_checkpoint_goes_on_with_the_same_bits(method: Method) -> None:
+    learn = schedule(**LEARN)
+    whole = Training(Corridor(3), Corridor(1), make(method=method), learn)
+    whole.begin()
+    # Layers thaw later.
+    while whole.episode < 10:
+        list(whole.advance())
+    state = {key: value.clone() for key, value in whole.state_dict().items()}
+    again = Training(Corridor(3), Corridor(1), make(seed=5, method=method), learn)
+    again.load_state_dict(state)
+    while not whole.is_finished:
+        found = [[e for e in one.advance() if isinstance(e, Finished)] for one in (whole, again)]
+        assert found[0] == found[1]
+    first, second = whole.state_dict(), again.state_dict()
+    assert first.keys() == second.keys()
+    assert all(torch.equal(first[key], second[key]) for key in first)
+
+
+def test_a_penalty_of_the_method_sees_pixels() -> None:
+    class Pull(Method):
+        def penalty(self, network: torch.nn.Module, batch: Any) -> Tensor:
+            assert batch["pixels"].dtype is torch.uint8
+            return torch.tensor(7.0)
+
+    losses = []
+    for method in (Method(), Pull()):
+        pupil = make(method=method)
+        state = TensorDict({"state": PLACES}, [len(PLACES)])
+        losses.append(float(pupil.learn_from(state)))
+    assert losses[1] == pytest.approx(losses[0] + 7.0) and math.isfinite(losses[0])

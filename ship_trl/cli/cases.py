@@ -1,14 +1,16 @@
 """`python -m ship_trl cases target=CASE|SUITE`: list and draw cases, or rank sources for one case.
 
 Of several cases (with commas between them, or a suite; default: target=paper,ship) the tables have ideal
-paths, target ships and similarity. Many cases are drawn on one page, with their classes of encounter. For one
-case, all other cases are ranked as sources, and an arm is recommended.
+paths, target ships and similarity. Many cases are drawn on one page, with their classes of encounter; of
+random encounters the page has the scenes of the first seeds. For one case, all other cases are ranked as
+sources, and an arm is recommended.
 """
 
 from __future__ import annotations
 
 import shlex
 import sys
+from itertools import islice
 from pathlib import Path
 
 from omegaconf import OmegaConf
@@ -20,13 +22,15 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.study.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
 # Sources and transfers listed for a target, and cases drawn in rows and compared in a matrix.
 MAX_SHOWN, MAX_ROWS = 12, 8
+# Pictures on a page: of cases, and of random encounters.
+MAX_PICTURES, EXAMPLES = 60, 20
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -50,6 +54,14 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE|SUITE")
         suites = [load_suite(name, world, "target") for name in names.split(",")]
         cases = {case.name: case for suite in suites for case in suite.cases}
+        if any(suite.traffic for suite in suites):
+            if len(suites) > 1:
+                raise ConfigError("target: a suite of random encounters is shown alone; allowed: one suite")
+            path = options.picture or Path("outputs") / f"cases_{suites[0].name}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draw_traffic(path, suites[0], world)
+            sys.stdout.write(f"{path}: scenes of the seeds 0 to {EXAMPLES - 1}\n")
+            return
         if len(cases) > 1:
             show_cases(cases)
             show_pairs(cases, world)
@@ -79,12 +91,26 @@ def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
     from ship_trl.view.case_page import write_case_page
     from ship_trl.view.contact_sheet import write_contact_sheet
 
+    cases = dict(islice(cases.items(), MAX_PICTURES))
     if len(cases) <= MAX_ROWS:
         write_contact_sheet(path, list(cases.values()), world)
     else:
         places = max(len(case.target_ships) for case in cases.values())
         states = [initial_state(case, world, places) for case in cases.values()]
         write_case_page(path, list(cases), torch.stack(states), world)
+
+
+def draw_traffic(path: Path, suite: Suite, world: World) -> None:
+    """Write a page of scenes of random encounters, each drawn by its seed."""
+    import torch
+    from torch import Generator
+
+    from ship_trl.sim.starts import make_starts
+    from ship_trl.view.case_page import write_case_page
+
+    starts = make_starts(suite, world)
+    states = [starts.sample(1, Generator().manual_seed(seed)) for seed in range(EXAMPLES)]
+    write_case_page(path, [f"seed {seed}" for seed in range(EXAMPLES)], torch.cat(states), world)
 
 
 def show_cases(cases: dict[str, Case]) -> None:

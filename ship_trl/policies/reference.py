@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import json
 import sys
+from functools import cache
 from pathlib import Path
 
 import torch
@@ -20,6 +21,7 @@ from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim import reward
 from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.scene_table import Scene, read_scenes
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import Suite
 from ship_trl.sim.transition import Transition
@@ -44,6 +46,7 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
         return _cached_plans[name]
     paths = [place / name for place in (folder, BUNDLED_PLANS) if place is not None]
     plan = next((plan for path in paths if (plan := _read(path, case, world)) is not None), None)
+    plan = plan or _read_table(case, world)
     if plan is None:
         plan = best_plan(case, world)
         if folder is not None:
@@ -85,6 +88,22 @@ def _read(path: Path, case: Case, world: World) -> Plan | None:
         return plan if abs(plan.episode_return - values["return"]) < RETURN_TOLERANCE else None
     except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RuntimeError):
         return None
+
+
+@cache
+def table_plans() -> dict[str, Scene]:
+    """Return the scenes of the bundled tables, with their plans, by the case's fingerprint."""
+    tables = sorted((conf_dir() / "suite").glob("*.csv"))
+    return {scene.case.fingerprint: scene for table in tables for scene in read_scenes(table)}
+
+
+def _read_table(case: Case, world: World) -> Plan | None:
+    """Return a plan of the bundled tables; None if there is none or it gives another return."""
+    scene = table_plans().get(case.fingerprint)
+    if scene is None:
+        return None
+    plan = follow_plan(case, world, scene.actions)
+    return plan if abs(plan.episode_return - scene.best_return) < 2 * RETURN_TOLERANCE else None
 
 
 def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:

@@ -15,6 +15,7 @@ from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.sim.cases import Case, case_names, find_case, load_case
+from ship_trl.sim.scene_table import read_scenes
 
 UNPERTURBED = Perturbation()
 
@@ -23,12 +24,12 @@ UNPERTURBED = Perturbation()
 class SuiteFile:
     """What a suite's YAML file holds: names or paths of cases, or a distribution of scenes.
 
-    A `unit` (metres) replaces that of the cases.
-
+    A `unit` (metres) replaces that of the cases. `scenes` names a table of cases beside the file.
     `profile` is that of its runs, unless `profile=` is given.
     """
 
     cases: list[str] = field(default_factory=list)
+    scenes: str = ""
     perturbation: Perturbation = field(default_factory=Perturbation)
     unit: Metres | None = None
     traffic: Traffic | None = None
@@ -146,8 +147,10 @@ def load_suite(
         path = conf_dir() / "suite" / f"{name}.yaml"
         values = read_as(SuiteFile, read_yaml(path), f"{path}: ")
         cases = tuple(load_case(case, world, f"{path}: cases", values.unit) for case in values.cases)
+        if values.scenes:
+            cases += tuple(scene.case for scene in read_scenes(path.parent / values.scenes))
         if bool(cases) == (values.traffic is not None):
-            raise ConfigError(f"{path}: allowed: either cases or traffic")
+            raise ConfigError(f"{path}: allowed: either cases or scenes, or traffic")
         own = asdict(values.perturbation)
         given = {bound: value for bound, value in asdict(perturbation).items() if value > 0}
         bounds = Perturbation(**own | given)

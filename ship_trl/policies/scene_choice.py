@@ -1,0 +1,80 @@
+"""Choose the scenes of `traffic_test`: `python -m ship_trl.policies.scene_choice` writes the table again.
+
+Seeds are taken in turn, and a scene is kept while its stratum has room and the planner reaches the goal in
+it. A stratum is a number of ships and the class of encounter of the first one. Runs draw their scenes from
+streams of 63 bits, so that they do not train on the first seeds.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import astuple
+from functools import partial
+from itertools import count
+
+from torch import Generator
+
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import EncounterClass, World
+from ship_trl.policies.planner import best_plan
+from ship_trl.sim.cases import Case, TargetShip, load_world
+from ship_trl.sim.encounter import Encounter, classify, relative_motion
+from ship_trl.sim.scene_table import Scene, write_scenes
+from ship_trl.sim.starts import make_starts
+from ship_trl.sim.state import SHIP_COUNT, first_case
+from ship_trl.sim.suites import load_suite
+
+# 15 strata of 32 scenes with ships, and 20 scenes without.
+ROOM, EMPTY_ROOM = 32, 20
+# Searches that run before the next scenes are drawn.
+BATCH = 16
+# Plans kept from step to step; with six times as many a search takes six times as long.
+BEAM = 1000
+# Metres and degrees keep four decimals in the table.
+DIGITS = 4
+
+
+def draw_case(seed: int, world: World) -> tuple[tuple[int, str], Case]:
+    """Return the stratum and the case of a seed."""
+    suite = load_suite("traffic", world)
+    state = make_starts(suite, world).sample(1, Generator().manual_seed(seed))
+    ships, motion = int(state[0, SHIP_COUNT]), relative_motion(state)
+    first = int(classify(motion.bearing, motion.aspect)[0, 0]) if ships else Encounter.NONE
+    encounter = Encounter(first).name.lower()
+    drawn = first_case(suite, state[0])
+    places = [[round(number, DIGITS) for number in astuple(ship)[:4]] for ship in drawn.target_ships]
+    # Exactly as the table is read: float32 holds no 90 degrees.
+    found = [TargetShip(*one) for one in places]
+    case = Case([0.0, 0.0], 90.0, [0.0, 600.0], encounter, found, f"traffic_{seed}")
+    return (ships, encounter), case
+
+
+def main() -> None:
+    """Choose the scenes, with all processors, and write the table."""
+    world, kept, failed = load_world(), list[Scene](), list[str]()
+    room = Counter({(ships, one.name): ROOM for ships in (1, 2, 3) for one in EncounterClass})
+    room[0, "none"] = EMPTY_ROOM
+    seeds = count()
+    with ProcessPoolExecutor() as pool:
+        while room.total():
+            cases: list[tuple[tuple[int, str], Case]] = []
+            while room.total() and len(cases) < BATCH:
+                stratum, case = draw_case(next(seeds), world)
+                if room[stratum]:
+                    room[stratum] -= 1
+                    cases.append((stratum, case))
+            plans = pool.map(partial(best_plan, world=world, beam=BEAM), [case for _, case in cases])
+            for (stratum, case), plan in zip(cases, plans, strict=True):
+                if plan.goal:
+                    kept.append(Scene(case, plan.episode_return, plan.actions))
+                else:
+                    room[stratum] += 1
+                    failed.append(case.name)
+    write_scenes(conf_dir() / "suite" / "traffic_test.csv", kept)
+    sys.stdout.write(f"{len(kept)} scenes; no plan reaches the goal in {', '.join(failed) or 'none'}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -55,6 +55,19 @@ def test_a_suite_is_shown_on_a_page(capsys: pytest.CaptureFixture[str]) -> None:
         assert picture.width == 1200 and picture.height > 1000
 
 
+def test_random_encounters_are_shown_by_their_seeds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "traffic.png"
+    main(["target=traffic", "--picture", str(picture)])
+    assert "scenes of the seeds 0 to 19" in capsys.readouterr().out
+    with Image.open(picture) as image:
+        assert image.width == 1200
+    with pytest.raises(SystemExit):
+        main(["target=traffic,paper"])
+    assert "target: a suite of random encounters is shown alone" in capsys.readouterr().err
+
+
 def test_a_target_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "target: none given in imazu; allowed: target=CASE|SUITE" in refused(capsys, main, "imazu")
 

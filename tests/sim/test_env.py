@@ -10,7 +10,7 @@ from tensordict import TensorDictBase
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import check_env_specs
 
-from ship_trl.config.types import World
+from ship_trl.config.types import Margin, World
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import STEP
@@ -175,3 +175,16 @@ def test_steps_do_not_share_memory(world: World) -> None:
     for key in steps[0].keys():  # noqa: SIM118
         assert len({one[key].data_ptr() for one in steps}) == len(steps), key
     assert env.reset()["state"].data_ptr() != env.reset()["state"].data_ptr()
+
+
+def test_a_margin_costs_near_passes_and_nothing_else(world: World) -> None:
+    case = load_case("4", world)
+    margin = Margin(distance=65.0, penalty=30.0)
+    plain, shaped = (repeat_action(ShipEnv(case, world, margin=one), 3) for one in (None, margin))
+    costs = [float(one["reward"] - other["reward"]) for one, other in zip(plain, shaped, strict=True)]
+    assert all(torch.equal(one["state"], other["state"]) for one, other in zip(plain, shaped, strict=True))
+    # The least distance so far is that of the step as long as the ships come nearer.
+    for cost, step in zip(costs, shaped, strict=True):
+        near = (65.0 - float(step["dcpa"])) / 20.0
+        assert cost == pytest.approx(30.0 * min(max(near, 0.0), 1.0), abs=1e-3)
+    assert costs[0] == 0.0 and costs[-1] == 30.0

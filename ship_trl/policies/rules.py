@@ -1,162 +1,186 @@
-"""Score how an episode keeps the steering rules (COLREGs 8 and 13 to 17), and how long its way is.
+"""Score how episodes keep the steering rules (COLREGs 8 and 13 to 17).
 
 Source: Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner et al. 2019
 (doi 10.1007/s10514-018-9765-y), read from a public reconstruction. Numbers in parentheses are its equations.
-Encounter classes are Pedersen's at the onset (`sim.encounter.classify`).
+Encounter classes are Pedersen's, locked at the onset (`encounter.Encounters`).
 
-Ours: radii are scaled by 45/35, from their collision radius to the safe distance, and the stages by the
-window of the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Rule 17's
-penalty is the larger of the apparent changes of course and speed before stage 4, and of a port turn in stage
-4 towards a ship to port. In this world a hard turn also halves the speed, which counts as apparent.
+Ours: radii are scaled from a collision radius of 35 m to the safe distance, and the stages by the window of
+the picture. Where an encounter begins inside stage 3, the delay counts from its onset. A manoeuvre counts if
+it begins before the closest approach, and then for at least `reaction` seconds: it may open the range at
+once. Rule 17's penalty is the largest of three: the apparent changes of course and of speed before stage 4,
+and a port turn in stage 4 towards a ship to port. Rule 14 scores 0 after a collision, as the other rules do.
+In this world a hard turn also halves the speed, which counts as apparent.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.policies.encounter import Onset
-from ship_trl.sim.encounter import Encounter, Motion, classify, relative_motion
-from ship_trl.sim.geometry import closest_approach, wrap_angle
-from ship_trl.sim.state import HEADING, SHIP_COUNT, SPEED, goal_distance, position
+from ship_trl.policies.encounter import Encounters, Onset
+from ship_trl.sim.encounter import Encounter, Motion, relative_motion
+from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
+from ship_trl.sim.state import HEADING, SHIP_HEADING, SPEED, is_present, relative_positions, target_ships
+
+# The order of `Scores.rules`.
+RULES = (8, 13, 14, 15, 16, 17)
+# The source's collision radius (m); Pedersen's half-angle (degrees) of the head-on sector.
+COLLISION, HEAD_ON = 35.0, 5.0
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of the scores: metres, degrees, shares of the speed.
+    """Parameters of the scores: metres, degrees, seconds, shares of the speed.
 
     The range score falls from 1 at `preferred` to 0.8 at `minimum`, 0.5 at `near_miss` and 0 at `collision`.
     A change of course or speed counts from the first of two bounds, and counts in full at the second.
     """
 
-    preferred: float = 257.0
-    minimum: float = 129.0
-    near_miss: float = 64.0
-    collision: float = 45.0
+    preferred: float
+    minimum: float
+    near_miss: float
+    collision: float
+    onset: Onset
     stage3: float = 236.0
     stage4: float = 67.0
     turn: tuple[float, float] = (2.0, 30.0)
-    slowing: tuple[float, float] = (0.07, 0.25)
+    speed_change: tuple[float, float] = (0.07, 0.25)
     starboard: tuple[float, float] = (10.0, 30.0)
-    onset: Onset = field(default_factory=lambda: Onset(dcpa=60.0, tcpa=30.0, clear=90.0))
+    reaction: float = 10.0
 
 
-@dataclass(frozen=True)
-class ShipScore:
-    """What an episode did about one target ship. Scores are from 0 to 1.
+def scaled_settings(world: World, head_on: float = HEAD_ON) -> Settings:
+    """Return the source's radii, scaled to a world's safe distance; `head_on` is a half-angle in degrees.
+
+    An encounter begins when the DCPA is below 4/3 of the safe distance within the next 30 s.
+    """
+    safe = world.safe_distance
+    preferred, minimum, near_miss = (radius * safe / COLLISION for radius in (200.0, 100.0, 50.0))
+    onset = Onset(dcpa=safe * 4 / 3, tcpa=30.0, clear=2 * safe, head_on=head_on)
+    return Settings(preferred, minimum, near_miss, safe, onset)
+
+
+class Pass(NamedTuple):
+    """The closest approach to each target ship, [N, K]; distance infinite where there is none.
+
+    `step` is the step within which it happens, `distance` is in metres, and bearing and aspect (rad) are as
+    in `sim.encounter.Motion`.
+    """
+
+    step: Tensor
+    distance: Tensor
+    bearing: Tensor
+    aspect: Tensor
+
+
+class Scores(NamedTuple):
+    """What N episodes did about their K target ships.
 
     Attributes:
-        encounter: class at the onset; `NONE` without an onset.
-        onset: step of the onset, -1 without one.
-        least_distance: metres, within steps too.
-        manoeuvre: step of the first change of course or speed after the onset, -1 without one.
-        dcpa: DCPA (m) at the manoeuvre, NaN without one.
-        tcpa: TCPA (s) at the manoeuvre, NaN without one.
-        turn: largest change of course (degrees) between onset and CPA, starboard positive.
-        safety: equation 2.
-        rule8: apparent and timely; NaN without an onset, and for a ship that stands on.
-        score: by the rule of the class; NaN without an onset. Head-on 14, give way 15 and 16, overtaking 13
-            and 16, stand on and overtaken 17.
+        encounter: classes at the onset, int64 [N, K]; `NONE` without an onset.
+        onset: step of the onset, int64 [N, K]; -1 without one.
+        manoeuvre: step of the first apparent change of course or speed after it, int64 [N, K], or -1.
+        turn: largest change of course after the onset (degrees), starboard positive, [N, K].
+        safety: equation 2, [N, K]; NaN without an onset.
+        rules: scores from 0 to 1 by the rules of `RULES`, [N, K, 6]; NaN where a rule does not apply. Head-on
+            8 and 14, give way 8, 15 and 16, overtaking 8, 13 and 16, stand on and overtaken 17.
     """
 
-    encounter: Encounter
-    onset: int
-    least_distance: float
-    manoeuvre: int
-    dcpa: float
-    tcpa: float
-    turn: float
-    safety: float
-    rule8: float
-    score: float
+    encounter: Tensor
+    onset: Tensor
+    manoeuvre: Tensor
+    turn: Tensor
+    safety: Tensor
+    rules: Tensor
 
 
-def route_ratios(states: Tensor, world: World) -> tuple[float, float]:
-    """Return way and time of an episode, each divided by that of the straight way to the goal.
+def score_rules(states: Tensor, last: Tensor, world: World, settings: Settings) -> Scores:
+    """Score episodes by their states.
 
     Args:
-        states: states of an episode [T + 1, S]; one that reaches the goal, else the ratios mean nothing.
-        world: goal distance, length of a step, speed of going straight.
+        states: states of N episodes [N, T + 1, S], padded with any states at their ends.
+        last: index of each episode's last state, int64 [N].
+        world: length of a step.
+        settings: radii, stages and onset.
     """
-    straight = float(goal_distance(states[0])) - world.goal_distance
-    way = float(torch.linalg.vector_norm(position(states).diff(dim=0), dim=-1).sum())
-    time = (len(states) - 1) * world.dt
-    return way / straight, time * world.actions[world.straight_action][0] / straight
-
-
-def score_episode(states: Tensor, settings: Settings = Settings()) -> list[ShipScore]:
-    """Score an episode's states [T + 1, S], once for each target ship."""
-    states = states.double()
+    states, last = states.double(), last[:, None]
     motion = relative_motion(states)
-    count = int(states[0, SHIP_COUNT])
-    nearest = closest_approach(motion.position[:-1], motion.position[1:]).amin(0)
-    return [_score_ship(states, motion, float(nearest[ship]), ship, settings) for ship in range(count)]
+    time = torch.arange(states.shape[1])[:, None]
+    classes = _locked_classes(states, motion, settings.onset)
+    begins = first((classes != Encounter.NONE) & (time < last[:, None]))
+    has_onset, onset = begins >= 0, begins.clamp(min=0)
+    kind = at(classes, onset).masked_fill(~has_onset, Encounter.NONE)
+    cpa = closest_pass(states, onset, last)
+    safety = safety_score(cpa.distance, cpa.bearing, cpa.aspect, settings)
 
+    # Changes against the onset. The state before the first changed one is where it was chosen.
+    heading, speed = (states[..., column, None].expand_as(motion.distance) for column in (HEADING, SPEED))
+    turns = -torch.rad2deg(wrap_angle(heading - at(heading, onset)[:, None]))
+    changes = (speed / at(speed, onset).clamp(min=1e-6)[:, None] - 1).abs()
+    is_changed = (turns.abs() > settings.turn[0]) | (changes > settings.speed_change[0])
+    manoeuvre = first(is_changed & (time >= onset[:, None]) & (time <= last[:, None])) - 1
+    manoeuvre = manoeuvre.masked_fill((manoeuvre > cpa.step) | ~has_onset, -1).clamp(min=-1)
+    reaction = round(settings.reaction / world.dt)
+    end = torch.where(manoeuvre < 0, cpa.step, torch.maximum(cpa.step, manoeuvre + reaction))
+    during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
+    turn = at(turns, (turns.abs() * during).argmax(1))
+    turned = ramp(turn.abs(), settings.turn)
+    apparent = (turned + ramp((changes * during).amax(1), settings.speed_change)) / 2
+    entry = at(motion.distance, onset).clamp(max=settings.stage3)
+    begun = at(motion.distance, manoeuvre.clamp(min=0))
+    timely = 1 - ((entry - begun) / entry).clamp(min=0.0).masked_fill(manoeuvre < 0, 1.0)
 
-def _score_ship(states: Tensor, motion: Motion, nearest: float, ship: int, settings: Settings) -> ShipScore:
-    """Score an episode towards one target ship, whose least distance is `nearest`."""
-    one = Motion(*(part[:, ship] for part in motion))
-    cpa = int(one.distance.argmin())
-    bearing, aspect = float(one.bearing[cpa]), float(one.aspect[cpa])
-    safety = safety_score(nearest, bearing, aspect, settings)
-    at = settings.onset
-    begins = (one.dcpa < at.dcpa) & (one.tcpa >= 0) & (one.tcpa <= at.tcpa)
-    onset = first(begins)
-    none = ShipScore(
-        Encounter.NONE, -1, nearest, -1, math.nan, math.nan, math.nan, safety, math.nan, math.nan
+    rule8 = apparent * timely
+    rule16 = safety * rule8
+    sin_bearing, sin_aspect, aspect = cpa.bearing.sin(), cpa.aspect.sin(), torch.rad2deg(cpa.aspect)
+    no_starboard = 1 - ramp((turns * during).amax(1), settings.starboard, power=1)
+    not_port_to_port = 1 - ((sin_aspect - 1) / 2).square() * ((sin_bearing - 1) / 2).square()
+    rule14 = (1 - 0.4 * no_starboard - 0.6 * not_port_to_port) * turned * timely * (safety > 0)
+    rule13 = rule16 - 0.3 * (aspect.abs() < 45)
+    rule15 = rule16 - 0.5 * ((aspect > -25) & (aspect < 165))
+    rule17 = safety * (1 - _stand_on_penalty(motion, heading, turns, changes, during, settings))
+    head_on, crosses, overtakes = (
+        kind == one for one in (Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING)
     )
-    if onset < 0:
-        return none
-    kind = Encounter(int(classify(one.bearing[onset], one.aspect[onset], math.radians(at.head_on))))
-    if kind == Encounter.NONE:
-        return none
-    # Changes against the onset, until the closest approach.
-    turns = -torch.rad2deg(wrap_angle(states[:, HEADING] - states[onset, HEADING]))
-    slowing = (states[:, SPEED] / states[onset, SPEED].clamp(min=1e-6) - 1).abs()
-    changes = (turns.abs() > settings.turn[0]) | (slowing > settings.slowing[0])
-    during = slice(onset, max(cpa, onset) + 1)
-    # The state before the first changed one is where the manoeuvre was chosen.
-    changed = first(changes[during])
-    manoeuvre = onset + changed - 1 if changed > 0 else -1
-    turn = float(turns[during][turns[during].abs().argmax()])
-    turned = ramp(abs(turn), settings.turn)
-    slowed = ramp(float(slowing[during].max()), settings.slowing)
-    apparent = (turned + slowed) / 2
-    entry = min(settings.stage3, float(one.distance[onset]))
-    delay = 1.0 if manoeuvre < 0 else max(0.0, (entry - float(one.distance[manoeuvre])) / entry)
-    rule8 = apparent * (1 - delay)
-    if kind in (Encounter.STAND_ON, Encounter.OVERTAKEN):
-        rule8, score = math.nan, safety * (1 - _stand_on_penalty(one, turns, slowing, during, settings))
-    elif kind == Encounter.HEAD_ON:
-        no_starboard = 1 - ramp(float(turns[during].max()), settings.starboard, power=1)
-        port_to_port = ((math.sin(aspect) - 1) / 2) ** 2 * ((math.sin(bearing) - 1) / 2) ** 2
-        score = (1 - 0.4 * no_starboard - 0.6 * (1 - port_to_port)) * turned * (1 - delay)
-    else:
-        score = safety * rule8
-        if kind == Encounter.GIVE_WAY and -25 < math.degrees(aspect) < 165:
-            score -= 0.5
-        if kind == Encounter.OVERTAKING and abs(math.degrees(aspect)) < 45:
-            score -= 0.3
-    return ShipScore(
+    stands_on = (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
+    gives_way = crosses | overtakes
+    applies = (head_on | gives_way, overtakes, head_on, crosses, gives_way, stands_on)
+    scores = torch.stack((rule8, rule13, rule14, rule15, rule16, rule17), -1).clamp(min=0.0)
+    return Scores(
         kind,
-        onset,
-        nearest,
+        begins,
         manoeuvre,
-        float(one.dcpa[manoeuvre]) if manoeuvre >= 0 else math.nan,
-        float(one.tcpa[manoeuvre]) if manoeuvre >= 0 else math.nan,
-        turn,
-        safety,
-        rule8,
-        max(score, 0.0),
+        turn * has_onset,
+        safety.masked_fill(~has_onset, math.nan),
+        scores.masked_fill(~torch.stack(applies, -1), math.nan),
     )
 
 
-def safety_score(distance: float, bearing: float, aspect: float, settings: Settings = Settings()) -> float:
-    """Return the safety of a pass (2): by range (3), and by pose at CPA (4 to 6).
+def closest_pass(states: Tensor, begin: Tensor, last: Tensor) -> Pass:
+    """Return the closest approach between two states, within steps too.
+
+    Shapes: states [N, T + 1, S]; indices `begin` [N, K] and `last` [N, 1], int64.
+    """
+    away, step = relative_positions(states), torch.arange(states.shape[1] - 1)[:, None]
+    points = nearest_points(away[:, :-1], away[:, 1:])
+    outside = (step < begin[:, None]) | (step >= last[:, None]) | ~is_present(states[:, :-1])
+    distance = torch.linalg.vector_norm(points, dim=-1).masked_fill(outside, math.inf)
+    nearest = distance.argmin(1)
+    point = torch.stack([at(part, nearest) for part in points.unbind(-1)], -1)
+    # Ships turn at the start of a step, and then move.
+    own = at(states[:, 1:, HEADING, None].expand_as(distance), nearest)
+    other, origin = at(target_ships(states)[:, 1:, :, SHIP_HEADING], nearest), torch.zeros_like(point)
+    bearing, aspect = -angle_off_bow(origin, own, point), -angle_off_bow(point, other, origin)
+    return Pass(nearest, at(distance, nearest), bearing, aspect)
+
+
+def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, settings: Settings) -> Tensor:
+    """Return the safety of passes (2): by range (3), and by pose at CPA (4 to 6); all are [...].
 
     Args:
         distance: least distance (m).
@@ -164,42 +188,51 @@ def safety_score(distance: float, bearing: float, aspect: float, settings: Setti
         aspect: bearing of own ship from the target ship at CPA (rad).
         settings: radii.
     """
-    if distance < settings.collision:
-        return 0.0
     radii = (settings.collision, settings.near_miss, settings.minimum, settings.preferred)
-    values = (0.0, 0.5, 0.8, 1.0)
-    ranged = 1.0
-    for low, high, below, above in zip(radii[:-1], radii[1:], values[:-1], values[1:], strict=True):
-        if distance < high:
-            ranged = below + (above - below) * (distance - low) / (high - low)
-            break
-    pose = 0.25 * min(1.0, 1 - math.cos(aspect)) + 0.75 * min(1.0, 1 - math.cos(bearing))
-    return ranged + (1 - ranged) * pose
+    ranged = torch.zeros_like(distance)
+    for low, high, gain in zip(radii[:-1], radii[1:], (0.5, 0.3, 0.2), strict=True):
+        ranged += gain * ((distance - low) / (high - low)).clamp(0.0, 1.0)
+    pose = 0.25 * (1 - aspect.cos()).clamp(max=1.0) + 0.75 * (1 - bearing.cos()).clamp(max=1.0)
+    return (ranged + (1 - ranged) * pose) * (distance >= settings.collision)
 
 
-def ramp(value: float, bounds: tuple[float, float], power: int = 2) -> float:
+def ramp(value: Tensor, bounds: tuple[float, float], power: int = 2) -> Tensor:
     """Return 0 below the first bound and 1 above the second, and the power of the share between."""
     low, high = bounds
-    return float(min(max((value - low) / (high - low), 0.0), 1.0) ** power)
+    return ((value - low) / (high - low)).clamp(0.0, 1.0) ** power
 
 
-def first(flags: Tensor) -> int:
-    """Return the index of the first true flag, or -1."""
-    return int(flags.int().argmax()) if bool(flags.any()) else -1
+def first(flags: Tensor) -> Tensor:
+    """Return the time of the first true flag, int64 [N, K], or -1, for flags [N, T, K]."""
+    return flags.to(torch.int8).argmax(1).masked_fill(~flags.any(1), -1)
+
+
+def at(values: Tensor, time: Tensor) -> Tensor:
+    """Return values [N, T, K] at times int64 [N, K]."""
+    return values.gather(1, time[:, None])[:, 0]
+
+
+def _locked_classes(states: Tensor, motion: Motion, onset: Onset) -> Tensor:
+    """Return encounter classes that stay from onset to past and clear, int64 [N, T + 1, K]."""
+    encounters = Encounters(onset)
+    steps = range(states.shape[1])
+    return torch.stack(
+        [encounters.update(states[:, t], Motion(*(part[:, t] for part in motion))) for t in steps], 1
+    )
 
 
 def _stand_on_penalty(
-    motion: Motion, turns: Tensor, slowing: Tensor, during: slice, settings: Settings
-) -> float:
-    """Return Rule 17's penalty, from 0 to 1, of the steps between onset and CPA."""
-    is_far = motion.distance[during] > settings.stage4
-    turn, slow = turns[during], slowing[during]
-    far_turn = float((turn.abs() * is_far).max())
-    far_slow = float((slow * is_far).max())
-    # A port turn against the course at the beginning of stage 4.
-    near = first(~is_far)
-    port = 0.0
-    if near >= 0:
-        to_port = (turn[near] - turn[near:]) * (motion.bearing[during][near:] < 0)
-        port = float(to_port.max())
-    return max(ramp(far_turn, settings.turn), ramp(far_slow, settings.slowing), ramp(port, settings.turn))
+    motion: Motion, heading: Tensor, turns: Tensor, changes: Tensor, during: Tensor, settings: Settings
+) -> Tensor:
+    """Return Rule 17's penalties, from 0 to 1, [N, K]."""
+    is_near = (((motion.distance <= settings.stage4) & during).cumsum(1) > 0) & during
+    is_far = during & ~is_near
+    # Port turns that begin while the ship is to port, net of starboard ones.
+    turns_to_ship = (is_near & (motion.bearing < 0))[:, :-1] & during[:, 1:]
+    port = torch.rad2deg(wrap_angle(heading.diff(dim=1))) * turns_to_ship
+    penalties = (
+        ramp((turns.abs() * is_far).amax(1), settings.turn),
+        ramp((changes * is_far).amax(1), settings.speed_change),
+        ramp(port.cumsum(1).amax(1), settings.turn),
+    )
+    return torch.stack(penalties).amax(0)

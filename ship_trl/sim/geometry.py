@@ -28,8 +28,8 @@ def angle_off_bow(position: Tensor, heading: Tensor, point: Tensor) -> Tensor:
     return wrap_angle(torch.atan2(offset[..., 1], offset[..., 0]) - heading)
 
 
-def closest_approach(start: Tensor, end: Tensor) -> Tensor:
-    """Return the least distance [...] from the origin to points that move from `start` to `end`, [..., 2].
+def nearest_points(start: Tensor, end: Tensor) -> Tensor:
+    """Return where points that move from `start` to `end` are nearest to the origin; all are [..., 2].
 
     Points are positions of one ship relative to another. Within a step both ships keep course and speed, so
     the relative motion is a straight segment.
@@ -37,8 +37,12 @@ def closest_approach(start: Tensor, end: Tensor) -> Tensor:
     travel = end - start
     length2 = (travel * travel).sum(-1)
     share = -(start * travel).sum(-1) / torch.where(length2 > 0, length2, 1.0)
-    nearest = start + share.clamp(0.0, 1.0).unsqueeze(-1) * travel
-    return torch.linalg.vector_norm(nearest, dim=-1)
+    return start + share.clamp(0.0, 1.0).unsqueeze(-1) * travel
+
+
+def closest_approach(start: Tensor, end: Tensor) -> Tensor:
+    """Return the least distance [...] from the origin to points that move from `start` to `end`, [..., 2]."""
+    return torch.linalg.vector_norm(nearest_points(start, end), dim=-1)
 
 
 def polygon_edges(corners: Tensor) -> list[tuple[float, float, float]]:

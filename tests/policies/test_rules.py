@@ -2,43 +2,53 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import pytest
 import torch
 from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
 
 from ship_trl.policies.encounter import Steering
-from ship_trl.policies.rules import Settings, ShipScore, route_ratios, safety_score, score_episode
+from ship_trl.policies.rules import RULES, Scores, closest_pass, safety_score, scaled_settings, score_rules
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.dynamics import advance
-from ship_trl.sim.encounter import Encounter, classify
-from ship_trl.sim.state import initial_state
+from ship_trl.sim.encounter import Encounter, classify, relative_motion
+from tests.policies.tracks import PORT, STARBOARD, STRAIGHT, track
 
 WORLD = load_world()
-PORT, STRAIGHT, STARBOARD = 0, 3, 6
-IMAZU = {number: load_case(f"imazu0{number}", WORLD) for number in (1, 2, 3)}
+SETTINGS = scaled_settings(WORLD)
+IMAZU = {number: load_case(f"imazu{number:02}", WORLD) for number in (1, 2, 3, 4, 14)}
 
 
-def track(case: Case, *held: tuple[int, int]) -> Tensor:
-    """Return the states of (action, steps) held one after the other."""
-    states = [initial_state(case, WORLD)]
-    actions = torch.tensor(WORLD.actions)
-    for action, steps in held:
-        for _ in range(steps):
-            states.append(advance(states[-1], torch.tensor(action), actions, WORLD.dt))
-    return torch.stack(states)
+@dataclass
+class Ship:
+    """What an episode did about its first target ship; `rules` by their numbers."""
+
+    encounter: Encounter
+    onset: int
+    manoeuvre: int
+    turn: float
+    safety: float
+    rules: dict[int, float]
 
 
-def score(case: Case, *held: tuple[int, int]) -> ShipScore:
-    return score_episode(track(case, *held))[0]
+def score_all(*tracks: Tensor) -> Scores:
+    last = torch.tensor([len(one) - 1 for one in tracks])
+    return score_rules(pad_sequence(list(tracks), batch_first=True), last, WORLD, SETTINGS)
+
+
+def score(case: Case, *held: tuple[int, int]) -> Ship:
+    found = score_all(track(WORLD, case, *held))
+    kind, onset, manoeuvre, turn, safety = (part[0, 0].item() for part in found[:5])
+    known = dict(zip(RULES, found.rules[0, 0].tolist(), strict=True))
+    rules = {rule: value for rule, value in known.items() if not math.isnan(value)}
+    return Ship(Encounter(int(kind)), int(onset), int(manoeuvre), turn, safety, rules)
 
 
 def test_a_collision_is_unsafe_and_not_timely() -> None:
     one = score(IMAZU[1], (STRAIGHT, 30))
     assert (one.encounter, one.onset, one.manoeuvre) == (Encounter.HEAD_ON, 0, -1)
-    assert one.least_distance == pytest.approx(0.0, abs=1e-3)
-    assert (one.safety, one.rule8, one.score, one.turn) == (0, 0, 0, 0)
-    assert math.isnan(one.dcpa)
+    assert (one.safety, one.turn, one.rules) == (0, 0, {8: 0, 14: 0})
 
 
 def test_head_on_wants_a_starboard_turn() -> None:
@@ -46,20 +56,26 @@ def test_head_on_wants_a_starboard_turn() -> None:
     left = score(IMAZU[1], (PORT, 8), (STRAIGHT, 25))
     assert right.turn == pytest.approx(math.degrees(0.8), abs=0.1)
     assert left.turn == pytest.approx(-right.turn)
-    assert right.least_distance == pytest.approx(left.least_distance, abs=0.01)
     # Early and apparent: Rule 8 asks for no side, Rule 14 does.
-    assert right.rule8 == pytest.approx(1.0) and left.rule8 == pytest.approx(1.0)
-    assert right.score > 0.9 and left.score < 0.3
+    assert right.rules[8] == pytest.approx(1.0) and left.rules[8] == pytest.approx(1.0)
+    assert right.rules[14] > 0.9 and left.rules[14] < 0.3
+
+
+def test_head_on_to_starboard_but_hit_scores_nothing() -> None:
+    # 34 degrees, chosen 90 m apart: to starboard and apparent, but too late.
+    one = score(IMAZU[1], (STRAIGHT, 17), (STARBOARD, 6), (STRAIGHT, 2))
+    assert one.turn > 30 and one.safety == 0 and one.rules[8] > 0
+    assert one.rules[14] == 0
 
 
 def test_a_late_manoeuvre_scores_less() -> None:
     early = score(IMAZU[2], (STARBOARD, 8), (STRAIGHT, 25))
     late = score(IMAZU[2], (STRAIGHT, 12), (STARBOARD, 8), (STRAIGHT, 15))
     assert (early.manoeuvre, late.manoeuvre) == (0, 12)
-    assert early.dcpa == pytest.approx(0.0, abs=1e-3) and late.tcpa == pytest.approx(8.0, abs=1e-3)
-    assert early.rule8 == pytest.approx(1.0)
+    assert early.rules[8] == pytest.approx(1.0)
     # Stage 3 begins at 236 m; after 12 s the ships are 8 s from meeting, 170 m apart.
-    assert late.rule8 == pytest.approx(170 / 236, abs=0.01)
+    assert late.rules[8] == pytest.approx(170 / 236, abs=0.01)
+    assert late.rules[16] == pytest.approx(late.safety * late.rules[8])
 
 
 def test_a_small_turn_is_not_apparent() -> None:
@@ -67,7 +83,25 @@ def test_a_small_turn_is_not_apparent() -> None:
     one = score(IMAZU[2], (4, 5), (STRAIGHT, 25))
     assert one.turn == pytest.approx(math.degrees(0.05), abs=0.01)
     slowed = ((0.2 - 0.07) / 0.18) ** 2
-    assert one.rule8 == pytest.approx((((one.turn - 2) / 28) ** 2 + slowed) / 2, abs=0.01)
+    assert one.rules[8] == pytest.approx((((one.turn - 2) / 28) ** 2 + slowed) / 2, abs=0.01)
+
+
+def test_a_manoeuvre_that_opens_the_range_at_once_counts_in_full(make_case: Callable[..., Case]) -> None:
+    # A ship 52 m abeam to starboard converges by 10 degrees: own ship turns away to port.
+    one = score(IMAZU[14], (PORT, 6), (STRAIGHT, 20))
+    assert (one.encounter, one.manoeuvre) == (Encounter.GIVE_WAY, 0)
+    assert one.turn == pytest.approx(-math.degrees(0.6), abs=0.1) and one.rules[8] == pytest.approx(1.0)
+    # To turn away at once from a ship to stand on to, with 200 m between, breaks Rule 17.
+    leaves = score(make_case((-141.0, 159.0, 0.0, 15.0)), (STARBOARD, 10), (STRAIGHT, 10))
+    assert leaves.encounter is Encounter.STAND_ON and leaves.rules == {17: 0}
+
+
+def test_a_turn_after_the_closest_approach_is_no_manoeuvre(make_case: Callable[..., Case]) -> None:
+    case = make_case((371.0, 300.0, 180.0, 15.0))
+    before, after = (score(case, (STRAIGHT, steps), (STARBOARD, 8)) for steps in (15, 25))
+    assert before.encounter is after.encounter is Encounter.GIVE_WAY
+    assert before.manoeuvre == 15 and before.rules[8] > 0
+    assert after.manoeuvre == -1 and after.rules[8] == 0 and after.safety > 0
 
 
 def test_give_way_passes_astern() -> None:
@@ -75,8 +109,9 @@ def test_give_way_passes_astern() -> None:
     # To port at first, then ahead of the other ship's bow.
     ahead = score(IMAZU[2], (STRAIGHT, 1), (1, 20), (STRAIGHT, 20))
     assert astern.encounter is ahead.encounter is Encounter.GIVE_WAY
-    assert astern.score == pytest.approx(astern.safety * astern.rule8)
-    assert astern.score > 0.4 > ahead.score
+    assert set(astern.rules) == set(ahead.rules) == {8, 15, 16}
+    assert astern.rules[15] == pytest.approx(astern.rules[16]) and astern.rules[15] > 0.4
+    assert ahead.rules[15] == pytest.approx(max(ahead.rules[16] - 0.5, 0))
 
 
 def test_stand_on_keeps_course(make_case: Callable[..., Case]) -> None:
@@ -85,46 +120,90 @@ def test_stand_on_keeps_course(make_case: Callable[..., Case]) -> None:
     kept = score(case, (STRAIGHT, 36))
     turned = score(case, (STARBOARD, 8), (STRAIGHT, 28))
     assert kept.encounter is turned.encounter is Encounter.STAND_ON
-    assert math.isnan(kept.rule8)
-    assert kept.score == kept.safety > 0
-    assert turned.score == 0
+    assert kept.rules == {17: kept.safety} and kept.safety > 0
+    assert turned.rules == {17: 0}
 
 
-def test_overtaking_may_pass_on_either_side() -> None:
+def test_stand_on_may_act_at_last_but_not_to_port(make_case: Callable[..., Case]) -> None:
+    # The ship crosses from port; within 67 m, just before it passes, own ship turns.
+    case = make_case((-380.0, 300.0, 0.0, 15.0))
+    starboard = score(case, (STRAIGHT, 22), (STARBOARD, 6), (STRAIGHT, 8))
+    port = score(case, (STRAIGHT, 22), (PORT, 6), (STRAIGHT, 8))
+    assert starboard.rules == {17: pytest.approx(starboard.safety)} and starboard.safety > 0.5
+    assert port.safety > 0.5 and port.rules[17] < 0.3 * port.safety
+
+
+def test_overtaking_may_pass_on_either_side_but_not_close_ahead() -> None:
     right = score(IMAZU[3], (STARBOARD, 4), (STRAIGHT, 10), (PORT, 4), (STRAIGHT, 30))
     left = score(IMAZU[3], (PORT, 4), (STRAIGHT, 10), (STARBOARD, 4), (STRAIGHT, 30))
     assert right.encounter is left.encounter is Encounter.OVERTAKING
-    assert right.score == pytest.approx(left.score, abs=1e-4) and right.score > 0
+    assert right.rules == pytest.approx(left.rules, abs=1e-4)
+    assert set(right.rules) == {8, 13, 16} and 0 < right.rules[13] <= right.rules[16]
 
 
 def test_a_ship_that_never_comes_near_is_no_encounter(make_case: Callable[..., Case]) -> None:
     one = score(make_case((-400.0, 0.0, 180.0, 15.0)), (STRAIGHT, 36))
-    assert (one.encounter, one.onset, one.safety) == (Encounter.NONE, -1, 1.0)
-    assert math.isnan(one.score) and one.least_distance == pytest.approx(400.0)
-    assert score_episode(track(make_case(), (STRAIGHT, 5))) == []
+    assert (one.encounter, one.onset, one.rules) == (Encounter.NONE, -1, {})
+    assert math.isnan(one.safety)
+    assert score_all(track(WORLD, make_case(), (STRAIGHT, 5))).rules.shape == (1, 0, len(RULES))
+
+
+def test_the_class_is_that_of_the_onset() -> None:
+    # Own ship turns until the ship that it gives way to is to port: the class stays.
+    states = track(WORLD, IMAZU[2], (STARBOARD, 8), (STRAIGHT, 10))
+    motion = relative_motion(states)
+    later = classify(motion.bearing, motion.aspect)
+    assert Encounter.GIVE_WAY not in later[9:]
+    assert score_all(states).encounter.item() == Encounter.GIVE_WAY
+
+
+def test_padding_and_other_rows_do_not_matter() -> None:
+    tracks = [
+        track(WORLD, IMAZU[1], (STARBOARD, 8), (STRAIGHT, 25)),
+        track(WORLD, IMAZU[2], (STRAIGHT, 12), (STARBOARD, 5)),
+        track(WORLD, IMAZU[4], (PORT, 20)),
+    ]
+    together = score_all(*tracks)
+    for row, one in enumerate(tracks):
+        for part, alone in zip(together, score_all(one), strict=True):
+            torch.testing.assert_close(part[row : row + 1], alone, equal_nan=True)
+
+
+def test_the_pose_is_that_between_two_steps(make_case: Callable[..., Case]) -> None:
+    # Ships pass port to port, 60 m apart, in the middle of a step.
+    states = track(WORLD, make_case((-60.0, 315.0, 270.0, 15.0)), (STRAIGHT, 20))
+    found = closest_pass(states[None].double(), torch.zeros(1, 1, dtype=torch.int64), torch.tensor([[20]]))
+    assert found.step.item() == 10 and found.distance.item() == pytest.approx(60.0, abs=1e-4)
+    assert found.bearing.item() == pytest.approx(-math.pi / 2, abs=1e-4)
+    assert found.aspect.item() == pytest.approx(-math.pi / 2, abs=1e-4)
+
+
+def test_radii_are_scaled_to_the_safe_distance() -> None:
+    radii = SETTINGS.preferred, SETTINGS.minimum, SETTINGS.near_miss, SETTINGS.collision
+    assert radii == pytest.approx((257, 129, 64, 45), abs=0.5)
+    assert scaled_settings(replace(WORLD, safe_distance=35.0)).preferred == pytest.approx(200)
+    assert scaled_settings(WORLD, head_on=13).onset.head_on == 13
+
+
+def safety(distance: float, bearing: float = 0.0, aspect: float = 0.0) -> float:
+    one, other, third = torch.tensor([distance, bearing, aspect], dtype=torch.float64)
+    return safety_score(one, other, third, SETTINGS).item()
 
 
 @pytest.mark.parametrize(
-    ("distance", "expected"),
-    [(300, 1.0), (257, 1.0), (129, 0.8), (64, 0.5), (45, 0.0), (44, 0.0), (193, 0.9)],
+    ("share", "expected"), [(9, 1.0), (200, 1.0), (100, 0.8), (50, 0.5), (35, 0.0), (34, 0.0), (150, 0.9)]
 )
-def test_range_score(distance: float, expected: float) -> None:
-    assert safety_score(distance, 0.0, 0.0) == pytest.approx(expected)
+def test_range_score(share: float, expected: float) -> None:
+    distance = share * WORLD.safe_distance / 35 if share > 9 else math.inf
+    assert safety(distance) == pytest.approx(expected)
 
 
 def test_pose_makes_a_near_pass_safer() -> None:
     # Bow to bow counts nothing; a ship abeam that sees own ship abeam counts in full.
-    assert safety_score(64, math.pi / 2, math.pi / 2) == pytest.approx(1.0)
-    assert safety_score(64, 0.0, math.pi / 2) == pytest.approx(0.5 + 0.5 * 0.25)
-    assert safety_score(44, math.pi / 2, math.pi / 2, Settings()) == 0.0
-
-
-def test_route_ratios(make_case: Callable[..., Case]) -> None:
-    case = make_case()
-    assert route_ratios(track(case, (STRAIGHT, 36)), WORLD) == pytest.approx((1.0, 1.0))
-    # Ten steps of weaving go half as far, and turn back to the course.
-    way, time = route_ratios(track(case, *[(PORT, 1), (STARBOARD, 1)] * 5, (STRAIGHT, 31)), WORLD)
-    assert way == pytest.approx(1.0) and time == pytest.approx(41 / 36)
+    near = SETTINGS.near_miss
+    assert safety(near, math.pi / 2, math.pi / 2) == pytest.approx(1.0)
+    assert safety(near, 0.0, math.pi / 2) == pytest.approx(0.5 + 0.5 * 0.25)
+    assert safety(44, math.pi / 2, math.pi / 2) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,178 @@
+"""Measure episodes of encounters: their ends, distances, rule scores and detours.
+
+`METRICS` says what each number means; the rule scores are in `rules`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn.utils.rnn import pad_sequence
+
+from ship_trl.config.types import World
+from ship_trl.learn.rollout import Episode
+from ship_trl.policies.rules import HEAD_ON, RULES, at, closest_pass, first, scaled_settings, score_rules
+from ship_trl.sim.encounter import Encounter, relative_motion
+from ship_trl.sim.geometry import wrap_angle
+from ship_trl.sim.state import HEADING, SPEED, goal_distance, is_present, position
+
+Numbers = NDArray[np.float64]
+# Changes of heading (rad) or speed (m/s) in a step below this are rounding.
+TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number of an episode: its name in tables and CSV files, its unit, and what it means."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+METRICS = (
+    Metric("return", "", "undiscounted sum of raw rewards"),
+    Metric("steps", "", "steps of the episode"),
+    Metric("least_distance", "m", "least distance to any target ship, within steps too"),
+    Metric(
+        "dcpa", "m", "DCPA of the first encounter's ship at the first action that changes course or speed"
+    ),
+    Metric("tcpa", "s", "TCPA at the same moment"),
+    Metric("rule_8", "", "early and apparent action, where own ship must keep clear"),
+    Metric("rule_13", "", "overtaking: keeps clear, and does not pass ahead"),
+    Metric("rule_14", "", "head-on: turns to starboard, and passes port to port"),
+    Metric("rule_15", "", "crossing, give way: keeps clear, and does not pass ahead"),
+    Metric("rule_16", "", "give way or overtaking: early, apparent and safe action"),
+    Metric("rule_17", "", "stand on or overtaken: keeps course and speed, and passes safely"),
+    Metric("path_ratio", "", "way to the goal over the straight way; only where the goal is reached"),
+    Metric("time_ratio", "", "time to the goal over that of the straight way; likewise"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """Metrics of N episodes.
+
+    Attributes:
+        outcomes: goal, collision or timeout, [N].
+        encounters: class at the onset of the first encounter, of several the nearest ship's, [N].
+        values: by name of `METRICS`, float64 [N]; rule scores [N, K], one for each target ship. NaN where a
+            metric does not apply.
+    """
+
+    outcomes: NDArray[np.str_]
+    encounters: NDArray[np.str_]
+    values: dict[str, Numbers]
+
+    def select(self, rows: NDArray[np.bool_]) -> Measurements:
+        """Return the metrics of some episodes, by flags [N]."""
+        values = {name: value[rows] for name, value in self.values.items()}
+        return Measurements(self.outcomes[rows], self.encounters[rows], values)
+
+    def known(self, name: str) -> Numbers:
+        """Return all values of a metric that apply, in one row."""
+        values = self.values[name].ravel()
+        return values[~np.isnan(values)]
+
+    def of_episode(self, row: int) -> dict[str, float]:
+        """Return each metric of one episode; a rule score is the mean over its ships."""
+        found = {}
+        for name, values in self.values.items():
+            value = np.atleast_1d(values[row])
+            value = value[~np.isnan(value)]
+            found[name] = float(value.mean()) if value.size else math.nan
+        return found
+
+
+def measure_episodes(episodes: Sequence[Episode], world: World, head_on: float = HEAD_ON) -> Measurements:
+    """Measure finished episodes of one suite.
+
+    Args:
+        episodes: N episodes, at least one.
+        world: physics, and the distances to keep and to reach.
+        head_on: half-angle of the head-on sector, in degrees.
+    """
+    states = pad_sequence([one.states for one in episodes], batch_first=True).double()
+    last = torch.tensor([one.length for one in episodes])
+    scores = score_rules(states, last, world, scaled_settings(world, head_on))
+    is_goal = torch.tensor([one.goal for one in episodes])
+    path, time = route_ratios(states, last, world)
+    ship = main_ship(states, last, scores.onset)
+    classes, dcpa, tcpa = torch.full_like(last, Encounter.NONE), *torch.full((2, len(last)), math.nan)
+    if ship is not None:
+        dcpa, tcpa = (part.gather(1, ship)[:, 0] for part in approach_at_manoeuvre(states, last))
+        classes = scores.encounter.gather(1, ship)[:, 0]
+    nearest = [one.dcpa if math.isfinite(one.dcpa) else math.nan for one in episodes]
+    values = {
+        "return": torch.tensor([one.episode_return for one in episodes]),
+        "steps": last,
+        "least_distance": torch.tensor(nearest),
+        "dcpa": dcpa,
+        "tcpa": tcpa,
+        **{f"rule_{rule}": scores.rules[..., k] for k, rule in enumerate(RULES)},
+        "path_ratio": path.masked_fill(~is_goal, math.nan),
+        "time_ratio": time.masked_fill(~is_goal, math.nan),
+    }
+    return Measurements(
+        np.array([one.outcome for one in episodes]),
+        np.array([class_name(Encounter(one)) for one in classes.tolist()]),
+        {name: value.double().numpy() for name, value in values.items()},
+    )
+
+
+def class_name(encounter: Encounter) -> str:
+    """Return the name of an encounter class in tables: "give way"."""
+    return encounter.name.lower().replace("_", " ")
+
+
+def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Tensor]:
+    """Return way and time of episodes, each divided by that of the straight way to the goal; both [N].
+
+    Args:
+        states: states [N, T + 1, S], padded at the ends. For episodes that do not reach the goal the ratios
+            mean nothing.
+        last: index of each episode's last state, int64 [N].
+        world: goal distance, length of a step, speed of going straight.
+    """
+    straight = goal_distance(states[:, 0]) - world.goal_distance
+    moved = torch.linalg.vector_norm(position(states).diff(dim=1), dim=-1)
+    way = (moved * (torch.arange(moved.shape[1]) < last[:, None])).sum(-1)
+    return way / straight, last * world.dt * world.actions[world.straight_action][0] / straight
+
+
+def approach_at_manoeuvre(states: Tensor, last: Tensor) -> tuple[Tensor, Tensor]:
+    """Return DCPA (m) and TCPA (s) of every ship [N, K] at the first action that changes course or speed.
+
+    They are those of the state in which the action is chosen. NaN without such an action or a ship.
+    Shapes: states [N, T + 1, S], padded at the ends; last int64 [N].
+    """
+    turns = wrap_angle(states[..., HEADING].diff(dim=1)).abs() > TOLERANCE
+    changes = turns | (states[..., SPEED].diff(dim=1).abs() > TOLERANCE)
+    begins = first((changes & (torch.arange(changes.shape[1]) < last[:, None]))[..., None])
+    moment = states[torch.arange(len(states)), begins[:, 0].clamp(min=0)]
+    motion = relative_motion(moment)
+    missing = (begins < 0) | ~is_present(moment)
+    return motion.dcpa.masked_fill(missing, math.nan), motion.tcpa.masked_fill(missing, math.nan)
+
+
+def main_ship(states: Tensor, last: Tensor, onset: Tensor) -> Tensor | None:
+    """Return the place of each episode's first encounter, int64 [N, 1], of several the nearest at the onset.
+
+    Without an encounter it is the ship that comes nearest. None if no episode has a place for ships.
+    Shapes: states [N, T + 1, S]; last int64 [N]; onset int64 [N, K], -1 without one.
+    """
+    if not onset.shape[1]:
+        return None
+    distance = at(relative_motion(states).distance, onset.clamp(min=0))
+    nearest = closest_pass(states, torch.zeros_like(onset), last[:, None]).distance
+    never = onset < 0
+    rank = torch.where(never, nearest, distance)
+    # An episode has far fewer steps, and its ships are nearer.
+    order = torch.where(never, 1e12, onset * 1e7) + rank.nan_to_num(posinf=1e6).clamp(max=1e6)
+    return order.argmin(1, keepdim=True)

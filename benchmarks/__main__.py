@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
+from benchmarks import encounters
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError
@@ -22,11 +24,17 @@ PARTS = {
     "memory": "Memory of a replay beside Stable-Baselines3's, and of a whole run",
     "checkpoints": "Checkpoints of a run of the paper's length, replay full",
 }
+# Not part of all: it measures policies and not time, and has arguments of its own.
+ALONE = {"encounters": "What policies do in suites of encounters; python -m benchmarks encounters --help"}
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts, print their tables, and write the JSON file if one is asked for."""
-    parts = "\n".join(f"    {part:12} {title}" for part, title in PARTS.items())
+    words = sys.argv[1:] if arguments is None else arguments
+    if words[:1] == ["encounters"]:
+        encounters.main(words[1:])
+        return
+    parts = "\n".join(f"    {part:12} {title}" for part, title in (PARTS | ALONE).items())
     parser = make_parser("benchmarks", f"{__doc__}\n\nParts:\n{parts}")
     parser.prog = "python -m benchmarks"
     parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
@@ -34,7 +42,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=2.0, help="for a probe in a round (default 2)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every value there")
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(words)
     with refusals():
         check(options)
         run(options)

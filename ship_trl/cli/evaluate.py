@@ -4,7 +4,7 @@ POLICY is random, keep_course, best_known, pretrained (all bundled networks; the
 safetensors file, a result folder (its best and its last network), or file.py:function of your own. Result
 folders and bundled networks have their own target, and the table shows the return that they claim.
 perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
-means, and the shares of goals and collisions with 95 % intervals.
+rates with 95 % intervals, means, and scores of the steering rules.
 """
 
 from __future__ import annotations
@@ -12,32 +12,38 @@ from __future__ import annotations
 import math
 import sys
 from argparse import Namespace
-from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
-from ship_trl.config.bounds import Positive
+from ship_trl.cli.scores import HEADINGS as SCORES
+from ship_trl.cli.scores import Evaluated, describe_scores
+from ship_trl.config.bounds import HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
 
 if TYPE_CHECKING:
-    from ship_trl.learn.rollout import Episode
+    from ship_trl.learn.rollout import Policy
+    from ship_trl.sim.env import ShipEnv
 
 HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m", "steps", "claimed")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print the table, write the GIF, and check the claims."""
+    """Print the table, write the files, and check the claims."""
     parser = make_parser("evaluate", __doc__)
     add_policies(parser, [PRETRAINED])
     default = f"of each policy; default: each case once, {EPISODES} where starts are drawn"
     add_number(parser, "--episodes", Positive, None, default)
     add_seed(parser, "of starts and of policies that draw")
     add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
+    add_output(parser, "--csv", (".csv",), "every metric of every episode, a row each")
+    add_output(parser, "--sheet", (".png",), "paths of all episodes of the last policy, failures first")
+    parser.add_argument("--by", choices=["class"], help="also a row for each class of encounter at its onset")
+    add_number(parser, "--head-on", HalfAngle, None, "half-angle of the head-on sector in degrees (5)")
     keep = "where the episodes are kept as demonstrations"
     parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help=keep)
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
@@ -52,16 +58,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     """Roll out every entry and print a table; return a line for each that does not reach its claim."""
-    from ship_trl.cli.table import show
     from ship_trl.policies.demonstrations import write_demonstration
-    from ship_trl.policies.reference import best_known_return
+    from ship_trl.policies.rules import HEAD_ON
     from ship_trl.run.process import configure_process
 
     configure_process()
     if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
         raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
-    rows, wrong = [], []
-    film: tuple[Entry, Any, Any, Episode] | None = None
+    found, wrong = [], []
     for entry in entries:
         try:
             env, policy, episodes = rollout_entry(entry, options.episodes, options.seed)
@@ -72,54 +76,73 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             print_error(f"{error}; left out")
             wrong.append(f"{entry.label} cannot be read")
             continue
-        reached = sum(episode.episode_return for episode in episodes) / len(episodes)
-        rows.append(row(entry, episodes, reached, best_known_return(entry.suite, entry.world)))
-        if entry.claimed is not None and not abs(reached - entry.claimed) < SHOWN:
-            wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {reached:.1f}")
-        film = entry, env, policy, episodes[0]
+        one = Evaluated(entry, episodes, options.head_on or HEAD_ON, options.seed)
+        found.append(one)
+        if entry.claimed is not None and not abs(one.reached - entry.claimed) < SHOWN:
+            wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {one.reached:.1f}")
         if options.demonstrations is not None:
-            for one in episodes:
-                end = one.episode_return, one.outcome
-                actions, folder = one.actions.tolist(), options.demonstrations
+            for episode in episodes:
+                end = episode.episode_return, episode.outcome
+                actions, folder = episode.actions.tolist(), options.demonstrations
                 write_demonstration(folder, entry.case, entry.world, actions, end, entry.label)
-    show(HEADINGS, rows, options.markdown)
-    if options.gif is not None and film is not None:
+    print_table(found, options)
+    if found:
+        write_files(found, env, policy, options)
+    return wrong
+
+
+def write_files(found: list[Evaluated], env: ShipEnv, policy: Policy, options: Namespace) -> None:
+    """Write the table of all episodes, and the pictures of the last policy."""
+    last, episodes = found[-1], found[-1].episodes
+    if options.csv is not None:
+        from ship_trl.study.report.tables import write_csv
+
+        write_csv(options.csv, [row for one in found for row in one.csv_rows()])
+    if options.sheet is not None:
+        from ship_trl.view.episode_page import write_episode_page
+
+        names = [last.scene_name(row) for row in range(len(episodes))]
+        title = f"{last.entry.label}, {last.suite_name}"
+        write_episode_page(options.sheet, title, names, episodes, last.entry.world)
+    if options.gif is not None:
         from ship_trl.policies.named import network_of
         from ship_trl.sim.state import first_case
         from ship_trl.view.film import write_gif
 
-        entry, env, policy, episode = film
-        network, case = network_of(policy), first_case(entry.suite, episode.states[0])
-        write_gif(options.gif, case, entry.world, episode, env.rasteriser, entry.label, network)
-        sys.stdout.write(f"{options.gif}\n")
-    return wrong
+        case = first_case(last.entry.suite, episodes[0].states[0])
+        label, network = last.entry.label, network_of(policy)
+        write_gif(options.gif, case, last.entry.world, episodes[0], env.rasteriser, label, network)
+    for path in filter(None, (options.csv, options.sheet, options.gif)):
+        sys.stdout.write(f"{path}\n")
 
 
-def row(entry: Entry, episodes: list[Episode], reached: float, best: float | None) -> list[str]:
-    """Make the row of one policy: means over its episodes; `reached` is their mean return."""
-    count = len(episodes)
-    # Cases without target ships have no DCPA.
-    dcpa = [episode.dcpa for episode in episodes if math.isfinite(episode.dcpa)]
+def print_table(found: list[Evaluated], options: Namespace) -> None:
+    """Print a row for each policy; of several episodes with rates and scores, else with the end."""
+    from ship_trl.cli.table import show
+    from ship_trl.policies.reference import best_known_return
+
+    rows = []
+    is_scored = options.by is not None or any(len(one.episodes) > 1 for one in found)
+    for one in found:
+        best = best_known_return(one.entry.suite, one.entry.world)
+        rows.append(one.row(best) if is_scored else row(one, best))
+        rows += one.class_rows() if options.by is not None else ()
+    show(SCORES if is_scored else HEADINGS, rows, options.markdown)
+    if is_scored and found:
+        sys.stdout.write(f"{describe_scores(found[0].entry.world.safe_distance, found[0].head_on)}\n")
+
+
+def row(one: Evaluated, best: float | None) -> list[str]:
+    """Return the row of one episode; `best` is the best known return."""
+    (episode,), reached, claimed = one.episodes, one.reached, one.entry.claimed
     return [
-        entry.suite.name + ", perturbed" * (not entry.suite.perturbation.is_none),
-        entry.label,
+        one.suite_name,
+        one.entry.label,
         f"{reached:.1f}",
         f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-",
-        episodes[0].outcome if count == 1 else describe_ends(episodes),
-        f"{sum(dcpa) / len(dcpa):.0f}" if dcpa else "-",
-        f"{sum(episode.length for episode in episodes) / count:.0f}",
-        "" if entry.claimed is None else f"{entry.claimed:.1f}",
+        episode.outcome,
+        # Cases without target ships have no DCPA.
+        f"{episode.dcpa:.0f}" if math.isfinite(episode.dcpa) else "-",
+        f"{episode.length}",
+        "" if claimed is None else f"{claimed:.1f}",
     ]
-
-
-def describe_ends(episodes: list[Episode]) -> str:
-    """Return the shares of goals and collisions with 95 % intervals, and of timeouts if there are any."""
-    from ship_trl.study.analysis.statistics import share_interval
-
-    ends, count = Counter(episode.outcome for episode in episodes), len(episodes)
-    shares = {end: share_interval(ends[end], count) for end in ("goal", "collision")}
-    parts = [
-        f"{end} {one.value:.0%} ({100 * one.low:.0f} to {100 * one.high:.0f})" for end, one in shares.items()
-    ]
-    parts += [f"timeout {ends['timeout'] / count:.0%}"] * bool(ends["timeout"])
-    return ", ".join(parts)

@@ -35,6 +35,7 @@ Count = Annotated[int, limit(1, MAX_COUNT)]
 Share = Annotated[float, limit(0, 1)]
 PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
+HalfAngle = Annotated[float, limit(above=0, high=90, note="degrees")]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
 Bound = Annotated[float, limit(0, MAX_DISTANCE)]
 Range = Annotated[

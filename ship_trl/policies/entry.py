@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import statistics
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -11,6 +13,9 @@ from ship_trl.sim.cases import Case
 from ship_trl.sim.suites import Suite
 
 if TYPE_CHECKING:
+    from tensordict import TensorDictBase
+    from torch import Tensor
+
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
 
@@ -73,15 +78,45 @@ def rollout_entry(
     from torch import Generator
 
     from ship_trl.learn.rollout import rollout
+    from ship_trl.sim.starts import make_starts
+
+    suite = entry.suite
+    count = suite.whole_rounds(episodes or (EPISODES if suite.is_drawn else 1))
+    generator = Generator().manual_seed(seed + STARTS_SEED)
+    env, policy = make_policy(entry, make_starts(suite, entry.world).balanced(count, generator), seed)
+    return env, policy, rollout(env, policy)
+
+
+def time_decision(entry: Entry, start: Tensor, seed: int = 0) -> float:
+    """Return the median time (ms) in which the policy decides in one episode from a state [S].
+
+    A network's time includes drawing its pixels.
+    """
+    from ship_trl.learn.rollout import rollout
+
+    env, policy = make_policy(entry, start[None], seed)
+    times: list[float] = []
+
+    def timed(step: TensorDictBase) -> TensorDictBase:
+        begin = time.perf_counter()
+        acted = policy(step)
+        times.append(time.perf_counter() - begin)
+        return acted
+
+    rollout(env, timed)
+    return 1000 * statistics.median(times)
+
+
+def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Policy]:
+    """Return an entry's policy, and the environment whose rows begin with states [N, S].
+
+    Raises:
+        ConfigError: there is no such policy, or its file is invalid.
+    """
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.starts import make_starts
 
     # Networks draw their own pixels, and policies without training read only the state.
     pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
-    suite, world = entry.suite, entry.world
-    count = suite.whole_rounds(episodes or (EPISODES if suite.is_drawn else 1))
-    starts = make_starts(suite, world).balanced(count, Generator().manual_seed(seed + STARTS_SEED))
-    env = ShipEnv(suite, world, colour=entry.colour, from_pixels=pixels, starts=starts)
-    policy = load_policy(entry.policy, env, seed)
-    return env, policy, rollout(env, policy)
+    env = ShipEnv(entry.suite, entry.world, colour=entry.colour, from_pixels=pixels, starts=starts)
+    return env, load_policy(entry.policy, env, seed)

@@ -127,8 +127,8 @@ def measure_episodes(episodes: Sequence[Episode], world: World, head_on: float =
 
 
 def class_name(encounter: Encounter) -> str:
-    """Return the name of an encounter class in tables: "give way"."""
-    return encounter.name.lower().replace("_", " ")
+    """Return the name of an encounter class in tables: "head-on", "give way"."""
+    return "head-on" if encounter is Encounter.HEAD_ON else encounter.name.lower().replace("_", " ")
 
 
 def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Tensor]:

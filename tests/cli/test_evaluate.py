@@ -1,5 +1,6 @@
 """`python -m ship_trl evaluate`: any policy on any case, and whether a folder holds what it claims."""
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -8,6 +9,8 @@ import pytest
 from PIL import Image
 
 from ship_trl.cli.evaluate import main
+from ship_trl.cli.scores import HEADINGS
+from ship_trl.policies.metrics import METRICS
 from tests.command import refused, ship_trl
 
 LINE = [
@@ -29,6 +32,10 @@ def table(capsys: pytest.CaptureFixture[str], *words: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
 
 
+def scores(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, str]]:
+    return [dict(zip(HEADINGS, row, strict=True)) for row in table(capsys, *words)]
+
+
 def test_policies_without_training(capsys: pytest.CaptureFixture[str]) -> None:
     rows = table(capsys, "random", "keep_course", "best_known", "target=1,4")
     assert [row[:2] for row in rows] == [
@@ -41,37 +48,75 @@ def test_policies_without_training(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_many_episodes_are_their_mean(capsys: pytest.CaptureFixture[str]) -> None:
-    ((*_, ended, _, _, _),) = table(capsys, "random", "target=2", "--episodes", "60")
-    assert sum(int(part.split()[1].rstrip("%")) for part in ended.split(",")) in range(99, 102)
-    assert table(capsys, "random", "target=2") != table(capsys, "random", "target=2", "--seed", "1")
+    (row,) = scores(capsys, "random", "target=2", "--episodes", "60")
+    assert row["episodes"] == "60"
+    assert sum(int(row[end].split("%")[0]) for end in ("success", "collision", "timeout")) in range(99, 102)
+    (other,) = scores(capsys, "random", "target=2", "--episodes", "60", "--seed", "1")
+    assert row["return"] != other["return"]
 
 
 def test_a_suite_is_its_cases_in_turn(capsys: pytest.CaptureFixture[str]) -> None:
-    kept, best, other = table(capsys, "keep_course", "best_known", "pretrained:3", "target=paper")
+    kept, best, other = scores(capsys, "keep_course", "best_known", "pretrained:3", "target=paper")
     # Keeping the course reaches the goal in cases 1, 2 and new.
-    assert kept[0] == "paper" and kept[4] == "goal 43% (16 to 75), collision 57% (25 to 84)"
-    assert best[3:5] == ["100%", "goal 100% (65 to 100), collision 0% (0 to 35)"]
-    assert other[1] == "pretrained:3"
-    (kept,) = table(capsys, "keep_course", "target=paper", "--episodes", "14")
-    assert kept[4].startswith("goal 43% (21 to 67)")
+    assert (kept["success"], kept["collision"]) == ("43% (16 to 75)", "57% (25 to 84)")
+    assert (best["success"], best["of best known"]) == ("100% (65 to 100)", "100%")
+    # The mean over the ships of cases 3 to 6; nobody is met head-on.
+    assert kept["R8"] == kept["R15"] == "0.00" and kept["R14"] == kept["R13"] == "-"
+    assert kept["path"] == "1.00" and float(best["path"]) > 1 and float(best["ms"]) > 0
+    assert other["policy"] == "pretrained:3"
+    (kept,) = scores(capsys, "keep_course", "target=paper", "--episodes", "14")
+    assert kept["success"] == "43% (21 to 67)"
+
+
+def test_best_known_solves_the_imazu_problems(capsys: pytest.CaptureFixture[str]) -> None:
+    (best,) = scores(capsys, "best_known", "target=imazu")
+    assert best["success"].startswith("100%") and best["of best known"] == "100%"
+
+
+def test_rows_by_class_of_encounter(capsys: pytest.CaptureFixture[str]) -> None:
+    whole, *classes = scores(capsys, "keep_course", "target=paper", "--by", "class")
+    assert [row["suite"] for row in classes] == ["paper: give way", "paper: none", "paper: stand on"]
+    assert sum(int(row["episodes"]) for row in classes) == int(whole["episodes"]) == 7
+    # Within 90 degrees, reciprocal courses are head-on.
+    _, *wide = scores(capsys, "keep_course", "target=paper", "--by", "class", "--head-on", "90")
+    assert "paper: head-on" in [row["suite"] for row in wide]
+
+
+def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = tmp_path / "all.csv", tmp_path / "all.png"
+    scores(capsys, "keep_course", "vo", "target=paper", "--csv", str(files[0]), "--sheet", str(files[1]))
+    with files[0].open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["policy"] for row in rows] == 7 * ["keep_course"] + 7 * ["vo"]
+    assert {"suite", "case", "outcome", "encounter", *(one.name for one in METRICS)} < set(rows[0])
+    third = rows[2]
+    assert (third["case"], third["outcome"], third["encounter"]) == ("3", "collision", "give way")
+    assert third["rule_16"] == "0" and third["rule_17"] == third["path_ratio"] == third["dcpa"] == ""
+    with Image.open(files[1]) as sheet:
+        assert sheet.width == 1200
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.png"]
 
 
 def test_perturbed_starts_are_drawn_with_the_seed(capsys: pytest.CaptureFixture[str]) -> None:
     line = ("keep_course", "target=2", "perturbation.own_position=200", "--episodes", "50")
-    one, again, other = (table(capsys, *line, "--seed", seed) for seed in "001")
-    assert one == again != other
-    assert one[0][0] == "2, perturbed" and one[0][3] == "-" and "collision 0%" not in one[0][4]
+    (one,), (again,), (other,) = (scores(capsys, *line, "--seed", seed) for seed in "001")
+    assert {**one, "ms": ""} == {**again, "ms": ""} != {**other, "ms": ""}
+    assert one["suite"] == "2, perturbed" and one["of best known"] == "-"
+    assert not one["collision"].startswith("0%")
 
 
 def test_what_a_run_on_a_suite_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["method=scratch", *LINE[2:], "learn.evaluate_episodes=3"]
     ship_trl("target=paper", *words, "output=suite", folder=tmp_path)
-    rows = table(capsys, str(tmp_path / "suite/paper"))
-    assert all(row[0] == "paper" and row[2] == row[-1] for row in rows) and len(rows) == 2
+    rows = scores(capsys, str(tmp_path / "suite/paper"))
+    assert all(row["suite"] == "paper" and row["return"] == row["claimed"] for row in rows)
+    assert len(rows) == 2
     ship_trl("target=2", *words, "output=drawn", "perturbation.own_position=50", folder=tmp_path)
-    rows = table(capsys, str(tmp_path / "drawn/2"), "--episodes", "3")
+    rows = scores(capsys, str(tmp_path / "drawn/2"), "--episodes", "3")
     # It was evaluated on other starts.
-    assert all(row[0] == "2, perturbed" and row[-1] == "" for row in rows) and len(rows) == 2
+    assert [(row["suite"], row["claimed"]) for row in rows] == 2 * [("2, perturbed", "")]
 
 
 def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:

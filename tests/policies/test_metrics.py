@@ -84,14 +84,14 @@ def test_the_class_is_that_of_the_first_encounter_then_of_the_nearest_ship(
     assert len(both.known("rule_14")) == len(both.known("rule_17")) == 1
     # The crossing ship meets own ship after 35 s, so its encounter begins later.
     later = (-525.0, 525.0, 0.0, 15.0)
-    assert measure(make_case(later, ahead), (STRAIGHT, 10)).encounters[0] == "head on"
+    assert measure(make_case(later, ahead), (STRAIGHT, 10)).encounters[0] == "head-on"
 
 
 def test_the_half_angle_of_head_on_is_a_setting(make_case: Callable[..., Case]) -> None:
     # 8 degrees off the bow to starboard, on a course that crosses.
     case = make_case((83.5, 594.2, 254.0, 15.0))
     narrow, wide = (measure(case, (STRAIGHT, 5), head_on=angle) for angle in (5.0, 13.0))
-    assert (narrow.encounters[0], wide.encounters[0]) == ("give way", "head on")
+    assert (narrow.encounters[0], wide.encounters[0]) == ("give way", "head-on")
 
 
 def test_rows_are_measured_alone_and_can_be_selected(make_case: Callable[..., Case]) -> None:

@@ -1,0 +1,115 @@
+"""`python -m benchmarks encounters POLICY... target=SUITE,...`: what policies do in suites of encounters.
+
+POLICY is as for `python -m ship_trl evaluate`. Each suite has a table of its policies; suites of random
+encounters also have one for each class of encounter. best_known is left out where starts are drawn.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from ship_trl.cli.entries import find_entries
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
+from ship_trl.cli.scores import HEADINGS, Evaluated, describe_scores
+from ship_trl.config.bounds import HalfAngle, Positive
+from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.files.disk import atomic_write
+from ship_trl.policies.entry import rollout_entry
+
+POLICIES = ("keep_course", "vo", "sb_mpc", "apf", "best_known")
+SUITES = ("imazu", "traffic_test", "paper_perturbed")
+EPISODES = 1000
+# What is left out: a suite's tables stand alone, and nothing is claimed.
+LEFT_OUT = ("suite", "timeout", "return", "of best known", "claimed")
+COLUMNS = [name for name in HEADINGS if name not in LEFT_OUT]
+PAGE, TABLE = Path("docs/encounters.md"), Path("outputs/encounters.csv")
+# In a page, the tables stand between these lines.
+BEGIN, END = "<!-- begin: python -m benchmarks encounters -->", "<!-- end -->"
+
+
+def main(arguments: list[str]) -> None:
+    """Print the tables, and write them and the CSV file."""
+    parser = make_parser("encounters", __doc__)
+    parser.prog = "python -m benchmarks encounters"
+    add_policies(parser)
+    add_number(parser, "--episodes", Positive, EPISODES, f"where starts are drawn (default {EPISODES})")
+    add_seed(parser, "of starts and of policies that draw")
+    add_number(parser, "--head-on", HalfAngle, None, "half-angle of the head-on sector in degrees (5)")
+    page = f"write the tables there, between its two marks if it has them (default {PAGE})"
+    add_output(parser, "--markdown", (".md",), page)
+    add_output(parser, "--csv", (".csv",), f"every metric of every episode (default {TABLE})")
+    options = parser.parse_intermixed_args(arguments)
+    with refusals():
+        words = options.words
+        if not any(word.startswith("target=") for word in words):
+            words = [*words, f"target={','.join(SUITES)}"]
+        if all("=" in word for word in words):
+            words = [*POLICIES, *words]
+        options.words = words
+        run(options)
+
+
+def run(options: Namespace) -> None:
+    """Roll out all policies in all suites, and write what they do."""
+    entries = find_entries(options.words, options.colour)
+
+    import torch
+
+    from ship_trl.policies.rules import HEAD_ON
+    from ship_trl.run.process import configure_process, processor_name
+    from ship_trl.study.report.tables import write_csv
+
+    configure_process()
+    head_on = options.head_on or HEAD_ON
+    found: dict[str, list[Evaluated]] = {}
+    for entry in entries:
+        count = options.episodes if entry.suite.is_drawn else None
+        try:
+            episodes = rollout_entry(entry, count, options.seed)[2]
+        except ConfigError as error:
+            if entry.policy != "best_known":
+                raise
+            print_error(f"{entry.suite.name}: {error}; left out")
+            continue
+        found.setdefault(entry.suite.name, []).append(Evaluated(entry, episodes, head_on, options.seed))
+    lines = [f"`python -m benchmarks encounters {' '.join(options.words)}`, seed {options.seed}."]
+    lines += [describe_scores(entries[0].world.safe_distance, head_on)]
+    lines += [f"On {processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread.", ""]
+    for suite, some in found.items():
+        lines += [f"### {suite}", "", *suite_table(some), ""]
+    text = "\n".join(lines)
+    sys.stdout.write(text)
+    write_page(options.markdown or PAGE, text)
+    table = options.csv or TABLE
+    table.parent.mkdir(exist_ok=True)
+    write_csv(table, [row for some in found.values() for one in some for row in one.csv_rows()])
+    sys.stdout.write(f"{options.markdown or PAGE}\n{table}\n")
+
+
+def suite_table(found: Sequence[Evaluated]) -> list[str]:
+    """Return the lines of a suite's table: a row of each policy, then those of each class of encounter."""
+    rows = [("all", one.row(None)) for one in found]
+    if not found[0].entry.suite.cases:
+        classes = [(row[0].rpartition(": ")[2], row) for one in found for row in one.class_rows()]
+        rows += sorted(classes, key=lambda pair: pair[0])
+    cells = [[name, *(row[HEADINGS.index(column)] for column in COLUMNS)] for name, row in rows]
+    return markdown([["encounter", *COLUMNS], ["---"] * (1 + len(COLUMNS)), *cells])
+
+
+def markdown(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a Markdown table."""
+    return [f"| {' | '.join(row)} |" for row in rows]
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write the tables into a page between its marks; a file without them becomes the tables alone."""
+    page = path.read_text() if path.is_file() else ""
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    has_marks = bool(begin and end)
+    with atomic_write(path) as draft:
+        draft.write_text(f"{before}{begin}\n\n{text}\n{end}{after}" if has_marks else f"{text}\n")

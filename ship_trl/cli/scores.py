@@ -1,0 +1,141 @@
+"""Rows of many episodes for tables and CSV files: rates with intervals, distances, rule scores, detours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from ship_trl.policies.entry import Entry, time_decision
+
+if TYPE_CHECKING:
+    from ship_trl.learn.rollout import Episode
+    from ship_trl.policies.metrics import Measurements
+
+# Those of `policies.rules`, which imports torch.
+RULES = (8, 13, 14, 15, 16, 17)
+HEADINGS = (
+    *("suite", "policy", "episodes", "success", "collision", "timeout", "return", "of best known"),
+    *("least distance, m (5 %)", *(f"R{rule}" for rule in RULES), "path", "ms", "claimed"),
+)
+# Percentile of the least distance, beside its mean.
+LOW = 5
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The episodes of a policy on a suite.
+
+    Attributes:
+        head_on: half-angle of the head-on sector, in degrees.
+        seed: of the starts.
+    """
+
+    entry: Entry
+    episodes: list[Episode]
+    head_on: float
+    seed: int = 0
+
+    @cached_property
+    def measured(self) -> Measurements:
+        """The metrics of the episodes."""
+        from ship_trl.policies.metrics import measure_episodes
+
+        return measure_episodes(self.episodes, self.entry.world, self.head_on)
+
+    @cached_property
+    def decision_time(self) -> float:
+        """The median time (ms) of a decision in the first of the scenes with most target ships."""
+        from ship_trl.sim.state import SHIP_COUNT
+
+        start = max((one.states[0] for one in self.episodes), key=lambda state: float(state[SHIP_COUNT]))
+        return time_decision(self.entry, start, self.seed)
+
+    @property
+    def reached(self) -> float:
+        """The mean return."""
+        return sum(one.episode_return for one in self.episodes) / len(self.episodes)
+
+    @property
+    def suite_name(self) -> str:
+        """The name of the suite, and whether starts are perturbed."""
+        suite = self.entry.suite
+        return suite.name + ", perturbed" * (not suite.perturbation.is_none)
+
+    def scene_name(self, row: int) -> str:
+        """Return the name of an episode's case, or the number of its drawn scene."""
+        suite = self.entry.suite
+        if not suite.cases:
+            return f"{suite.name} {row + 1}"
+        turn, case = divmod(row, len(suite.cases))
+        return suite.cases[case].name + (f" ({turn + 1})" if suite.is_drawn else "")
+
+    def row(self, best: float | None) -> list[str]:
+        """Return the cells of `HEADINGS`; `best` is the best known mean return."""
+        reached, claimed = self.reached, self.entry.claimed
+        cells = score_cells(self.measured)
+        share = f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-"
+        cells.insert(HEADINGS.index("of best known") - 2, share)
+        ends = [f"{self.decision_time:.2g}", "" if claimed is None else f"{claimed:.1f}"]
+        return [self.suite_name, self.entry.label, *cells, *ends]
+
+    def class_rows(self) -> Iterator[list[str]]:
+        """Yield the same cells for each class of encounter."""
+        for name in sorted(set(self.measured.encounters.tolist())):
+            cells = score_cells(self.measured.select(self.measured.encounters == name))
+            cells.insert(HEADINGS.index("of best known") - 2, "-")
+            yield [f"{self.suite_name}: {name}", self.entry.label, *cells, "", ""]
+
+    def csv_rows(self) -> Iterator[dict[str, Any]]:
+        """Yield a row of each episode: scene, end and every metric, empty where one does not apply."""
+        for k in range(len(self.episodes)):
+            values = self.measured.of_episode(k).items()
+            yield {
+                "policy": self.entry.label,
+                "suite": self.entry.suite.name,
+                "case": self.scene_name(k),
+                "outcome": self.measured.outcomes[k],
+                "encounter": self.measured.encounters[k],
+                **{name: "" if math.isnan(value) else f"{value:.6g}" for name, value in values},
+                "decision_ms": f"{self.decision_time:.3g}",
+            }
+
+
+def score_cells(measured: Measurements) -> list[str]:
+    """Return the cells from `episodes` to `path`, without the share of the best known return."""
+    import numpy as np
+
+    count, near = len(measured.outcomes), measured.known("least_distance")
+    return [
+        str(count),
+        *(describe_share(measured, end) for end in ("goal", "collision", "timeout")),
+        f"{measured.known('return').mean():.1f}",
+        f"{near.mean():.0f} ({np.percentile(near, LOW):.0f})" if near.size else "-",
+        *(describe_mean(measured, f"rule_{rule}") for rule in RULES),
+        describe_mean(measured, "path_ratio"),
+    ]
+
+
+def describe_share(measured: Measurements, end: str) -> str:
+    """Return the share of an outcome with its 95 % interval: "43% (16 to 75)"."""
+    from ship_trl.study.analysis.statistics import share_interval
+
+    one = share_interval(int((measured.outcomes == end).sum()), len(measured.outcomes))
+    return f"{one.value:.0%} ({100 * one.low:.0f} to {100 * one.high:.0f})"
+
+
+def describe_mean(measured: Measurements, name: str) -> str:
+    """Return the mean of a metric where it applies, or a dash."""
+    values = measured.known(name)
+    return f"{values.mean():.2f}" if values.size else "-"
+
+
+def describe_scores(safe_distance: float, head_on: float) -> str:
+    """Return the line that explains a table of scores."""
+    return (
+        "95 % intervals (Wilson). R8 to R17: scores of the steering rules after Hagen et al. 2023, mean over "
+        f"encounters, collision radius {safe_distance:g} m. Classes by Pedersen, head-on within {head_on:g} "
+        "degrees. ms: time of a decision in one scene."
+    )

@@ -1,0 +1,102 @@
+"""Draw the paths of many episodes on one page, north up, failures first."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import pygame
+from PIL import Image
+
+from ship_trl.config.types import World
+from ship_trl.files.disk import atomic_write
+from ship_trl.learn.rollout import Episode
+from ship_trl.sim import scene
+from ship_trl.sim.state import SHIP_COUNT, SHIP_HEADING, goal, goal_distance, position, target_ships
+from ship_trl.view import pen
+from ship_trl.view.painter import Projection
+from ship_trl.view.palette import BACKGROUND, FAINT, OUTCOMES, RULE, TEXT
+from ship_trl.view.words import circle_names, counted
+
+# Pixels. A caption has the name, and how the episode ends.
+WIDTH, MARGIN, GAP, COLUMNS, MAX_PICTURES = 1200, 16, 10, 8, 48
+PICTURE = (WIDTH - 2 * MARGIN - (COLUMNS - 1) * GAP) // COLUMNS
+TITLE, CAPTION, LINE = 34, 36, 17
+# Seconds between marks on a path; metres of a hull, and around start and goal.
+MARK_TIME, LENGTH, AROUND = 10.0, 50.0, 40.0
+FAILURES = ("collision", "timeout", "goal")
+
+
+def write_episode_page(
+    path: Path, title: str, names: Sequence[str], episodes: Sequence[Episode], world: World
+) -> None:
+    """Write a PNG with a picture of each episode, at most `MAX_PICTURES`; all have one scale.
+
+    Args:
+        path: of the PNG.
+        title: what the episodes have in common.
+        names: of the scenes that the episodes begin with.
+        episodes: finished episodes, as many as `names`.
+        world: length of a step, and the two circles.
+    """
+    ends = Counter(one.outcome for one in episodes)
+    order = sorted(range(len(episodes)), key=lambda k: FAILURES.index(episodes[k].outcome))[:MAX_PICTURES]
+    rows, height = math.ceil(len(order) / COLUMNS), PICTURE + CAPTION + GAP
+    bottom = MARGIN + TITLE + rows * height
+    page = pen.new_surface(WIDTH, bottom + 2 * LINE + MARGIN)
+    page.fill(BACKGROUND)
+    reach = max(float(goal_distance(one.states[0])) / 2 for one in episodes) + world.goal_distance + AROUND
+    shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
+    text = f"{title}: {counted(len(episodes), 'episode')}{shown}"
+    end = pen.write(page, text, (MARGIN, MARGIN + TITLE / 3), TEXT, 18, True)
+    for outcome in FAILURES:
+        text = f"{outcome} {ends[outcome]}"
+        end = pen.write(page, text, (end + 2 * GAP, MARGIN + TITLE / 3), OUTCOMES[outcome], 15)
+    for place, index in enumerate(order):
+        one = episodes[index]
+        left = MARGIN + place % COLUMNS * (PICTURE + GAP)
+        top = MARGIN + TITLE + place // COLUMNS * height
+        page.blit(draw_paths(one, world, PICTURE, 2 * reach), (left, top))
+        near = f", {one.dcpa:.0f} m" if math.isfinite(one.dcpa) else ""
+        caption = f"{one.outcome} {one.length * world.dt:.0f} s{near}"
+        pen.write(page, pen.cut(names[index], PICTURE, 13, True), (left, top + PICTURE + 10), TEXT, 13, True)
+        below = (left, top + PICTURE + 26)
+        pen.write(page, pen.cut(caption, PICTURE, 12), below, OUTCOMES[one.outcome], 12)
+    expected, safe = circle_names(world)
+    first = f"north up, width {2 * reach:.0f} m; a mark every {MARK_TIME:g} s; ships where the episode ends"
+    second = f"captions: end, time, least distance; red: {expected}; around own ship: {safe}"
+    for line, text in enumerate((first, second)):
+        pen.write(page, text, (MARGIN, bottom + (line + 0.5) * LINE), FAINT, 13)
+    with atomic_write(path) as draft:
+        Image.fromarray(pen.to_array(page)).save(draft, "PNG", optimize=True)
+
+
+def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygame.Surface:
+    """Draw an episode's paths as a square of `width` metres; own ship's has the colour of the outcome."""
+    picture = pen.new_surface(side, side)
+    picture.fill(scene.DISC)
+    states, colour = episode.states.double(), OUTCOMES[episode.outcome]
+    start, end = position(states[0]), goal(states[0])
+    x, y = ((start + end) / 2).tolist()
+    frame = Projection(x, y, math.pi / 2, side, side / width)
+    begin, target = frame.point(*start.tolist()), frame.point(*end.tolist())
+    pen.strip(picture, RULE, begin, target, 1.5)
+    pen.circle(picture, scene.GOAL_CIRCLE, target, world.goal_distance * frame.scale, 2)
+    ships = target_ships(states)[:, : int(states[0, SHIP_COUNT])]
+    tracks = [(FAINT, ships[:, k, : SHIP_HEADING + 1].numpy(), scene.TARGET) for k in range(ships.shape[1])]
+    tracks.append((colour, states[:, : SHIP_HEADING + 1].numpy(), scene.OWN))
+    every = max(1, round(MARK_TIME / world.dt))
+    for shade, poses, _ in tracks:
+        places = frame.points(poses[:, :2]).tolist()
+        for one, other in pairwise(places):
+            pen.strip(picture, shade, one, other, 2.5 if shade == colour else 1.2)
+        for mark in places[::every]:
+            pen.circle(picture, shade, mark, 2)
+    last = frame.point(*position(states[-1]).tolist())
+    pen.circle(picture, scene.SAFE_CIRCLE, last, world.safe_distance * frame.scale, 1.5)
+    for _, poses, hull in tracks:
+        pen.polygon(picture, hull, frame.hull(poses[-1], LENGTH))
+    return picture

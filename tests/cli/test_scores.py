@@ -1,0 +1,47 @@
+"""Rows of many episodes: scenes by name, and the numbers of the rules."""
+
+import pytest
+from torch import Tensor
+
+from ship_trl.cli import scores
+from ship_trl.cli.scores import HEADINGS, Evaluated
+from ship_trl.config.types import World
+from ship_trl.policies.entry import Entry, rollout_entry
+from ship_trl.policies.rules import RULES
+from ship_trl.sim.suites import load_suite
+
+
+def evaluated(world: World, suite: str, episodes: int | None = None) -> Evaluated:
+    entry = Entry("keep_course", "keep_course", load_suite(suite, world), world, colour=False)
+    return Evaluated(entry, rollout_entry(entry, episodes)[2], 5.0)
+
+
+def test_scenes_have_the_names_of_their_cases(world: World) -> None:
+    fixed, drawn = evaluated(world, "paper"), evaluated(world, "paper_perturbed", 14)
+    assert [fixed.scene_name(row) for row in (0, 6)] == ["1", "new"]
+    assert [drawn.scene_name(row) for row in (0, 6, 7, 13)] == ["1 (1)", "new (1)", "1 (2)", "new (2)"]
+    traffic = evaluated(world, "traffic", 3)
+    assert [traffic.scene_name(row) for row in range(3)] == ["traffic 1", "traffic 2", "traffic 3"]
+
+
+def test_the_rules_are_those_that_are_scored() -> None:
+    assert scores.RULES == RULES
+
+
+def test_every_row_has_the_cells_of_the_headings(world: World) -> None:
+    one = evaluated(world, "traffic", 20)
+    rows = [one.row(None), *one.class_rows()]
+    assert {len(row) for row in rows} == {len(HEADINGS)}
+    assert rows[0][2] == "20" and sum(int(row[2]) for row in rows[1:]) == 20
+
+
+def test_a_decision_is_timed_in_one_scene(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = evaluated(world, "paper")
+
+    def time_decision(entry: Entry, start: Tensor, seed: int) -> float:
+        # Case 4 is the first with two target ships.
+        assert start.equal(one.episodes[3].states[0])
+        return 2.0
+
+    monkeypatch.setattr(scores, "time_decision", time_decision)
+    assert one.decision_time == 2.0

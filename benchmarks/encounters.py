@@ -1,7 +1,7 @@
 """`python -m benchmarks encounters POLICY... target=SUITE,...`: what policies do in suites of encounters.
 
-POLICY is as for `python -m ship_trl evaluate`. Each suite has a table of its policies; suites of random
-encounters also have one for each class of encounter. best_known is left out where starts are drawn.
+POLICY is as for `python -m ship_trl evaluate`. Each suite has a table of its policies; large suites
+also have rows for each class of encounter. best_known is left out where starts are drawn.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from ship_trl.policies.entry import rollout_entry
 POLICIES = ("keep_course", "vo", "sb_mpc", "apf", "best_known")
 SUITES = ("imazu", "traffic_test", "paper_perturbed")
 EPISODES = 1000
+# Suites of as many cases have rows by class, as suites of random encounters do.
+MIN_BY_CLASS = 100
 # What is left out: a suite's tables stand alone, and nothing is claimed.
 LEFT_OUT = ("suite", "timeout", "return", "of best known", "claimed")
 COLUMNS = [name for name in HEADINGS if name not in LEFT_OUT]
@@ -93,7 +95,7 @@ def run(options: Namespace) -> None:
 def suite_table(found: Sequence[Evaluated]) -> list[str]:
     """Return the lines of a suite's table: a row of each policy, then those of each class of encounter."""
     rows = [("all", one.row(None)) for one in found]
-    if not found[0].entry.suite.cases:
+    if not 0 < len(found[0].entry.suite.cases) < MIN_BY_CLASS:
         classes = [(row[0].rpartition(": ")[2], row) for one in found for row in one.class_rows()]
         rows += sorted(classes, key=lambda pair: pair[0])
     cells = [[name, *(row[HEADINGS.index(column)] for column in COLUMNS)] for name, row in rows]

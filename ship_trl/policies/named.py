@@ -53,19 +53,24 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
     """
     if env.suite.is_drawn:
         raise ConfigError("policy: best_known has no plan of a drawn start; allowed: cases, not perturbed")
-    plans = [follow(best_known(case, env.world).actions) for case in env.suite.cases]
+    plans = [best_known(case, env.world).actions or [0] for case in env.suite.cases]
     if len(plans) == 1:
-        return plans[0]
+        return follow(plans[0])
+    length = max(map(len, plans))
+    # A plan repeats its last action.
+    table = torch.tensor([plan + plan[-1:] * (length - len(plan)) for plan in plans], device=env.device)
     starts = Starts(env.suite, env.world).states.to(env.device)
     case = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
 
     def policy(step: TensorDictBase) -> TensorDictBase:
         # The plan of the case that a row has begun with.
         state = step["state"]
-        matches = (state[:, None] == starts).all(-1)
-        case[:] = torch.where(matches.any(-1), matches.to(torch.int8).argmax(-1), case)
-        actions = torch.stack([plan(step)["action"] for plan in plans])
-        return step.set("action", actions.gather(0, case[None])[0])
+        time = state[:, STEP].long()
+        begun = (time == 0).nonzero()[:, 0]
+        if len(begun):
+            matches = (state[begun, None] == starts).all(-1)
+            case[begun] = torch.where(matches.any(-1), matches.to(torch.int8).argmax(-1), case[begun])
+        return step.set("action", table[case, time.clamp(max=length - 1)])
 
     return policy
 

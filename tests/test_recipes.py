@@ -49,7 +49,7 @@ SHIPS = "abs(len(base.target_ships) - len(target.target_ships))"
 RECIPES = {
     "reward": [
         (
-            "ship_trl/config/types.py",
+            "ship_trl/config/world.py",
             "    k2: Coefficient\n",
             "    k2: Coefficient\n    rudder: Coefficient = 0.0\n",
         ),

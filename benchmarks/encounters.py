@@ -1,7 +1,7 @@
 """`python -m benchmarks encounters POLICY... target=SUITE,...`: what policies do in suites of encounters.
 
 POLICY is as for `python -m ship_trl evaluate`. Each suite has a table of its policies; large suites
-also have rows for each class of encounter. best_known is left out where starts are drawn.
+also have one of success by class of encounter. best_known is left out where starts are drawn.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ship_trl.policies.entry import rollout_entry
 POLICIES = ("keep_course", "vo", "sb_mpc", "apf", "best_known")
 SUITES = ("imazu", "traffic_test", "paper_perturbed")
 EPISODES = 1000
-# Suites of as many cases have rows by class, as suites of random encounters do.
+# Suites of as many cases have a table by class, as suites of random encounters do.
 MIN_BY_CLASS = 100
 # What is left out: a suite's tables stand alone, and nothing is claimed.
 LEFT_OUT = ("suite", "timeout", "return", "of best known", "claimed")
@@ -82,7 +82,7 @@ def run(options: Namespace) -> None:
     lines += [describe_scores(entries[0].world.safe_distance, head_on)]
     lines += [f"On {processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread.", ""]
     for suite, some in found.items():
-        lines += [f"### {suite}", "", *suite_table(some), ""]
+        lines += [f"### {suite}", "", *suite_table(some), *class_table(some), ""]
     text = "\n".join(lines)
     sys.stdout.write(text)
     write_page(options.markdown or PAGE, text)
@@ -93,13 +93,24 @@ def run(options: Namespace) -> None:
 
 
 def suite_table(found: Sequence[Evaluated]) -> list[str]:
-    """Return the lines of a suite's table: a row of each policy, then those of each class of encounter."""
-    rows = [("all", one.row(None)) for one in found]
-    if not 0 < len(found[0].entry.suite.cases) < MIN_BY_CLASS:
-        classes = [(row[0].rpartition(": ")[2], row) for one in found for row in one.class_rows()]
-        rows += sorted(classes, key=lambda pair: pair[0])
-    cells = [[name, *(row[HEADINGS.index(column)] for column in COLUMNS)] for name, row in rows]
-    return markdown([["encounter", *COLUMNS], ["---"] * (1 + len(COLUMNS)), *cells])
+    """Return the lines of a suite's table: a row of each policy."""
+    cells = [[one.row(None)[HEADINGS.index(column)] for column in COLUMNS] for one in found]
+    return markdown([COLUMNS, ["---"] * len(COLUMNS), *cells])
+
+
+def class_table(found: Sequence[Evaluated]) -> list[str]:
+    """Return the lines of a table of success by class of encounter; empty if there are few cases."""
+    if 0 < len(found[0].entry.suite.cases) < MIN_BY_CLASS:
+        return []
+    policy, success = HEADINGS.index("policy"), HEADINGS.index("success")
+    rows = [
+        {row[0].rpartition(": ")[2]: row[success].split()[0] for row in one.class_rows()} for one in found
+    ]
+    classes = sorted({name for row in rows for name in row})
+    names = [one.row(None)[policy] for one in found]
+    cells = [[name, *(row.get(one, "-") for one in classes)] for name, row in zip(names, rows, strict=True)]
+    head = ["success by class", *classes]
+    return ["", *markdown([head, ["---"] * len(head), *cells])]
 
 
 def markdown(rows: Iterable[Sequence[str]]) -> list[str]:

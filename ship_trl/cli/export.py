@@ -23,7 +23,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.files.disk import atomic_write
-from ship_trl.policies.entry import Entry
+from ship_trl.policies.entry import Entry, split_suites
 
 if TYPE_CHECKING:
     from tensordict import TensorDictBase
@@ -70,6 +70,9 @@ def export(entry: Entry, path: Path) -> None:
     from ship_trl.sim.env import ShipEnv
 
     configure_process()
+    if not entry.suite.cases:
+        # A network of random encounters is checked in the first one.
+        entry = split_suites([entry])[0]
     env = ShipEnv(entry.case, entry.world, colour=entry.colour)
     policy, network = load_with_network(entry.policy, env)
     # The exporter would treat a batch size of one as constant.

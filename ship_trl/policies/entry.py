@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.suites import Suite
+from ship_trl.sim.suites import Suite, suite_of
 
 if TYPE_CHECKING:
     from tensordict import TensorDictBase
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 SHOWN = 0.05
 # Episodes of an entry whose starts are perturbed.
 EPISODES = 100
+# Scenes of random encounters that are shown one by one.
+EXAMPLES = 8
 # Added to the seed of the starts, whose random numbers must not be those of a policy.
 STARTS_SEED = 1_000_003
 
@@ -45,12 +47,29 @@ class Entry:
 
 
 def split_suites(entries: Iterable[Entry]) -> list[Entry]:
-    """Return an entry for each case of each suite; of several cases, none claims a return."""
+    """Return an entry for each case of each suite, or for the scenes of the first seeds of random encounters.
+
+    Only a suite of one case claims a return.
+    """
     found: list[Entry] = []
     for entry in entries:
-        suites = entry.suite.split()
+        suites = entry.suite.split() if entry.suite.cases else example_scenes(entry.suite, entry.world)
         claimed = entry.claimed if len(suites) == 1 else None
         found += [replace(entry, suite=suite, claimed=claimed) for suite in suites]
+    return found
+
+
+def example_scenes(suite: Suite, world: World) -> list[Suite]:
+    """Return a suite of one for each of the first seeds of a suite of random encounters."""
+    from torch import Generator
+
+    from ship_trl.sim.starts import make_starts
+    from ship_trl.sim.state import first_case
+
+    starts, found = make_starts(suite, world), []
+    for seed in range(EXAMPLES):
+        state = starts.sample(1, Generator().manual_seed(seed))[0]
+        found.append(suite_of(replace(first_case(suite, state), name=f"{suite.name}_{seed}")))
     return found
 
 

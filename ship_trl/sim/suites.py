@@ -99,9 +99,7 @@ class Suite:
         return count * math.ceil(episodes / count)
 
     def split(self) -> list[Suite]:
-        """Return a suite of one for each case, perturbed alike; without cases, the suite itself."""
-        if self.traffic is not None:
-            return [self]
+        """Return a suite of one for each case, perturbed alike."""
         return [suite_of(case, self.perturbation) for case in self.cases]
 
 

@@ -1,4 +1,4 @@
-"""Ships of one case for both Gymnasium environments, stepped and drawn in a batch, channels last."""
+"""Ships of one case for both Gymnasium environments, stepped and observed in a batch."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from torch import Generator
 
+from ship_trl.config.network import load_network
+from ship_trl.config.schema import Reader
+from ship_trl.config.types import Observation
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
+from ship_trl.sim.vector import VectorObservation
 
 Pixels = NDArray[np.uint8]
+# Pixels, channels last, or the numbers of a vector, float32.
+Observations = NDArray[Any]
 Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
 
@@ -28,16 +34,18 @@ Infos = dict[str, Any]
 class Ships:
     """N own ships, each in its own episode: `state` float32 [N, S] and `dcpa` float32 [N] so far.
 
-    If not `fast`, torch steps and draws in place of compiled loops, and rounds differently.
+    They are observed as `pixels` or as a `vector` of numbers, as conf/network/vector.yaml wants them. If not
+    `fast`, torch steps and draws in place of compiled loops, and rounds differently.
 
     Raises:
-        ConfigError: no such case.
+        ConfigError: no such case or observation.
     """
 
     _draw: Callable[..., None]
     _step: Callable[..., None]
 
-    def __init__(self, count: int, case: str, colour: bool, fast: bool = True) -> None:
+    def __init__(self, count: int, case: str, colour: bool, fast: bool, observation: str) -> None:
+        kind: Observation = Reader().read(Observation, observation, "observation")
         self.world, self._is_seeded = load_world(), False
         self.suite = load_suite(str(case), self.world, "case")
         self._starts, self._generator = make_starts(self.suite, self.world), Generator().manual_seed(0)
@@ -50,7 +58,12 @@ class Ships:
         else:
             self._draw, self._step = partial(draw_into, rasteriser), partial(step_into, transition)
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
-        self.observation_space = spaces.Box(0, 255, self._shape, np.uint8)
+        self._encode: VectorObservation | None = None
+        self.observation_space: spaces.Box = spaces.Box(0, 255, self._shape, np.uint8)
+        if kind is Observation.vector:
+            self._encode = VectorObservation(self.world, load_network("vector").ships)
+            size = self._encode(self._starts.states[0]).numel()
+            self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.action_space = spaces.Discrete(len(self.world.actions))
         self.state = np.empty((count, self._starts.states.shape[1]), np.float32)
         self.dcpa = np.empty(count, np.float32)
@@ -85,8 +98,11 @@ class Ships:
         self.state, self.dcpa = after, np.minimum(self.dcpa, distance)
         return reward, flags
 
-    def draw(self, state: NDArray[np.float32]) -> Pixels:
-        """Draw what the network sees in states [N, S]: uint8 [N, 84, 84, C]."""
+    def observe(self, state: NDArray[np.float32]) -> Observations:
+        """Return what the network sees in states [N, S]: uint8 [N, 84, 84, C], or float32 [N, F]."""
+        if self._encode is not None:
+            with torch.inference_mode():  # a sixth faster
+                return self._encode(torch.from_numpy(state)).numpy()
         *image, channels = self._shape
         pictures = np.empty((len(state), channels, math.prod(image)), np.uint8)
         self._draw(state, pictures)

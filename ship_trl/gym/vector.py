@@ -1,4 +1,4 @@
-"""Many ships of one case for Gymnasium, stepped and drawn in a batch: `ShipCollision-v0` as a vector.
+"""Many ships of one case for Gymnasium, stepped and observed in a batch: `ShipCollision-v0` as a vector.
 
 import gymnasium
 name = "ship_trl.gym:ShipCollision-v0"
@@ -17,19 +17,19 @@ from gymnasium.vector.utils import batch_space
 from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
-from ship_trl.gym.ships import Flags, Infos, Pixels, Ships
+from ship_trl.gym.ships import Flags, Infos, Observations, Ships
 
 
-class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64], NDArray[Any]]):
+class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np.int64], NDArray[Any]]):
     """N own ships in one case, each in its own episode; arguments and `infos` as in `ShipCollisionEnv`.
 
-    Observation: uint8 [N, 84, 84, C]. Action: int64 [N]. Reward: float32 [N]. An episode that ends is reset
-    in the same step. The first observation of the next one is returned. The last one is in
-    `infos["final_obs"]` (objects [N], a picture or None) with `infos["final_info"]`, for the rows in
+    Observation: uint8 [N, 84, 84, C] or float32 [N, F]. Action: int64 [N]. Reward: float32 [N]. An episode
+    that ends is reset in the same step. The first observation of the next one is returned. The last one is in
+    `infos["final_obs"]` (objects [N], an observation or None) with `infos["final_info"]`, for the rows in
     `infos["_final_obs"]` (bool [N]).
 
     Raises:
-        ConfigError: no such case.
+        ConfigError: no such case or observation.
         ValueError: num_envs is less than 1.
     """
 
@@ -42,10 +42,11 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         colour: bool = False,
         reward_scale: float = 1.0,
         fast: bool = True,
+        observation: str = "pixels",
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs: must be at least 1, got {num_envs}")
-        self._ships = Ships(num_envs, case, colour, fast)
+        self._ships = Ships(num_envs, case, colour, fast, observation)
         self._scale, self.num_envs = np.float32(reward_scale), num_envs
         self.single_observation_space: spaces.Box = self._ships.observation_space
         self.single_action_space = self._ships.action_space
@@ -54,16 +55,18 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Pixels, Infos]:
+    ) -> tuple[Observations, Infos]:
         """Reset all episodes; the seed matters only for a suite, whose starts are drawn."""
         if isinstance(seed, list):
             parts = [part or 0 for part in seed]
             seed = parts[0] if len(parts) == 1 else int(SeedSequence(parts).generate_state(1)[0])
         self._ships.seed(seed, self.np_random)
         self._ships.reset()
-        return self._ships.draw(self._ships.state), self._infos(*np.zeros((2, self.num_envs), np.bool_))
+        return self._ships.observe(self._ships.state), self._infos(*np.zeros((2, self.num_envs), np.bool_))
 
-    def step(self, actions: NDArray[np.int64]) -> tuple[Pixels, NDArray[np.float32], Flags, Flags, Infos]:
+    def step(
+        self, actions: NDArray[np.int64]
+    ) -> tuple[Observations, NDArray[np.float32], Flags, Flags, Infos]:
         """Advance every ship by one second: turn, then move.
 
         Raises:
@@ -80,13 +83,13 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Pixels, NDArray[np.int64
         ends: Infos = {}
         if over.any():
             last = np.full(count, None, object)
-            for row, picture in zip(over.nonzero()[0], ships.draw(ships.state[over]), strict=True):
-                last[row] = picture
+            for row, observation in zip(over.nonzero()[0], ships.observe(ships.state[over]), strict=True):
+                last[row] = observation
             ends = {"final_obs": last, "final_info": self._infos(goal, collision)}
             ends |= {"_final_obs": over, "_final_info": over}
             ships.reset(over)
         infos = self._infos(goal & ~over, collision & ~over) | ends
-        return ships.draw(ships.state), reward * self._scale, terminated, truncated, infos
+        return ships.observe(ships.state), reward * self._scale, terminated, truncated, infos
 
     def _infos(self, goal: Flags, collision: Flags) -> Infos:
         ships = self._ships

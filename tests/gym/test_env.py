@@ -10,9 +10,11 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3 import DQN
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
+from ship_trl.config.network import load_network
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.vector import VectorObservation
 
 
 @pytest.mark.parametrize("colour", [False, True])
@@ -88,3 +90,12 @@ def test_it_shows_what_the_network_sees_channels_last(colour: bool) -> None:
     observation, _, _, _, info = env.step(np.int64(0))
     picture = Rasteriser(world, colour=colour)(torch.from_numpy(info["state"]))
     assert np.array_equal(np.moveaxis(observation, -1, 0), picture.numpy())
+
+
+def test_as_a_vector_it_gives_the_numbers_of_the_networks() -> None:
+    env, observe = gymnasium.make(ENV_ID, case="traffic", observation="vector"), VectorObservation
+    check_sb3(env.unwrapped, warn=True)
+    wanted = observe(load_world(), load_network("vector").ships)
+    for observation, info in (env.reset(seed=3), env.step(np.int64(0))[::4]):
+        assert observation in env.observation_space and observation.dtype == np.float32
+        assert np.array_equal(observation, wanted(torch.from_numpy(info["state"])[None])[0].numpy())

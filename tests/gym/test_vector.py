@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -17,17 +18,20 @@ from torch import Generator, Tensor
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
-from ship_trl.gym.ships import Pixels
+from ship_trl.gym.ships import Observations
 from ship_trl.gym.vector import ShipCollisionVectorEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import Perturbation, Suite, load_suite
 from tests.command import ROOT, environment
 
 
-def pair(count: int, case: str, colour: bool = False) -> tuple[ShipCollisionVectorEnv, SyncVectorEnv]:
-    single = lambda: ShipCollisionEnv(case, colour=colour, reward_scale=0.5)  # noqa: E731
+def pair(
+    count: int, case: str, colour: bool = False, observation: str = "pixels"
+) -> tuple[ShipCollisionVectorEnv, SyncVectorEnv]:
+    options: dict[str, Any] = {"colour": colour, "observation": observation, "reward_scale": 0.5}
+    single = lambda: ShipCollisionEnv(case, **options)  # noqa: E731
     singles = SyncVectorEnv([single] * count, autoreset_mode=AutoresetMode.SAME_STEP)
-    return ShipCollisionVectorEnv(count, case, colour=colour, reward_scale=0.5), singles
+    return ShipCollisionVectorEnv(count, case, **options), singles
 
 
 def alike(got: object, wanted: object) -> None:
@@ -45,9 +49,12 @@ def alike(got: object, wanted: object) -> None:
         np.testing.assert_array_equal(np.asarray(got), np.asarray(wanted))
 
 
-@pytest.mark.parametrize(("case", "colour"), [("1", False), ("4", False), ("6", True)])
-def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool) -> None:
-    ours, singles = pair(5, case, colour)
+@pytest.mark.parametrize(
+    ("case", "colour", "observation"),
+    [("1", False, "pixels"), ("4", False, "pixels"), ("6", True, "pixels"), ("4", False, "vector")],
+)
+def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool, observation: str) -> None:
+    ours, singles = pair(5, case, colour, observation)
     assert ours.single_observation_space == singles.single_observation_space
     assert ours.observation_space == singles.observation_space
     assert ours.single_action_space == singles.single_action_space
@@ -114,6 +121,9 @@ def test_bad_input_is_refused() -> None:
         ShipCollisionVectorEnv(0)
     with pytest.raises(ConfigError, match="nowhere"):
         ShipCollisionVectorEnv(2, "nowhere")
+    for make in (ShipCollisionEnv, ShipCollisionVectorEnv):
+        with pytest.raises(ConfigError, match="observation: must be one of pixels, vector, got sound"):
+            make(observation="sound")
     with pytest.raises(IndexError, match="action index out of range"):
         ShipCollisionVectorEnv(2).step(np.array([0, 7]))
     with pytest.raises(ValueError, match="actions: must have the shape"):
@@ -130,12 +140,12 @@ def mixed(world: World, monkeypatch: pytest.MonkeyPatch) -> Suite:
     return suite
 
 
-def begin(single: ShipCollisionEnv, state: Tensor) -> tuple[Pixels, NDArray[np.float32]]:
+def begin(single: ShipCollisionEnv, state: Tensor) -> tuple[Observations, NDArray[np.float32]]:
     """Begin an episode in a given state; return picture and state."""
     single.reset()
     ships = single._ships
     ships.state[0] = state.numpy()
-    return ships.draw(ships.state)[0], ships.state[0]
+    return ships.observe(ships.state)[0], ships.state[0]
 
 
 def test_a_mixed_perturbed_batch_and_its_resets_equal_single_ships(mixed: Suite, world: World) -> None:

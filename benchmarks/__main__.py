@@ -6,10 +6,10 @@ import argparse
 import sys
 from collections.abc import Callable
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 
-from benchmarks import encounters
+from benchmarks import curves, encounters
+from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError
@@ -24,17 +24,21 @@ PARTS = {
     "memory": "Memory of a replay beside Stable-Baselines3's, and of a whole run",
     "checkpoints": "Checkpoints of a run of the paper's length, replay full",
 }
-# Not part of all: it measures policies and not time, and has arguments of its own.
-ALONE = {"encounters": "What policies do in suites of encounters; python -m benchmarks encounters --help"}
+# Not part of all: they measure policies, and have arguments of their own.
+ALONE = {
+    "encounters": ("What policies do in suites of encounters", encounters.main),
+    "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
+}
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts, print their tables, and write the JSON file if one is asked for."""
     words = sys.argv[1:] if arguments is None else arguments
-    if words[:1] == ["encounters"]:
-        encounters.main(words[1:])
+    if words and words[0] in ALONE:
+        ALONE[words[0]][1](words[1:])
         return
-    parts = "\n".join(f"    {part:12} {title}" for part, title in (PARTS | ALONE).items())
+    alone = {part: f"{title}; see {part} --help" for part, (title, _) in ALONE.items()}
+    parts = "\n".join(f"    {part:12} {title}" for part, title in (PARTS | alone).items())
     parser = make_parser("benchmarks", f"{__doc__}\n\nParts:\n{parts}")
     parser.prog = "python -m benchmarks"
     parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
@@ -63,10 +67,7 @@ def check(options: argparse.Namespace) -> None:
         raise ConfigError(f"--seconds: must be above 0, got {options.seconds}")
     if options.json is not None and not options.json.absolute().parent.is_dir():
         raise ConfigError(f"--json: no folder {options.json.absolute().parent}")
-    if find_spec("stable_baselines3") is None:
-        raise ConfigError(
-            "benchmarks: stable_baselines3 is missing; allowed: pip install -e '.[bench]' first"
-        )
+    require_peers()
     bfloat16_allowed()
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
 from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Learn
 from ship_trl.run.plan import make_run
@@ -35,13 +37,27 @@ def plan_run(arm: str = "scratch", overrides: tuple[str, ...] = ()) -> Run:
 
     The weights that it copies are random, because what a source has learned does not change the time.
     """
-    words = ["profile=paper", "source=3", f"target={CASE}", f"+arm={arm}", "learn.jumpstart_draws=0"]
-    words += ["learn.episodes=1000000", f"output={Path(tempfile.gettempdir()) / 'ship_trl_benchmarks'}"]
+    words = ["profile=paper", "source=3", f"target={CASE}", f"+arm={arm}", "learn.episodes=1000000"]
     words += [] if arm == "scratch" else ["source_weights=random"]
+    return plan(*words, *overrides)
+
+
+def plan(*overrides: str) -> Run:
+    """Plan a run by its overrides, in a temporary folder."""
+    folder = Path(tempfile.gettempdir()) / "ship_trl_benchmarks"
+    words = [f"output={folder}", "learn.jumpstart_draws=0", *overrides]
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        values = compose("config", [*words, *overrides])
+        values = compose("config", words)
     assert isinstance(values, DictConfig)
     return make_run(to_config(values))
+
+
+def require_peers() -> None:
+    """Raise a ConfigError if Stable-Baselines3 is missing."""
+    if find_spec("stable_baselines3") is None:
+        raise ConfigError(
+            "benchmarks: stable_baselines3 is missing; allowed: pip install -e '.[bench]' first"
+        )
 
 
 def learn_config(*overrides: str) -> Learn:

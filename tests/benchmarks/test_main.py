@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from benchmarks import __main__ as command
-from benchmarks import memory, simulator
+from benchmarks import memory, simulator, work
 from benchmarks.checkpoints import measure_checkpoints
 from benchmarks.table import compare
 from benchmarks.timing import measure
@@ -66,7 +66,7 @@ def test_a_missing_library_or_a_wrong_switch_is_one_line(
     with pytest.raises(SystemExit):
         command.main(["memory"])
     assert capsys.readouterr().err == "ship_trl: SHIP_TRL_BFLOAT16: must be on or off, got no\n"
-    monkeypatch.setattr(command, "find_spec", lambda name: None)
+    monkeypatch.setattr(work, "find_spec", lambda name: None)
     with pytest.raises(SystemExit):
         command.main(["memory"])
     error = capsys.readouterr().err

@@ -10,6 +10,8 @@ from __future__ import annotations
 import cmath
 import math
 import os
+from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import gymnasium
@@ -64,27 +66,29 @@ def draw_still(surface: pygame.Surface, world: World) -> None:
 
 
 class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
-    """One own ship in one case; observation uint8 [1, 84, 84], the actions of table 1, raw rewards."""
+    """One own ship; observation uint8 [1, 84, 84], the actions of table 1, raw rewards.
+
+    Each episode is of the next case, and after the last one of the first again.
+    """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (Gymnasium declares it on the instance)
 
-    def __init__(self, case: Case, world: World) -> None:
+    def __init__(self, cases: Sequence[Case], world: World) -> None:
         self.observation_space = spaces.Box(0, 255, FRAME, np.uint8)
         self.action_space = spaces.Discrete(len(world.actions))
-        self._case, self._world = case, world
+        self._cases, self._world = cycle(cases), world
+        outline = scene.ship_outline(scene.TARGET_LENGTH)
+        self._outline = [scene.PIXELS_PER_METRE * complex(u, v) for u, v in outline]
+        self._prepare()
+
+    def _start(self, case: Case) -> None:
+        self._place, self._heading = complex(*case.start), math.radians(case.heading)
         self._goal = complex(*case.goal)
         self._targets = [
             (complex(ship.x, ship.y), cmath.rect(ship.speed, course), course)
             for ship in case.target_ships
             for course in [math.radians(ship.heading)]
         ]
-        outline = scene.ship_outline(scene.TARGET_LENGTH)
-        self._outline = [scene.PIXELS_PER_METRE * complex(u, v) for u, v in outline]
-        self._prepare()
-        self._start()
-
-    def _start(self) -> None:
-        self._place, self._heading = complex(*self._case.start), math.radians(self._case.heading)
         self._steps, self._dcpa = 0, math.inf
 
     def reset(
@@ -92,7 +96,7 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
     ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
         """Start an episode."""
         super().reset(seed=seed)
-        self._start()
+        self._start(next(self._cases))
         return self._draw(), {}
 
     def step(self, action: np.int64) -> tuple[NDArray[np.uint8], float, bool, bool, dict[str, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,16 +10,22 @@ import gymnasium
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Generator
 
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
 from ship_trl.gym.env import ShipCollisionEnv
 from ship_trl.gym.vector import ShipCollisionVectorEnv
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.starts import make_starts
+from ship_trl.sim.state import first_case
+from ship_trl.sim.suites import load_suite
 
 CASES = ("1", "2", "4")
 BATCH_SIZES = (1, 16, 64, 1024)
+# On random encounters; scenes that pygame takes in turn.
+TRAFFIC_SIZES, SCENES = (64,), 1000
 # Of one environment in one call of a probe.
 STEPS = 16
 # Takes an action for every environment: int64 [N].
@@ -67,18 +73,35 @@ def torchrl_step(env: ShipEnv) -> Step:
     return step
 
 
+def draw_cases(count: int) -> list[Case]:
+    """Return cases drawn from suite `traffic`."""
+    world = load_world()
+    suite = load_suite("traffic", world)
+    states = make_starts(suite, world).sample(count, Generator().manual_seed(0))
+    return [first_case(suite, state) for state in states]
+
+
+def group(title: str, name: str, cases: Sequence[Case], sizes: Sequence[int]) -> list[Probe]:
+    """Return pygame on `cases`, and ship_trl's three environments on the case or suite of a name."""
+    world, add = load_world(), partial(probe, title)
+    found = [
+        add("Gymnasium and pygame", gymnasium_step(PygameShipEnv(cases, world)), is_ours=False),
+        add("the same, tuned", gymnasium_step(TunedPygameShipEnv(cases, world)), is_ours=False),
+        add("ours, Gymnasium", gymnasium_step(ShipCollisionEnv(name))),
+    ]
+    for n in sizes:
+        batched = ShipEnv(load_suite(name, world), world, n, from_pixels=True)
+        found.append(add(f"ours, vector of {n}", vector_step(ShipCollisionVectorEnv(n, name)), n))
+        found.append(add(f"ours, TorchRL of {n}", torchrl_step(batched), n))
+    return found
+
+
 def probes() -> list[Probe]:
-    """Return pygame and ship_trl's three environments in every case."""
+    """Return the groups of the cases, and that of random encounters.
+
+    pygame's scenes are drawn beforehand: drawing is timed in ship_trl's environments alone.
+    """
     world, found = load_world(), []
     for name in CASES:
-        case, add = load_case(name, world), partial(probe, f"case {name}")
-        found += [
-            add("Gymnasium and pygame", gymnasium_step(PygameShipEnv(case, world)), is_ours=False),
-            add("the same, tuned", gymnasium_step(TunedPygameShipEnv(case, world)), is_ours=False),
-            add("ours, Gymnasium", gymnasium_step(ShipCollisionEnv(name))),
-        ]
-        for n in BATCH_SIZES:
-            batched = ShipEnv(case, world, n, from_pixels=True)
-            found.append(add(f"ours, vector of {n}", vector_step(ShipCollisionVectorEnv(n, name)), n))
-            found.append(add(f"ours, TorchRL of {n}", torchrl_step(batched), n))
-    return found
+        found += group(f"case {name}", name, [load_case(name, world)], BATCH_SIZES)
+    return found + group("traffic", "traffic", draw_cases(SCENES), TRAFFIC_SIZES)

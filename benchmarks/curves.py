@@ -3,7 +3,8 @@
 ship_trl and Stable-Baselines3's DQN and PPO learn from the same numbers on suite `traffic`, one after the
 other. Every half minute of training, their greedy policies meet the scenes of `traffic_test`. Minutes are
 processor time, evaluations not counted. ship_trl trains as `target=traffic method=scratch
-observation=vector`; the settings of the others are in benchmarks/peer_vector.py.
+observation=vector`, whose profile adds a cost of near passes to the reward; the others learn from the
+environment's reward. Their settings are in benchmarks/peer_vector.py.
 """
 
 from __future__ import annotations

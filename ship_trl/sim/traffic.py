@@ -1,13 +1,15 @@
 """Draw random encounters: scenes whose target ships would pass near own ship if all kept their course.
 
 The paths are laid through a meeting point on own ship's way, as by Waltz and Okhrin (2023, arXiv 2211.01004).
-A ship is kept if it is in the class of encounter that was drawn for it. NumPy, as in `starts`.
+A ship is kept if it is in the class of encounter that was drawn for it, and a scene if one of a fixed table
+of manoeuvres brings own ship to its goal. A scene is a function of its seed alone.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import torch
@@ -16,30 +18,25 @@ from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Traffic, World
-from ship_trl.sim.encounter import Encounter, classify
+from ship_trl.sim.encounter import Encounter
+from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.state import (
-    GIVES_WAY,
     GOAL_Y,
     HEADING,
-    HOLDS_COURSE,
-    OWN_SIZE,
-    SHIP_COUNT,
-    SHIP_SIZE,
     SPEED,
+    goal,
+    goal_distance,
+    position,
     state_size,
 )
+from ship_trl.sim.transition import Transition
 
-# Arrays of states [N, S], and of numbers by ship.
+# Arrays of states [N, S].
 States = NDArray[np.float32]
-Numbers = NDArray[np.float32]
-# Ships that fail are drawn again, at most this often; so many are drawn for each that is needed.
-MAX_DRAWS, CANDIDATES = 1000, 3
 # Own ship begins as in the paper's cases: at the origin, heading north, with the goal 600 m ahead.
 NORTH, WAY = math.pi / 2, 600.0
-# A ship must have had its class of encounter for this long (s) when the episode begins.
-CLASS_SECONDS = 3.0
-# Uniform numbers that a candidate takes.
-DRAWS = 7
+# A manoeuvre holds an action, sails straight on and then steers for the goal: steps of the first two.
+HOLD, STRAIGHT = (11, 7, 16, 4, 2), (4, 0, 9, 15)
 
 
 @dataclass(frozen=True)
@@ -71,10 +68,13 @@ class TrafficStarts:
 
     Args:
         traffic: how many ships, of which classes, how fast, how near.
-        world: own ship's speed.
+        world: own ship's dynamics, and the safe distance.
 
     Attributes:
         states: an initial state without target ships, float32 [1, S].
+
+    Raises:
+        ConfigError: in this world own ship could not reach its goal, or ships would start too near.
     """
 
     def __init__(self, traffic: Traffic, world: World) -> None:
@@ -83,16 +83,62 @@ class TrafficStarts:
         self.states = torch.zeros(1, state_size(self.places), device="cpu")
         for column, value in ((HEADING, NORTH), (SPEED, self.speed), (GOAL_Y, WAY)):
             self.states[0, column] = value
+        if traffic.distance[0] < world.safe_distance:
+            raise ConfigError(
+                f"suite: traffic: distance: must begin at the safe distance of {world.safe_distance:g} m or "
+                f"more, got {traffic.distance[0]:g}"
+            )
+        paths, lengths = self._manoeuvres(world)
         classes = [Encounter[one.name.upper()] for one in traffic.classes]
-        self._classes = np.array(classes)
-        bands = [[*BANDS[one].courses, *BANDS[one].sides, *self._speeds(one)] for one in classes]
-        self._bands = np.array(bands, np.float32)
-        self._shares = np.cumsum(traffic.ships) / sum(traffic.ships)
+        bands = [self._band(one) for one in classes]
+        seconds = [WAY * share / self.speed for share in traffic.meeting]
+        bounds = [self.speed, *seconds, traffic.offset, *traffic.distance, traffic.reacting]
+        self._constants = (
+            np.cumsum(traffic.ships) / sum(traffic.ships),
+            np.array(classes, np.int64),
+            np.array(bands, np.float64),
+            np.array(bounds, np.float64),
+            paths,
+            lengths,
+            np.array([world.dt, world.safe_distance], np.float64),
+        )
 
-    def _speeds(self, encounter: Encounter) -> list[float]:
-        """Return the least and the greatest speed (m/s) of target ships of a class."""
-        ends = zip(BANDS[encounter].speeds, self.traffic.speeds, strict=True)
-        return sorted(bound if share is None else share * self.speed for share, bound in ends)
+    def _band(self, encounter: Encounter) -> list[float]:
+        """Return what ships of a class are drawn from, as `traffic_kernel.draw_ship` takes it."""
+        band, ends = BANDS[encounter], zip(BANDS[encounter].speeds, self.traffic.speeds, strict=True)
+        slow, fast = (bound if share is None else share * self.speed for share, bound in ends)
+        if slow > fast:
+            raise ConfigError(
+                f"suite: traffic: speeds: must begin at {fast:g} m/s or less for the class "
+                f"{encounter.name.lower()}, got {slow:g}"
+            )
+        return [*map(math.radians, band.courses), *band.sides, slow, fast]
+
+    def _manoeuvres(self, world: World) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return own ship's places [P, T, 2] in manoeuvres that reach the goal, and their steps [P]."""
+        transition, straight = Transition(world), world.straight_action
+        evading = [k for k in range(len(world.actions)) if k != straight] or [straight]
+        plans = torch.tensor(list(product(STRAIGHT, HOLD, evading)), device="cpu")
+        after, hold, action = plans.unbind(1)
+        turns = transition.actions[:, 1] * world.dt
+        state, places = self.states.repeat(len(plans), 1), []
+        arrival = torch.zeros(len(plans), dtype=torch.int64, device="cpu")
+        for step in range(world.max_steps):
+            off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
+            steering = (off_bow[:, None] - turns).abs().argmin(-1)
+            chosen = torch.where(step < hold, action, torch.full_like(action, straight))
+            chosen = torch.where(step < hold + after, chosen, steering)
+            outcome = transition(state, chosen)
+            state = outcome.state
+            places.append(position(state))
+            arrival[outcome.goal & (arrival == 0)] = step + 1
+        found = (arrival > 0).nonzero().squeeze(-1)
+        if not len(found) or float(goal_distance(self.states)) <= world.goal_distance:
+            raise ConfigError(
+                f"suite: traffic: the goal is {WAY:g} m away: own ship is there at once or never; allowed: "
+                "world.goal_distance, world.max_steps and world.actions that let it arrive"
+            )
+        return torch.stack(places, 1)[found].double().numpy(), arrival[found].numpy()
 
     def sample(self, count: int, generator: Generator) -> Tensor:
         """Return initial states [count, S], as `draw`."""
@@ -107,57 +153,22 @@ class TrafficStarts:
         Raises:
             ConfigError: too few ships keep the traffic's bounds.
         """
+        # Imported here: numba takes half a second.
+        from ship_trl.sim.fast.traffic_kernel import draw_scenes
+
+        seeds = np.empty(count, np.int64)
+        torch.from_numpy(seeds).random_(generator=generator)
         states: States = self.states.numpy().repeat(count, 0)
-        ships = np.searchsorted(self._shares, uniform((count,), generator), side="right")
-        ships = ships.clip(max=self.places)
-        states[:, SHIP_COUNT] = ships
-        needed = (np.arange(self.places) < ships[:, None]).ravel().nonzero()[0]
-        found = np.zeros((count * self.places, SHIP_SIZE), np.float32)
-        for _ in range(MAX_DRAWS):
-            if not needed.size:
-                states[:, OWN_SIZE:] = found.reshape(count, -1)
-                return states
-            drawn, is_valid = self._draw_ships(len(needed) * CANDIDATES, generator)
-            choices = is_valid.reshape(-1, CANDIDATES)
-            first = choices.argmax(1) + CANDIDATES * np.arange(len(needed))
-            is_found = choices.any(1)
-            found[needed[is_found]] = drawn[first[is_found]]
-            needed = needed[~is_found]
-        raise ConfigError("suite: traffic: nearly no ship keeps these bounds; allowed: wider ones")
-
-    def _draw_ships(self, count: int, generator: Generator) -> tuple[Numbers, NDArray[np.bool_]]:
-        """Draw ships [N, SHIP_SIZE], and say which keep the bounds and are in their class [N]."""
-        traffic = self.traffic
-        share = uniform((DRAWS, count), generator)
-        kind = (share[0] * len(self._classes)).astype(np.int64)
-        near, far, one, other, slow, fast = self._bands[kind].T
-        heading = NORTH + np.where(share[1] < 0.5, one, other) * np.radians(near + (far - near) * share[2])
-        speed = slow + (fast - slow) * share[3]
-        first, last = traffic.meeting
-        seconds = WAY * (first + (last - first) * share[4]) / self.speed
-        east, north = speed * np.cos(heading), speed * np.sin(heading) - self.speed
-        # Own and target ship are `aside` from each other, across their relative way, after these seconds.
-        aside = traffic.offset * (2 * share[5] - 1) / np.maximum(np.hypot(east, north), 1e-6)
-        x, y = -east * seconds - north * aside, -north * seconds + east * aside
-        distance = np.hypot(x, y)
-        nearest, farthest = traffic.distance
-        is_valid = (distance >= nearest) & (distance <= farthest)
-        for ago in (0.0, CLASS_SECONDS):
-            direction = np.arctan2(y - north * ago, x - east * ago)
-            bearing, aspect = wrap(NORTH - direction), wrap(heading - direction - math.pi)
-            is_valid &= classify(bearing, aspect) == self._classes[kind]
-        behaviour = np.where(share[6] < traffic.reacting, GIVES_WAY, HOLDS_COURSE)
-        return np.stack((x, y, heading, speed, behaviour), 1).astype(np.float32), is_valid
+        if not draw_scenes(seeds.view(np.uint64), *self._constants, states):
+            raise ConfigError(
+                "suite: traffic: nearly no ship keeps these bounds, or own ship cannot avoid them; allowed: "
+                "wider ones"
+            )
+        return states
 
 
-def uniform(shape: tuple[int, ...], generator: Generator) -> Numbers:
+def uniform(shape: tuple[int, ...], generator: Generator) -> NDArray[np.float32]:
     """Draw numbers from 0 to 1. Filling an array costs half as much as `torch.rand`."""
     numbers = np.empty(shape, np.float32)
     torch.from_numpy(numbers).uniform_(generator=generator)
     return numbers
-
-
-def wrap(angle: Numbers) -> Numbers:
-    """Return angles (rad) in [-pi, pi)."""
-    wrapped: Numbers = (angle + math.pi) % (2 * math.pi) - math.pi
-    return wrapped

@@ -14,7 +14,7 @@ from ship_trl.config.schema import Rule, limit
 # Side in pixels of the picture that the network sees.
 PICTURE = 84
 # Numbers in the vector that it sees: of own ship, and of each target ship.
-OWN_NUMBERS, SHIP_NUMBERS = 5, 8
+OWN_NUMBERS, SHIP_NUMBERS = 5, 10
 # Episodes and steps only take time: a run of a billion would take years.
 MAX_COUNT, MAX_DRAWS = 10**9, 10**6
 # At this number of steps the planner's table of returns takes 2.3 GB.

@@ -23,15 +23,20 @@ from ship_trl.sim.state import (
     target_ships,
 )
 
+# Units of TCPA (s) and DCPA (m), their largest size, and the least relative speed (m/s) that they are for.
+TCPA, DCPA, LARGEST, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
+
 
 class VectorObservation:
     """Observes states as numbers of about one: `observe(state)` maps float [..., S] to float32 [..., F].
 
-    F is 5 + 8 K: first distance of the goal, sine and cosine of its bearing, own speed and rate of turn.
+    F is 5 + 10 K: first distance of the goal, sine and cosine of its bearing, own speed and rate of turn,
     then for each of the K nearest target ships, the nearest first: place ahead and to port, velocity relative
-    to own ship ahead and to port, distance, sine and cosine of the bearing, and 1. All eight are zero where
-    there is no ship. Metres are divided by the radius of the visible disc, m/s by the highest speed of an
-    action, rad/s by the highest rate of turn. Bearings are counter-clockwise from the bow.
+    to own ship ahead and to port, distance, sine and cosine of the bearing, TCPA, DCPA with a sign, and 1.
+    All ten are zero where there is no ship. Metres are divided by the radius of the visible disc, m/s by the
+    highest speed of an action, rad/s by the highest rate of turn. Bearings are counter-clockwise from the
+    bow. TCPA and DCPA are divided by 20 s and 100 m, and end at 2 in size: a radar plotter shows them for
+    the same reason, as what counts now. DCPA is positive if the ship will pass counter-clockwise.
 
     Args:
         world: speeds and rates of turn of the actions.
@@ -66,14 +71,18 @@ class VectorObservation:
         port = torch.stack((-bow[..., 1], bow[..., 0]), -1)
         distance = torch.linalg.vector_norm(away, dim=-1)
         ahead, left = (away * bow).sum(-1), (away * port).sum(-1)
+        onward, across = (velocity * bow).sum(-1), (velocity * port).sum(-1)
+        speed2 = (onward.square() + across.square()).clamp(min=MIN_SPEED**2)
         numbers = (
             ahead / scene.VIEW_RADIUS,
             left / scene.VIEW_RADIUS,
-            (velocity * bow).sum(-1) / self.max_speed,
-            (velocity * port).sum(-1) / self.max_speed,
+            onward / self.max_speed,
+            across / self.max_speed,
             distance / scene.VIEW_RADIUS,
             left / distance.clamp(min=1e-6),
             ahead / distance.clamp(min=1e-6),
+            (-(ahead * onward + left * across) / (speed2 * TCPA)).clamp(-LARGEST, LARGEST),
+            ((ahead * across - left * onward) / (speed2.sqrt() * DCPA)).clamp(-LARGEST, LARGEST),
             torch.ones_like(distance),
         )
         found = torch.stack(numbers, -1) * present[..., None]

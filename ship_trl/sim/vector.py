@@ -35,8 +35,8 @@ class VectorObservation:
     to own ship ahead and to port, distance, sine and cosine of the bearing, TCPA, DCPA with a sign, and 1.
     All ten are zero where there is no ship. Metres are divided by the radius of the visible disc, m/s by the
     highest speed of an action, rad/s by the highest rate of turn. Bearings are counter-clockwise from the
-    bow. TCPA and DCPA are divided by 20 s and 100 m, and end at 2 in size: a radar plotter shows them for
-    the same reason, as what counts now. DCPA is positive if the ship will pass counter-clockwise.
+    bow. TCPA and DCPA are divided by 20 s and 100 m, and end at 2 in size. DCPA is positive if the bearing of
+    the ship turns counter-clockwise.
 
     Args:
         world: speeds and rates of turn of the actions.

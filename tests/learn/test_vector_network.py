@@ -34,7 +34,7 @@ def test_three_layers_of_256_carry_value_and_advantage() -> None:
     net = network()
     assert isinstance(net, VectorNetwork) and net.layer_names == ("linear1", "linear2", "shared")
     shapes = [tuple(layer.weight.shape) for layer in (*net.layers, net.value, net.advantage)]
-    assert shapes == [(256, 37), (256, 256), (256, 256), (1, 256), (7, 256)]
+    assert shapes == [(256, 45), (256, 256), (256, 256), (1, 256), (7, 256)]
     body = nn.Sequential(*(part for layer in net.layers for part in (layer, nn.ReLU())))
     features = body(numbers(5))
     advantage = net.advantage(features)
@@ -79,7 +79,7 @@ def test_it_learns_from_stored_vectors_and_leaves_frozen_layers() -> None:
         losses += algorithm.update()
     assert len(losses) == 10 and algorithm.dtype is torch.float32
     stored = algorithm.replay.sample(16)
-    assert stored["vector"].shape == stored["next", "vector"].shape == (16, 37)
+    assert stored["vector"].shape == stored["next", "vector"].shape == (16, 45)
     assert "state" not in stored.keys()  # noqa: SIM118
     for key, value in net.state_dict().items():
         assert torch.equal(value, before[key]) == key.startswith(("linear1", "linear2")), key

@@ -34,8 +34,10 @@ def test_the_numbers_of_a_scene(world: World) -> None:
     assert float(state[SPEED]) == 15.0
     seen = VectorObservation(world, 2)(state).tolist()
     assert seen[:5] == pytest.approx([450 / 640, 0, 1, 1, 0], abs=1e-6)
-    assert seen[5:13] == pytest.approx([0, 300 / 640, -1, -1, 300 / 640, 1, 0, 1], abs=1e-6)
-    assert seen[13:] == [0.0] * 8
+    # It passes 212 m astern in 10 s, and its bearing turns counter-clockwise.
+    near = [0, 300 / 640, -1, -1, 300 / 640, 1, 0, 10 / 20, 2, 1]
+    assert seen[5:15] == pytest.approx(near, abs=1e-6)
+    assert seen[15:] == [0.0] * 10
 
 
 @given(scenarios(), st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))
@@ -57,7 +59,7 @@ def test_the_nearest_ships_come_first_in_whatever_order_they_are(order: list[int
     shuffled = torch.cat((state[:OWN_SIZE], ships[order].flatten()))
     observe = VectorObservation(WORLD, 3)
     assert torch.equal(observe(state), observe(shuffled))
-    distances = observe(state)[5:].view(3, 8)[:, 4]
+    distances = observe(state)[5:].view(3, 10)[:, 4]
     assert distances.tolist() == sorted(distances.tolist())
 
 
@@ -66,7 +68,7 @@ def test_a_batch_of_a_suite_has_one_shape(world: World) -> None:
     observe = VectorObservation(world, 3)
     env = ShipEnv(suite, world, 20, encoders={"vector": observe})
     step = env.reset()
-    assert step["vector"].shape == (20, 29)
-    shown = step["vector"][:, 5:].view(20, 3, 8)[..., 7].sum(-1)
+    assert step["vector"].shape == (20, 35)
+    shown = step["vector"][:, 5:].view(20, 3, 10)[..., 9].sum(-1)
     assert torch.equal(shown, step["state"][:, SHIP_COUNT])
     assert bool(step["vector"].isfinite().all())

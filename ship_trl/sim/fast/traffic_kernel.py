@@ -101,6 +101,32 @@ def is_passed(path: Array, ships: Array, dt: float, safe_distance: float) -> boo
 
 
 @compiled(RELAXED)
+def draw_ships(stream: Array, drawn: Array, bands: Array, kinds: Array, bounds: Array, ships: Array) -> bool:
+    """Draw ships [K, SHIP_SIZE] of the classes `drawn` [K], indices of `kinds`; return whether all are found.
+
+    The other arguments are those of `draw_scenes`.
+    """
+    for k in range(drawn.shape[0]):
+        is_found = False
+        for _ in range(MAX_SHIPS):
+            is_found = draw_ship(stream, bands[drawn[k]], kinds[drawn[k]], bounds, ships[k])
+            if is_found:
+                break
+        if not is_found:
+            return False
+    return True
+
+
+@compiled(RELAXED)
+def is_solvable(paths: Array, lengths: Array, ships: Array, dt: float, safe_distance: float) -> bool:
+    """Return whether a manoeuvre keeps clear of ships [K, SHIP_SIZE]; arguments as in `draw_scenes`."""
+    for p in range(paths.shape[0]):  # noqa: SIM110 (numba compiles no generator)
+        if is_passed(paths[p, : lengths[p]], ships, dt, safe_distance):
+            return True
+    return False
+
+
+@compiled(RELAXED)
 def draw_scenes(
     seeds: Array,
     shares: Array,
@@ -136,20 +162,11 @@ def draw_scenes(
             count += 1
         for k in range(count):
             drawn[k] = int(uniform(stream) * kinds.shape[0])
-        is_found = False
         for _ in range(MAX_SCENES):
-            for k in range(count):
-                is_drawn = False
-                for _ in range(MAX_SHIPS):
-                    is_drawn = draw_ship(stream, bands[drawn[k]], kinds[drawn[k]], bounds, ships[k])
-                    if is_drawn:
-                        break
-                if not is_drawn:
-                    return False
-            for p in range(paths.shape[0]):
-                if is_passed(paths[p, : lengths[p]], ships[:count], dt, safe_distance):
-                    is_found = True
-                    break
+            is_found = draw_ships(stream, drawn[:count], bands, kinds, bounds, ships)
+            if not is_found:
+                return False
+            is_found = is_solvable(paths, lengths, ships[:count], dt, safe_distance)
             if is_found:
                 break
         if not is_found:

@@ -16,7 +16,7 @@ from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import BackendName, Config, Logger, Observation, Precision, World, bfloat16_allowed
+from ship_trl.config.types import BackendName, Config, Logger, Observation, World, bfloat16_allowed
 
 # The planner tries each action at each step: ten actions and a thousand steps take it about ten minutes.
 MAX_ACTIONS, MAX_PLANNED = 100, 10_000
@@ -103,8 +103,6 @@ def check_observation(config: Config) -> None:
         require(not config.colour, "colour", f"false {allowed}", "true")
         is_dense = learn.backend is not BackendName.incremental
         require(is_dense, "learn.backend", f"auto or dense {allowed}", learn.backend.name)
-        is_fp32 = learn.precision is not Precision.bf16
-        require(is_fp32, "learn.precision", f"auto or fp32 {allowed}", learn.precision.name)
 
 
 def check_backend(config: Config, layers: Geometry) -> None:

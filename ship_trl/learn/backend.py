@@ -27,9 +27,9 @@ class PixelDraw(Draw, Protocol):
 
 
 def make_backend(network: DuelingNetwork, draw: Draw, learn: Updates) -> Backend:
-    """Make the backend that the settings ask for; a network without conv layers computes in float32."""
+    """Make the backend that the settings ask for."""
     device = network.advantage.weight.device
-    dtype = torch.float32 if network.config.linear else choose_dtype(learn.precision, device)
+    dtype = choose_dtype(learn.precision, device)
     return choose_backend(learn.backend, draw, dtype, device, network.geometry)
 
 
@@ -49,7 +49,7 @@ def choose_backend(
 
 
 def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:
-    """Choose the precision of the conv layers.
+    """Choose the precision of the conv layers, or of the fully connected ones where there are no others.
 
     `auto` is bfloat16 where the device multiplies it natively, unless `SHIP_TRL_BFLOAT16=off` is set.
 

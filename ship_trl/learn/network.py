@@ -148,10 +148,13 @@ class DuelingNetwork(nn.Module):
         return x
 
     def dueling(self, features: Tensor) -> Tensor:
-        """Compute the fully connected layers: features [B, F] to Q-values [B, A]."""
-        x = F.relu_(self.shared(features))
-        advantage = self.advantage(x)
-        return self.value(x) + advantage - advantage.mean(-1, keepdim=True)
+        """Compute the fully connected layers: features [..., F] to Q-values [..., A]."""
+        return self.q_values(F.relu_(self.shared(features)))
+
+    def q_values(self, hidden: Tensor) -> Tensor:
+        """Add value and advantage: activations of `shared` [..., H] to Q-values [..., A]."""
+        advantage = self.advantage(hidden)
+        return self.value(hidden) + advantage - advantage.mean(-1, keepdim=True)
 
     def _conv1(self, pixels: Tensor) -> Tensor:
         """Compute conv1 before its ReLU, [B, C, 84, 84] to [B, O, S, S]."""
@@ -173,7 +176,8 @@ class VectorNetwork(DuelingNetwork):
     """Q-values of all actions from numbers: float32 [..., F] to float32 [..., A].
 
     Fully connected layers with ReLU, `linear1` on; the last one is `shared`, and can be copied as the others.
-    It computes in float32 without a backend. Otherwise it is a `DuelingNetwork`, whose `inputs` are F.
+    Of the backend only the number format counts, for these layers. Otherwise it is a `DuelingNetwork`, whose
+    `inputs` are F.
     """
 
     observes = "vector"
@@ -188,7 +192,10 @@ class VectorNetwork(DuelingNetwork):
 
     def forward(self, observation: Tensor) -> Tensor:
         """Compute the Q-values of all actions."""
-        return self.dueling(self.encode(observation))
+        is_bfloat16 = self.backend.dtype is torch.bfloat16
+        with torch.autocast(observation.device.type, torch.bfloat16, enabled=is_bfloat16):
+            hidden = F.relu_(self.shared(self.encode(observation)))
+        return self.q_values(hidden.float())
 
     def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
         """Compute the layers below `shared`, or the first `layers` of them."""

@@ -11,7 +11,7 @@ from ship_trl.config.network import load_network
 from ship_trl.config.types import Precision
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import build
-from ship_trl.learn.network import DuelingNetwork, VectorNetwork, make_network
+from ship_trl.learn.network import Dense, DuelingNetwork, VectorNetwork, make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -20,6 +20,9 @@ from ship_trl.transfer.methods import make_method
 from tests.learn.worlds import schedule
 
 CONFIG = load_network("vector")
+
+
+PRECISIONS = {Precision.fp32: torch.float32, Precision.bf16: torch.bfloat16}
 
 
 def network(seed: int = 0) -> DuelingNetwork:
@@ -46,6 +49,15 @@ def test_three_layers_of_256_carry_value_and_advantage() -> None:
     torch.testing.assert_close(activations["shared"], features)
 
 
+def test_in_bfloat16_only_the_layers_below_value_and_advantage_are_rounded() -> None:
+    net = network()
+    exact = net(numbers(50)).detach()
+    net.backend = Dense(torch.bfloat16)
+    rounded = net(numbers(50)).detach()
+    assert rounded.dtype is torch.float32 and not torch.equal(rounded, exact)
+    torch.testing.assert_close(rounded, exact, atol=0.1, rtol=0.0)
+
+
 def test_a_single_layer_is_enough() -> None:
     net = make_network(replace(CONFIG, linear=[9]), 7, Generator().manual_seed(0))
     assert net.layer_names == ("shared",) and net(numbers(2)).shape == (2, 7)
@@ -65,11 +77,12 @@ def test_layers_are_copied_and_frozen_from_the_input(arm: str) -> None:
         assert parameter.requires_grad != (arm.startswith("FE") and layer in copied), name
 
 
-def test_it_learns_from_stored_vectors_and_leaves_frozen_layers() -> None:
+@pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
+def test_it_learns_from_stored_vectors_and_leaves_frozen_layers(precision: Precision) -> None:
     world = load_world()
     observe = VectorObservation(world, CONFIG.ships)
     net, exploration, replay = network(), *(Generator().manual_seed(k) for k in range(2))
-    learn = schedule(warmup_steps=40, precision=Precision.auto)
+    learn = schedule(warmup_steps=40, precision=precision)
     algorithm = build(Setup(net, observe, 7, learn, exploration, replay, make_method(Arm.parse("FE2"))))
     env = ShipEnv(load_case("4", world), world, 4, encoders=algorithm.encoders)
     before, step, losses = {k: v.clone() for k, v in net.state_dict().items()}, env.reset(), []
@@ -77,7 +90,7 @@ def test_it_learns_from_stored_vectors_and_leaves_frozen_layers() -> None:
         stepped, step = env.step_and_maybe_reset(algorithm.act(step, 0))
         algorithm.observe(stepped)
         losses += algorithm.update()
-    assert len(losses) == 10 and algorithm.dtype is torch.float32
+    assert len(losses) == 10 and algorithm.dtype is PRECISIONS[precision]
     stored = algorithm.replay.sample(16)
     assert stored["vector"].shape == stored["next", "vector"].shape == (16, 45)
     assert "state" not in stored.keys()  # noqa: SIM118

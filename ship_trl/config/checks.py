@@ -6,7 +6,6 @@ Every error is a `ConfigError` whose one line names the key and what is allowed.
 from __future__ import annotations
 
 import importlib.util
-from operator import mul
 
 from omegaconf import DictConfig
 
@@ -14,7 +13,7 @@ from ship_trl.config.algorithm import ON_POLICY, read_algorithm
 from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
 from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.config.network import Geometry, geometry, linear_from, supports_incremental
+from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import BackendName, Config, Logger, Observation, World, bfloat16_allowed
 
@@ -121,8 +120,9 @@ def check_memory(config: Config, layers: Geometry) -> None:
     """Check what a run holds at once: weights, maps and replay."""
     learn, network, channels = config.learn, config.network, 3 if config.colour else 1
     if network.linear:
-        key, widths = "network.linear", [network.inputs, *network.linear]
-        weights, maps = sum(map(mul, widths, widths[1:])), sum(widths)
+        key, sizes = "network.linear", linear_sizes(network)
+        weights, maps = sum(below * width for below, width in sizes), network.inputs + sum(network.linear)
+        maps += (network.ships - 1) * sum(network.linear[: network.per_ship])
     else:
         key, weights, below = "network.conv", 0, channels
         for layer in layers:

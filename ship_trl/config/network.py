@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
-from ship_trl.config.bounds import MAX_UNITS, PICTURE
+from ship_trl.config.bounds import MAX_UNITS, OWN_NUMBERS, PICTURE, SHIP_NUMBERS
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as
@@ -55,12 +55,16 @@ def check_layers(network: Network) -> None:
             raise ConfigError(f"network.{key}: must be left out beside network.linear, got {got}")
         if not network.ships:
             raise ConfigError("network.ships: must be at least 1 with network.linear, got 0")
+        if network.per_ship >= len(network.linear):
+            allowed = f"less than the {len(network.linear)} layers of network.linear"
+            raise ConfigError(f"network.per_ship: must be {allowed}, got {network.per_ship}")
     elif not network.conv:
         raise ConfigError("network.conv: must be at least one [filters, kernel, stride], got []")
     elif not network.hidden:
         raise ConfigError(f"network.hidden: must be from 1 to {MAX_UNITS}, got 0")
-    elif network.ships:
-        raise ConfigError(f"network.ships: must be left out without network.linear, got {network.ships}")
+    elif network.ships or network.per_ship:
+        key, got = ("ships", network.ships) if network.ships else ("per_ship", network.per_ship)
+        raise ConfigError(f"network.{key}: must be left out without network.linear, got {got}")
 
 
 def geometry(network: Network) -> Geometry:
@@ -82,6 +86,20 @@ def geometry(network: Network) -> Geometry:
         layers.append(layer)
         side = layer.side
     return tuple(layers)
+
+
+def linear_sizes(network: Network) -> list[tuple[int, int]]:
+    """Return how many numbers each fully connected layer takes and gives.
+
+    A layer for one ship takes own ship's numbers and this ship's. The first layer after those takes sums and
+    maxima over the ships, and own ship's numbers again.
+    """
+    below = OWN_NUMBERS + SHIP_NUMBERS if network.per_ship else network.inputs
+    sizes = []
+    for n, width in enumerate(network.linear, 1):
+        sizes.append((below, width))
+        below = OWN_NUMBERS + 2 * width if n == network.per_ship else width
+    return sizes
 
 
 def linear_from(layers: Geometry) -> int:

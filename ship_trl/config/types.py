@@ -132,13 +132,15 @@ class Network:
 
     `conv` lists conv layers from the picture on, each [filters, kernel, stride], square and without padding.
     `hidden` is the width of the fully connected layer behind them, which value and advantage share.
-    `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`.
+    `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`. The
+    first `per_ship` of them see own ship and one target ship at a time.
     """
 
     conv: list[ConvNumbers] = field(default_factory=list)
     hidden: Annotated[int, limit(0, MAX_UNITS)] = 0
     linear: list[Annotated[int, limit(1, MAX_UNITS)]] = field(default_factory=list)
     ships: Annotated[int, limit(0, MAX_SHIPS)] = 0
+    per_ship: Annotated[int, limit(0, MAX_UNITS)] = 0
 
     @property
     def inputs(self) -> int:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from itertools import pairwise
 from typing import Any, Protocol
 
 import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
-from ship_trl.config.network import geometry, linear_from, load_network
+from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
+from ship_trl.config.network import geometry, linear_from, linear_sizes, load_network
 from ship_trl.config.types import Network
 
 
@@ -176,6 +176,10 @@ class VectorNetwork(DuelingNetwork):
     """Q-values of all actions from numbers: float32 [..., F] to float32 [..., A].
 
     Fully connected layers with ReLU, `linear1` on; the last one is `shared`, and can be copied as the others.
+    The first `per_ship` layers compute each target ship alone, beside own ship's numbers. Then the sums and
+    maxima over the ships go on (deep sets; Zaheer et al. 2017), so that what is learned of one ship holds for
+    all, in any order and number.
+
     Of the backend only the number format counts, for these layers. Otherwise it is a `DuelingNetwork`, whose
     `inputs` are F.
     """
@@ -183,12 +187,12 @@ class VectorNetwork(DuelingNetwork):
     observes = "vector"
 
     def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
-        """Add the layers below `shared`; return `layer_names`, their last width and that of `shared`."""
-        *widths, hidden = self.config.linear
-        names = tuple(f"linear{n}" for n in range(1, len(widths) + 1))
-        for name, (below, width) in zip(names, pairwise((inputs, *widths)), strict=True):
-            self.add_module(name, nn.Linear(below, width))
-        return (*names, "shared"), (inputs, *widths)[-1], hidden
+        """Add the layers below `shared`; return `layer_names`, the inputs of `shared` and its width."""
+        *sizes, (below, hidden) = linear_sizes(self.config)
+        names = tuple(f"linear{n}" for n in range(1, len(sizes) + 1))
+        for name, size in zip(names, sizes, strict=True):
+            self.add_module(name, nn.Linear(*size))
+        return (*names, "shared"), below, hidden
 
     def forward(self, observation: Tensor) -> Tensor:
         """Compute the Q-values of all actions."""
@@ -198,17 +202,41 @@ class VectorNetwork(DuelingNetwork):
         return self.q_values(hidden.float())
 
     def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
-        """Compute the layers below `shared`, or the first `layers` of them."""
-        for layer in self.layers[:-1][:layers]:
-            observation = F.relu_(layer(observation))
-        return observation
+        """Compute the layers below `shared`, or the first `layers` of them: [..., F] to [..., W]."""
+        x = self._begin(observation)
+        for n, layer in enumerate(self.layers[:-1][:layers], 1):
+            x = self._go_on(n, F.relu_(layer(x)), observation)
+        return x
 
     def activations(self, observation: Tensor) -> dict[str, Tensor]:
-        """Compute each layer's activations after ReLU, by layer name."""
+        """Compute each layer's activations after ReLU, by layer name: [..., W], or [..., K, W] of ships."""
         found: dict[str, Tensor] = {}
-        for name, layer in zip(self.layer_names, self.layers, strict=True):
-            found[name] = observation = F.relu(layer(observation))
+        x = self._begin(observation)
+        for n, (name, layer) in enumerate(zip(self.layer_names, self.layers, strict=True), 1):
+            found[name] = F.relu(layer(x))
+            x = self._go_on(n, found[name], observation)
         return found
+
+    def _begin(self, observation: Tensor) -> Tensor:
+        """Return what the first layer takes: all numbers, or own ship's beside those of each target ship."""
+        if not self.config.per_ship:
+            return observation
+        own, ships = self._split(observation)
+        return torch.cat((own[..., None, :].expand(*ships.shape[:-1], OWN_NUMBERS), ships), -1)
+
+    def _go_on(self, n: int, x: Tensor, observation: Tensor) -> Tensor:
+        """Return what the layer after the `n`-th takes, whose activations are `x`."""
+        if n != self.config.per_ship:
+            return x
+        own, ships = self._split(observation)
+        # The last number of a ship is 1, and 0 where there is none; activations are never negative.
+        x = x * ships[..., -1:].to(x.dtype)
+        return torch.cat((own.to(x.dtype), x.sum(-2), x.amax(-2)), -1)
+
+    def _split(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Return own ship's numbers [..., OWN_NUMBERS] and those of target ships [..., K, SHIP_NUMBERS]."""
+        ships = observation[..., OWN_NUMBERS:].unflatten(-1, (self.config.ships, SHIP_NUMBERS))
+        return observation[..., :OWN_NUMBERS], ships
 
 
 def make_network(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from torch import Tensor
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import describe_network, geometry, load_network
+from ship_trl.config.network import describe_network, geometry, linear_sizes, load_network
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Network
 from ship_trl.files.disk import atomic_write, write_tensors
@@ -81,7 +80,7 @@ def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[s
     layers = geometry(network)
     if network.linear:
         names = (*(f"linear{n}" for n in range(1, len(network.linear))), "shared")
-        sizes = zip(names, pairwise((network.inputs, *network.linear)), strict=True)
+        sizes = zip(names, linear_sizes(network), strict=True)
         return {f"{name}.weight": [width, below] for name, (below, width) in sizes}
     maps, found = shapes.get("conv1.weight", [0, 0])[1], {}
     for n, layer in enumerate(layers, 1):

@@ -61,7 +61,11 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
     five = load_network("five")
     assert non_default_network(five) == {"conv": five.conv, "hidden": five.hidden}
     # A file names only the keys of its kind.
-    assert non_default_network(load_network("vector")) == {"linear": [256, 256, 256], "ships": 4}
+    assert non_default_network(load_network("vector")) == {
+        "linear": [128, 128, 256, 256],
+        "ships": 3,
+        "per_ship": 2,
+    }
 
 
 @pytest.mark.parametrize(

@@ -33,20 +33,34 @@ def numbers(*shape: int) -> Tensor:
     return torch.randn(*shape, CONFIG.inputs, generator=Generator().manual_seed(1))
 
 
-def test_three_layers_of_256_carry_value_and_advantage() -> None:
+def test_layers_of_ships_their_sums_and_maxima_carry_value_and_advantage() -> None:
     net = network()
-    assert isinstance(net, VectorNetwork) and net.layer_names == ("linear1", "linear2", "shared")
+    assert isinstance(net, VectorNetwork)
+    assert net.layer_names == ("linear1", "linear2", "linear3", "shared")
     shapes = [tuple(layer.weight.shape) for layer in (*net.layers, net.value, net.advantage)]
-    assert shapes == [(256, 45), (256, 256), (256, 256), (1, 256), (7, 256)]
-    body = nn.Sequential(*(part for layer in net.layers for part in (layer, nn.ReLU())))
-    features = body(numbers(5))
+    assert shapes == [(128, 15), (128, 128), (256, 261), (256, 256), (1, 256), (7, 256)]
+    seen = numbers(5)
+    own, ships = seen[:, :5], seen[:, 5:].view(5, 3, 10)
+    ships[..., -1] = torch.tensor([1.0, 1.0, 0.0])
+    one, two, three, four = net.layers
+    alone = [two(one(torch.cat((own, ships[:, k]), 1)).relu()).relu() for k in range(2)]
+    pooled = torch.cat((own, alone[0] + alone[1], torch.maximum(*alone)), 1)
+    features = four(three(pooled).relu()).relu()
     advantage = net.advantage(features)
     wanted = net.value(features) + advantage - advantage.mean(-1, keepdim=True)
-    torch.testing.assert_close(net(numbers(5)), wanted)
-    torch.testing.assert_close(net(numbers(5).reshape(5, 1, -1)), wanted[:, None])
-    activations = net.activations(numbers(5))
+    torch.testing.assert_close(net(seen), wanted)
+    torch.testing.assert_close(net(seen.reshape(5, 1, -1)), wanted[:, None])
+    activations = net.activations(seen)
     assert tuple(activations) == net.layer_names
+    torch.testing.assert_close(activations["linear2"][:, 0], alone[0])
     torch.testing.assert_close(activations["shared"], features)
+
+
+def test_without_layers_of_ships_all_layers_see_all_numbers() -> None:
+    net = make_network(replace(CONFIG, linear=[9, 8], per_ship=0), 7, Generator().manual_seed(0))
+    body = nn.Sequential(*(part for layer in net.layers for part in (layer, nn.ReLU())))
+    torch.testing.assert_close(net.encode(numbers(4)), body[:2](numbers(4)))
+    torch.testing.assert_close(net(numbers(4)), net.q_values(body(numbers(4))))
 
 
 def test_in_bfloat16_only_the_layers_below_value_and_advantage_are_rounded() -> None:
@@ -59,7 +73,7 @@ def test_in_bfloat16_only_the_layers_below_value_and_advantage_are_rounded() -> 
 
 
 def test_a_single_layer_is_enough() -> None:
-    net = make_network(replace(CONFIG, linear=[9]), 7, Generator().manual_seed(0))
+    net = make_network(replace(CONFIG, linear=[9], per_ship=0), 7, Generator().manual_seed(0))
     assert net.layer_names == ("shared",) and net(numbers(2)).shape == (2, 7)
 
 
@@ -69,7 +83,7 @@ def test_layers_are_copied_and_frozen_from_the_input(arm: str) -> None:
     method = make_method(Arm.parse(arm))
     method.copy(net, source.state_dict())
     net.freeze(method.frozen_layers(0.0))
-    copied = (*net.layer_names, "value", "advantage")[: 5 if arm == "FTW" else int(arm[2])]
+    copied = (*net.layer_names, "value", "advantage")[: 6 if arm == "FTW" else int(arm[2])]
     for name, parameter in net.named_parameters():
         layer = name.split(".")[0]
         origin = source if layer in copied else fresh
@@ -92,7 +106,7 @@ def test_it_learns_from_stored_vectors_and_leaves_frozen_layers(precision: Preci
         losses += algorithm.update()
     assert len(losses) == 10 and algorithm.dtype is PRECISIONS[precision]
     stored = algorithm.replay.sample(16)
-    assert stored["vector"].shape == stored["next", "vector"].shape == (16, 45)
+    assert stored["vector"].shape == stored["next", "vector"].shape == (16, 35)
     assert "state" not in stored.keys()  # noqa: SIM118
     for key, value in net.state_dict().items():
         assert torch.equal(value, before[key]) == key.startswith(("linear1", "linear2")), key

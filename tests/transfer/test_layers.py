@@ -126,7 +126,7 @@ def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     assert all(
         torch.equal(value, loaded[key]) for key, value in network(1, config=VECTOR).state_dict().items()
     )
-    assert "has other layers: linear=[256, 256, 256] ships=4; allowed: conv=" in refused(path)
+    assert "has other layers: linear=[128, 128, 256, 256] ships=3 per_ship=2; allowed: conv=" in refused(path)
     # Older files do not describe their network: it is the paper's.
     save_file(tensors_of(network(0)), path)
     assert saved_network(path, "policy") == load_network()
@@ -147,7 +147,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
-        ('{"network": 3}', "network: must be a group of conv, hidden, linear, ships, got 3"),
+        ('{"network": 3}', "network: must be a group of conv, hidden, linear, ships, per_ship, got 3"),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "got '${oc.env:HOME}'"),
         ('{"network": {"conv": [[32, 8, 4]]}}', "network.hidden: must be from 1 to 4096, got 0"),
         ('{"network": {"linear": [8, 200], "ships": 1}}', "linear1.weight has another shape"),

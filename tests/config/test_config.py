@@ -265,7 +265,7 @@ WRONG_VALUES = {
     "observation=vector +network.hidden=9": "network.hidden: must be left out beside network.linear, got 9",
     "observation=vector +network.conv=[[8,84,1]]": "network.conv: must be left out beside network.linear, g",
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
-    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12236374 (8 GB)",
+    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12521770 (8 GB)",
     "~learn.lr": "learn.lr: missing",
     "learn.episodes=1000000001": "learn.episodes: must be from 1 to 1000000000, got 1",
     "learn.warmup_steps=1000000001": "learn.warmup_steps: must be from 0 to 100000000",

@@ -17,14 +17,11 @@ from torch.nn.utils.rnn import pad_sequence
 
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.rules import HEAD_ON, RULES, at, closest_pass, first, scaled_settings, score_rules
+from ship_trl.policies.rules import HEAD_ON, RULES, at, closest_pass, scaled_settings, score_rules
 from ship_trl.sim.encounter import Encounter, relative_motion
-from ship_trl.sim.geometry import wrap_angle
-from ship_trl.sim.state import HEADING, SPEED, goal_distance, is_present, position
+from ship_trl.sim.state import goal_distance, position
 
 Numbers = NDArray[np.float64]
-# Changes of heading (rad) or speed (m/s) in a step below this are rounding.
-TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -40,9 +37,7 @@ METRICS = (
     Metric("return", "", "undiscounted sum of raw rewards"),
     Metric("steps", "", "steps of the episode"),
     Metric("least_distance", "m", "least distance to any target ship, within steps too"),
-    Metric(
-        "dcpa", "m", "DCPA of the first encounter's ship at the first action that changes course or speed"
-    ),
+    Metric("dcpa", "m", "DCPA of the first encounter's ship at the manoeuvre, as the rule scores date it"),
     Metric("tcpa", "s", "TCPA at the same moment"),
     Metric("rule_8", "", "early and apparent action, where own ship must keep clear"),
     Metric("rule_13", "", "overtaking: keeps clear, and does not pass ahead"),
@@ -106,7 +101,7 @@ def measure_episodes(episodes: Sequence[Episode], world: World, head_on: float =
     ship = main_ship(states, last, scores.onset)
     classes, dcpa, tcpa = torch.full_like(last, Encounter.NONE), *torch.full((2, len(last)), math.nan)
     if ship is not None:
-        dcpa, tcpa = (part.gather(1, ship)[:, 0] for part in approach_at_manoeuvre(states, last))
+        dcpa, tcpa = (part.gather(1, ship)[:, 0] for part in approach_at(states, scores.manoeuvre))
         classes = scores.encounter.gather(1, ship)[:, 0]
     nearest = [one.dcpa if math.isfinite(one.dcpa) else math.nan for one in episodes]
     values = {
@@ -146,19 +141,11 @@ def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Te
     return way / straight, last * world.dt * world.actions[world.straight_action][0] / straight
 
 
-def approach_at_manoeuvre(states: Tensor, last: Tensor) -> tuple[Tensor, Tensor]:
-    """Return DCPA (m) and TCPA (s) of every ship [N, K] at the first action that changes course or speed.
-
-    They are those of the state in which the action is chosen. NaN without such an action or a ship.
-    Shapes: states [N, T + 1, S], padded at the ends; last int64 [N].
-    """
-    turns = wrap_angle(states[..., HEADING].diff(dim=1)).abs() > TOLERANCE
-    changes = turns | (states[..., SPEED].diff(dim=1).abs() > TOLERANCE)
-    begins = first((changes & (torch.arange(changes.shape[1]) < last[:, None]))[..., None])
-    moment = states[torch.arange(len(states)), begins[:, 0].clamp(min=0)]
-    motion = relative_motion(moment)
-    missing = (begins < 0) | ~is_present(moment)
-    return motion.dcpa.masked_fill(missing, math.nan), motion.tcpa.masked_fill(missing, math.nan)
+def approach_at(states: Tensor, manoeuvre: Tensor) -> tuple[Tensor, Tensor]:
+    """Return DCPA (m) and TCPA (s) of every ship at steps int64 [N, K]; NaN at step -1. States [N, T, S]."""
+    motion = relative_motion(states)
+    dcpa, tcpa = (at(part, manoeuvre.clamp(min=0)) for part in (motion.dcpa, motion.tcpa))
+    return dcpa.masked_fill(manoeuvre < 0, math.nan), tcpa.masked_fill(manoeuvre < 0, math.nan)
 
 
 def main_ship(states: Tensor, last: Tensor, onset: Tensor) -> Tensor | None:

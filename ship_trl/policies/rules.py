@@ -5,11 +5,14 @@ Source: Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner et al. 2
 Encounter classes are Pedersen's, locked at the onset (`encounter.Encounters`).
 
 Ours: radii are scaled from a collision radius of 35 m to the safe distance, and the stages by the window of
-the picture. Where an encounter begins inside stage 3, the delay counts from its onset. A manoeuvre counts if
-it begins before the closest approach, and then for at least `reaction` seconds: it may open the range at
-once. Rule 17's penalty is the largest of three: the apparent changes of course and of speed before stage 4,
-and a port turn in stage 4 towards a ship to port. Rule 14 scores 0 after a collision, as the other rules do.
-In this world a hard turn also halves the speed, which counts as apparent.
+the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Of several changes,
+the manoeuvre is the one with the largest turn, and then the largest change of speed. A change begins where
+course and speed were last held: within `hold` seconds the turn was below its first bound, and the change of
+speed below its second, so that small corrections do not count. The manoeuvre must begin before the closest
+approach, and then counts for at least `reaction` seconds: it may open the range at once. Rule 17's penalty
+is the largest of three: the apparent changes of course and of speed before stage 4, and a port turn in
+stage 4 towards a ship to port. Rule 14 scores 0 after a collision, as the other rules do. In this world a
+hard turn also halves the speed, which counts as apparent.
 """
 
 from __future__ import annotations
@@ -52,6 +55,7 @@ class Settings:
     speed_change: tuple[float, float] = (0.07, 0.25)
     starboard: tuple[float, float] = (10.0, 30.0)
     reaction: float = 10.0
+    hold: float = 5.0
 
 
 def scaled_settings(world: World, head_on: float = HEAD_ON) -> Settings:
@@ -84,7 +88,7 @@ class Scores(NamedTuple):
     Attributes:
         encounter: classes at the onset, int64 [N, K]; `NONE` without an onset.
         onset: step of the onset, int64 [N, K]; -1 without one.
-        manoeuvre: step of the first apparent change of course or speed after it, int64 [N, K], or -1.
+        manoeuvre: step at which the manoeuvre after it is chosen, int64 [N, K]; -1 without one.
         turn: largest change of course after the onset (degrees), starboard positive, [N, K].
         safety: equation 2, [N, K]; NaN without an onset.
         rules: scores from 0 to 1 by the rules of `RULES`, [N, K, 6]; NaN where a rule does not apply. Head-on
@@ -118,13 +122,12 @@ def score_rules(states: Tensor, last: Tensor, world: World, settings: Settings) 
     cpa = closest_pass(states, onset, last)
     safety = safety_score(cpa.distance, cpa.bearing, cpa.aspect, settings)
 
-    # Changes against the onset. The state before the first changed one is where it was chosen.
+    # Changes against the onset.
     heading, speed = (states[..., column, None].expand_as(motion.distance) for column in (HEADING, SPEED))
     turns = -torch.rad2deg(wrap_angle(heading - at(heading, onset)[:, None]))
     changes = (speed / at(speed, onset).clamp(min=1e-6)[:, None] - 1).abs()
-    is_changed = (turns.abs() > settings.turn[0]) | (changes > settings.speed_change[0])
-    manoeuvre = first(is_changed & (time >= onset[:, None]) & (time <= last[:, None])) - 1
-    manoeuvre = manoeuvre.masked_fill((manoeuvre > cpa.step) | ~has_onset, -1).clamp(min=-1)
+    manoeuvre = _manoeuvre(turns, speed, changes, onset, last, cpa.step, world, settings)
+    manoeuvre = manoeuvre.masked_fill(~has_onset, -1)
     reaction = round(settings.reaction / world.dt)
     end = torch.where(manoeuvre < 0, cpa.step, torch.maximum(cpa.step, manoeuvre + reaction))
     during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
@@ -219,6 +222,42 @@ def _locked_classes(states: Tensor, motion: Motion, onset: Onset) -> Tensor:
     return torch.stack(
         [encounters.update(states[:, t], Motion(*(part[:, t] for part in motion))) for t in steps], 1
     )
+
+
+def _manoeuvre(
+    turns: Tensor,
+    speed: Tensor,
+    changes: Tensor,
+    onset: Tensor,
+    last: Tensor,
+    cpa: Tensor,
+    world: World,
+    settings: Settings,
+) -> Tensor:
+    """Return the step at which the manoeuvre is chosen, int64 [N, K]; -1 without one.
+
+    Args:
+        turns: changes of course since the onset, in degrees [N, T, K].
+        speed: own ship's, in m/s, likewise.
+        changes: of speed since the onset, as shares, likewise.
+        onset: step of the onset, int64 [N, K].
+        last: step of the last state, int64 [N, 1].
+        cpa: step of the closest approach, int64 [N, K].
+        world: length of a step.
+        settings: bounds, `hold` and `reaction`.
+    """
+    time = torch.arange(turns.shape[1])[:, None]
+    hold, reaction = (round(seconds / world.dt) for seconds in (settings.hold, settings.reaction))
+    before = torch.maximum(time - hold, onset[:, None])
+    turned = (turns - turns.gather(1, before)).abs()
+    sped = (speed / speed.gather(1, before).clamp(min=1e-6) - 1).abs()
+    is_held = (turned <= settings.turn[0]) & (sped < settings.speed_change[1])
+    begin = torch.where(is_held, time, 0).cummax(1).values
+    end = torch.maximum(cpa[:, None], begin + reaction)
+    counts = ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None])
+    counts &= time <= torch.minimum(end, last[:, None])
+    size = turns.abs().clamp(max=settings.turn[1]) + ramp(changes, settings.speed_change)
+    return at(begin, (size * counts).argmax(1)).masked_fill(~counts.any(1), -1)
 
 
 def _stand_on_penalty(

@@ -62,13 +62,15 @@ def test_ratios_are_of_ways_to_the_goal(make_case: Callable[..., Case]) -> None:
     assert found.outcomes[0] == "timeout" and math.isnan(number(found, "path_ratio"))
 
 
-def test_dcpa_and_tcpa_are_those_of_the_first_manoeuvre() -> None:
+def test_dcpa_and_tcpa_are_those_of_the_manoeuvre() -> None:
     case = load_case("imazu02", WORLD)
     late = measure(case, (STRAIGHT, 12), (STARBOARD, 8), (STRAIGHT, 15))
     assert number(late, "dcpa") == pytest.approx(0.0, abs=1e-3)
     assert number(late, "tcpa") == pytest.approx(8.0, abs=1e-3)
     slower = measure(case, (STRAIGHT, 5), (PORT, 1), (STARBOARD, 1), (STRAIGHT, 5))
     assert number(slower, "tcpa") == pytest.approx(15.0, abs=1e-3)
+    corrected = measure(case, (PORT, 1), (STRAIGHT, 11), (STARBOARD, 8), (STRAIGHT, 15))
+    assert 7 < number(corrected, "tcpa") < 10 and number(corrected, "dcpa") > 5
     kept = measure(case, (STRAIGHT, 18))
     assert kept.outcomes[0] == "collision" and number(kept, "least_distance") < 45
     assert math.isnan(number(kept, "dcpa")) and math.isnan(number(kept, "tcpa"))

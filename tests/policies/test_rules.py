@@ -78,6 +78,29 @@ def test_a_late_manoeuvre_scores_less() -> None:
     assert late.rules[16] == pytest.approx(late.safety * late.rules[8])
 
 
+@pytest.mark.parametrize(
+    "before",
+    [
+        ((1, 1), (STRAIGHT, 11)),
+        ((1, 1), (5, 1)) * 6,
+        ((STRAIGHT, 4), (PORT, 1), (STARBOARD, 1), (STRAIGHT, 6)),
+        # The course is corrected, and then held.
+        ((PORT, 2), (STRAIGHT, 10)),
+    ],
+)
+def test_small_corrections_are_not_the_manoeuvre(before: tuple[tuple[int, int], ...]) -> None:
+    one = score(IMAZU[2], *before, (STARBOARD, 8), (STRAIGHT, 15))
+    assert one.manoeuvre == 12 and 0.6 < one.rules[8] < 0.9
+
+
+def test_a_manoeuvre_in_two_turns_begins_with_the_first() -> None:
+    one = score(IMAZU[2], (STRAIGHT, 3), (STARBOARD, 3), (STRAIGHT, 2), (STARBOARD, 3), (STRAIGHT, 15))
+    assert one.manoeuvre == 3
+    # Going back to the course is no manoeuvre either.
+    back = score(IMAZU[2], (STRAIGHT, 2), (5, 12), (STRAIGHT, 6), (PORT, 2), (STRAIGHT, 15))
+    assert back.manoeuvre <= 6
+
+
 def test_a_small_turn_is_not_apparent() -> None:
     # Five steps of 0.01 rad are 2.9 degrees, and slow from 15 to 12 m/s.
     one = score(IMAZU[2], (4, 5), (STRAIGHT, 25))

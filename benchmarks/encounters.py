@@ -14,7 +14,7 @@ from pathlib import Path
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
-from ship_trl.cli.scores import HEADINGS, Evaluated, describe_scores
+from ship_trl.cli.scores import HEADINGS, Evaluated, describe_scores, describe_worlds
 from ship_trl.config.bounds import HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.disk import atomic_write
@@ -79,7 +79,7 @@ def run(options: Namespace) -> None:
             continue
         found.setdefault(entry.suite.name, []).append(Evaluated(entry, episodes, head_on, options.seed))
     lines = [f"`python -m benchmarks encounters {' '.join(options.words)}`, seed {options.seed}."]
-    lines += [describe_scores(entries[0].world.safe_distance, head_on)]
+    lines += [describe_scores(entries[0].world.safe_distance, head_on), *describe_worlds(entries)]
     lines += [f"On {processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread.", ""]
     for suite, some in found.items():
         lines += [f"### {suite}", "", *suite_table(some), *class_table(some), ""]

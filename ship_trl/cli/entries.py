@@ -2,7 +2,8 @@
 
 POLICY is a name in `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
 folders and `pretrained` have their own target. Every other policy needs `target=CASE`, which may be a suite,
-or takes the targets of the policies before it. `perturbation.KEY=VALUE` perturbs the starts.
+or takes the targets of the policies before it. It acts in the world of the first result folder or, without
+one, in the paper's with `world.KEY=VALUE`. `perturbation.KEY=VALUE` perturbs the starts.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from yaml import YAMLError
+
+from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World
@@ -22,8 +26,8 @@ from ship_trl.sim.cases import load_world
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST
 
-# Begins the keys of a perturbation.
-PERTURBATION = "perturbation."
+# Begin the keys of a perturbation and of a world.
+PERTURBATION, WORLD = "perturbation.", "world."
 
 
 def find_entries(words: list[str], colour: bool) -> list[Entry]:
@@ -38,38 +42,72 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     bounds = {
         key.removeprefix(PERTURBATION): value for key, value in settings if key.startswith(PERTURBATION)
     }
-    keys = [key for key, _ in settings if not key.startswith(PERTURBATION)]
+    changes = [word.removeprefix(WORLD) for word in words if word not in names and word.startswith(WORLD)]
+    keys = [key for key, _ in settings if not key.startswith((PERTURBATION, WORLD))]
     if unknown := sorted(key for key in keys if key != "target"):
-        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target, perturbation.KEY")
+        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target, perturbation.KEY, world.KEY")
     if len(keys) > 1:
         raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
     perturbation = read_as(Perturbation, bounds, key=PERTURBATION.rstrip("."))
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
-    world = load_world()
+    world = read_world(changes)
     targets = [
         load_suite(name, world, "target", perturbation)
         for key, value in settings
         for name in (value.split(",") if key == "target" else ())
         if name
     ]
+    trained = {
+        name: folder_entries(Path(name), targets, perturbation) for name in names if is_result_folder(name)
+    }
+    if trained and changes:
+        raise ConfigError("world: a result folder has its own; allowed with other policies: world.KEY")
+    world = next(iter(trained.values()))[0].world if trained else world
     entries: list[Entry] = []
     for name in names:
         if is_pretrained(name):
             entries += bundled_entries(name, targets, world, perturbation)
-        elif Path(name).is_dir():
-            entries += folder_entries(Path(name), targets, perturbation)
-        elif "/" in name and ":" not in name and not Path(name).exists():
-            raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
+        elif name in trained:
+            entries += trained[name]
         else:
-            places = {suite.fingerprint: (suite, world) for suite in targets}
-            places = places or {one.suite.fingerprint: (one.suite, one.world) for one in entries}
-            if not places:
-                raise ConfigError(
-                    f"target: none given for {name}; allowed: target=CASE, with commas between several cases"
-                )
-            entries += [Entry(name, name, *place, colour) for place in places.values()]
+            suites = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
+            entries += named_entries(name, suites, world, colour)
     return entries
+
+
+def is_result_folder(name: str) -> bool:
+    """Return whether a policy is a folder with results."""
+    return not is_pretrained(name) and Path(name).is_dir()
+
+
+def named_entries(name: str, suites: list[Suite], world: World, colour: bool) -> list[Entry]:
+    """Return a policy without results on each suite.
+
+    Raises:
+        ConfigError: no suite, or the policy looks like a path that does not exist.
+    """
+    if "/" in name and ":" not in name and not Path(name).exists():
+        raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
+    if not suites:
+        raise ConfigError(
+            f"target: none given for {name}; allowed: target=CASE, with commas between several cases"
+        )
+    return [Entry(name, name, suite, world, colour) for suite in suites]
+
+
+def read_world(changes: list[str]) -> World:
+    """Return the paper's world with changes such as "turn_time=4".
+
+    Raises:
+        ConfigError: a key is unknown or its value is not allowed.
+    """
+    try:
+        world = load_world(changes=changes)
+    except YAMLError as error:
+        raise ConfigError(f"world: not readable: {' '.join(str(error).split())}") from None
+    check_world(world)
+    return world
 
 
 def bundled_entries(name: str, targets: list[Suite], world: World, perturbation: Perturbation) -> list[Entry]:
@@ -80,6 +118,7 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
     else:
         named = networks() if name == PRETRAINED else [find(name, None)]
         chosen = [(one, load_suite(one.case, world, "target", perturbation)) for one in named]
+    is_paper = world == load_world()
     return [
         Entry(
             str(one.file),
@@ -88,7 +127,7 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
             world,
             colour=False,
             # The working directory may have another case of the same name. For it no return is claimed.
-            claimed=one.episode_return if one.fingerprint == suite.fingerprint else None,
+            claimed=one.episode_return if is_paper and one.fingerprint == suite.fingerprint else None,
         )
         for one, suite in chosen
     ]

@@ -2,7 +2,8 @@
 
 POLICY is random, keep_course, best_known, pretrained (all bundled networks; the default), pretrained:CASE, a
 safetensors file, a result folder (its best and its last network), or file.py:function of your own. Result
-folders and bundled networks have their own target, and the table shows the return that they claim.
+folders and bundled networks have their own target, and the table shows the return that they claim. Other
+policies act in the world of the first result folder or, without one, in the paper's with world.KEY=VALUE.
 perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
 rates with 95 % intervals, means, and scores of the steering rules.
 """
@@ -19,7 +20,7 @@ from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.cli.scores import HEADINGS as SCORES
-from ship_trl.cli.scores import Evaluated, describe_scores
+from ship_trl.cli.scores import Evaluated, describe_scores, describe_worlds
 from ship_trl.config.bounds import HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
@@ -128,6 +129,8 @@ def print_table(found: list[Evaluated], options: Namespace) -> None:
         rows.append(one.row(best) if is_scored else row(one, best))
         rows += one.class_rows() if options.by is not None else ()
     show(SCORES if is_scored else HEADINGS, rows, options.markdown)
+    for line in describe_worlds(one.entry for one in found):
+        sys.stdout.write(f"{line}\n")
     if is_scored and found:
         sys.stdout.write(f"{describe_scores(found[0].entry.world.safe_distance, found[0].head_on)}\n")
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ship_trl.config.types import plain
 from ship_trl.policies.entry import Entry, time_decision
+from ship_trl.run.folder import flatten
+from ship_trl.sim.cases import load_world
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
@@ -130,6 +133,17 @@ def describe_mean(measured: Measurements, name: str) -> str:
     """Return the mean of a metric where it applies, or a dash."""
     values = measured.known(name)
     return f"{values.mean():.2f}" if values.size else "-"
+
+
+def describe_worlds(entries: Iterable[Entry]) -> list[str]:
+    """Return a line for each world that is not the paper's: keys that differ, and the policies in it."""
+    paper = dict(flatten(plain(load_world()), "world"))
+    found: dict[str, list[str]] = {}
+    for entry in entries:
+        values = flatten(plain(entry.world), "world")
+        changes = ", ".join(f"{key}={value}" for key, value in values if paper[key] != value)
+        found.setdefault(changes, []).append(entry.label)
+    return [f"{changes}: {', '.join(dict.fromkeys(some))}." for changes, some in found.items() if changes]
 
 
 def describe_scores(safe_distance: float, head_on: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from pathlib import Path
@@ -89,9 +90,10 @@ class Case(Layout):
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def load_world(name: str = "paper") -> World:
-    """Read the shared physics of conf/world, for use without Hydra."""
-    return read_as(World, OmegaConf.load(conf_dir() / "world" / f"{name}.yaml"))
+def load_world(name: str = "paper", changes: Iterable[str] = ()) -> World:
+    """Read the shared physics of conf/world, for use without Hydra, with changes such as "turn_time=4"."""
+    values = OmegaConf.load(conf_dir() / "world" / f"{name}.yaml")
+    return read_as(World, OmegaConf.merge(values, OmegaConf.from_dotlist(list(changes))), key="world")
 
 
 def case_folders() -> list[Path]:

@@ -148,6 +148,21 @@ def test_a_policy_acts_where_the_folder_before_it_was_trained(
     assert [row[:2] for row in rows[2:]] == [["2", "random"], ["2", "best_known"]]
 
 
+def test_policies_act_in_the_world_of_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ship_trl(*LINE, "world.turn_time=4", "output=runs", folder=tmp_path)
+    main(["runs", "vo", "target=4", "--markdown"])
+    *_, lagged, _, caption = capsys.readouterr().out.splitlines()
+    assert (
+        lagged.startswith("| 4 | vo |")
+        and caption == "world.turn_time=4.0: 2 scratch seed 0, best, 2 scratch seed 0, final, vo."
+    )
+    main(["vo", "target=4", "world.turn_time=4", "--markdown"])
+    assert capsys.readouterr().out.splitlines()[-3:] == [lagged, "", "world.turn_time=4.0: vo."]
+    main(["vo", "target=4", "--markdown"])
+    assert "world" not in capsys.readouterr().out
+    assert "world: a result folder has its own" in refused(capsys, main, "runs", "world.turn_time=2")
+
+
 def test_a_folder_that_claims_more_is_refused(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = trained / "2" / "scratch" / "seed=0" / "result.json"
     whole = path.read_text()
@@ -243,7 +258,7 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
             "policy: no nobody; allowed: random, keep_course, best_known, vo, sb_mpc, apf, pretrained, a",
         ),
         ("random target=99", "target: no case or suite 99"),
-        ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY"),
+        ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY, world"),
         (
             "random target=2 perturbation.speed=1",
             "perturbation.speed: unknown key; allowed here: own_position",
@@ -264,6 +279,8 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         (":policy target=2", "policy: :policy cannot be imported"),
         ("broken.py:policy target=2", "policy: broken.py:policy cannot be imported: NameError: name"),
         ("nothing.py:policy target=2", "policy: nothing.py:policy returns None; allowed: a function"),
+        ("vo target=2 world.turn_tim=4", "world.turn_tim: unknown key; allowed here: dt, max_steps"),
+        ("vo target=2 world.turn_time=[", "world: not readable: "),
         (". target=2", "policy: no result.json with its networks at or below ."),
     ],
 )

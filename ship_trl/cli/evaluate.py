@@ -66,6 +66,8 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     configure_process()
     if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
         raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
+    if options.episodes is not None and not any(entry.draws for entry in entries):
+        raise ConfigError("--episodes: all would be alike; allowed with drawn starts or policies that draw")
     found, wrong = [], []
     for entry in entries:
         try:

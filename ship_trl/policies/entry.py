@@ -6,9 +6,11 @@ import statistics
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ship_trl.config.types import World
+from ship_trl.policies.pretrained import is_pretrained
 from ship_trl.sim.cases import Case
 from ship_trl.sim.suites import Suite, suite_of
 
@@ -39,6 +41,12 @@ class Entry:
     world: World
     colour: bool
     claimed: float | None = None
+
+    @property
+    def draws(self) -> bool:
+        """Whether two episodes of a case may differ: by their starts, or by a policy that draws."""
+        is_own = ":" in self.policy and not is_pretrained(self.policy) and not Path(self.policy).exists()
+        return self.suite.is_drawn or self.policy == "random" or is_own
 
     @property
     def case(self) -> Case:
@@ -89,7 +97,8 @@ def rollout_entry(
     """Roll out episodes in one batch, the cases in turn; return the environment, the policy and the episodes.
 
     `episodes` is their number, by default each case once, or `EPISODES` if the starts are perturbed; it is
-    rounded up so that each case has equally many. The seed is of the starts and of a policy that draws.
+    rounded up so that each case has equally many. Where nothing is drawn, each case has one. The seed is of the
+    starts and of a policy that draws.
 
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
@@ -100,7 +109,8 @@ def rollout_entry(
     from ship_trl.sim.starts import make_starts
 
     suite = entry.suite
-    count = suite.whole_rounds(episodes or (EPISODES if suite.is_drawn else 1))
+    default = EPISODES if suite.is_drawn else 1
+    count = suite.whole_rounds((entry.draws and episodes) or default)
     generator = Generator().manual_seed(seed + STARTS_SEED)
     env, policy = make_policy(entry, make_starts(suite, entry.world).balanced(count, generator), seed)
     return env, policy, rollout(env, policy)

@@ -1,7 +1,8 @@
 """`python -m benchmarks encounters POLICY... target=SUITE,...`: what policies do in suites of encounters.
 
 POLICY is as for `python -m ship_trl evaluate`. Each suite has a table of its policies; large suites
-also have one of success by class of encounter. best_known is left out where starts are drawn.
+also have one of success by class of encounter. best_known is left out where starts are drawn. The tables of
+docs/encounters.md are written with `--markdown docs/encounters.md` and the policies that they name.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ MIN_BY_CLASS = 100
 # What is left out: a suite's tables stand alone, and nothing is claimed.
 LEFT_OUT = ("suite", "timeout", "return", "of best known", "claimed")
 COLUMNS = [name for name in HEADINGS if name not in LEFT_OUT]
-PAGE, TABLE = Path("docs/encounters.md"), Path("outputs/encounters.csv")
+TABLE = Path("outputs/encounters.csv")
 # In a page, the tables stand between these lines.
 BEGIN, END = "<!-- begin: python -m benchmarks encounters -->", "<!-- end -->"
 
 
 def main(arguments: list[str]) -> None:
-    """Print the tables, and write them and the CSV file."""
+    """Print the tables, and write the CSV file and the page that is asked for."""
     parser = make_parser("encounters", __doc__)
     parser.prog = "python -m benchmarks encounters"
     add_policies(parser)
     add_number(parser, "--episodes", Positive, EPISODES, f"where starts are drawn (default {EPISODES})")
     add_seed(parser, "of starts and of policies that draw")
     add_number(parser, "--head-on", HalfAngle, None, "half-angle of the head-on sector in degrees (5)")
-    page = f"write the tables there, between its two marks if it has them (default {PAGE})"
+    page = "write the tables there, between its two marks if it has them"
     add_output(parser, "--markdown", (".md",), page)
     add_output(parser, "--csv", (".csv",), f"every metric of every episode (default {TABLE})")
     options = parser.parse_intermixed_args(arguments)
@@ -66,6 +67,8 @@ def run(options: Namespace) -> None:
     from ship_trl.study.report.tables import write_csv
 
     configure_process()
+    table = options.csv or TABLE
+    table.parent.mkdir(exist_ok=True)
     head_on = options.head_on or HEAD_ON
     found: dict[str, list[Evaluated]] = {}
     for entry in entries:
@@ -85,11 +88,11 @@ def run(options: Namespace) -> None:
         lines += [f"### {suite}", "", *suite_table(some), *class_table(some), ""]
     text = "\n".join(lines)
     sys.stdout.write(text)
-    write_page(options.markdown or PAGE, text)
-    table = options.csv or TABLE
-    table.parent.mkdir(exist_ok=True)
+    if options.markdown is not None:
+        write_page(options.markdown, text)
     write_csv(table, [row for some in found.values() for one in some for row in one.csv_rows()])
-    sys.stdout.write(f"{options.markdown or PAGE}\n{table}\n")
+    for path in filter(None, (options.markdown, table)):
+        sys.stdout.write(f"{path}\n")
 
 
 def suite_table(found: Sequence[Evaluated]) -> list[str]:

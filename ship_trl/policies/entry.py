@@ -97,8 +97,8 @@ def rollout_entry(
     """Roll out episodes in one batch, the cases in turn; return the environment, the policy and the episodes.
 
     `episodes` is their number, by default each case once, or `EPISODES` if the starts are perturbed; it is
-    rounded up so that each case has equally many. Where nothing is drawn, each case has one. The seed is of the
-    starts and of a policy that draws.
+    rounded up so that each case has equally many. Where nothing is drawn, each case has one. The seed is of
+    the starts and of a policy that draws.
 
     Raises:
         ConfigError: there is no such policy, or its file is invalid.

@@ -52,6 +52,14 @@ def test_a_page_keeps_its_text_around_the_tables(tmp_path: Path) -> None:
         assert page.count("### paper") == page.count(END) == 1
 
 
+def test_a_page_is_written_only_where_one_is_named(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    page = tmp_path / "docs/encounters.md"
+    page.write_text("of all policies")
+    command.main(["encounters", "keep_course", "target=2"])
+    assert page.read_text() == "of all policies" and (tmp_path / "outputs/encounters.csv").is_file()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -59,6 +67,7 @@ def test_a_page_keeps_its_text_around_the_tables(tmp_path: Path) -> None:
         ("nobody target=paper", "policy: no nobody; allowed: random, keep_course"),
         ("vo target=paper --episodes 0", "--episodes: must be at least 1"),
         ("vo target=paper --head-on 91", "--head-on: must be above 0 and at most 90 (degrees), got 91"),
+        ("vo target=paper --markdown no/x.md", "--markdown: no folder"),
         ("vo target=paper --markdown x.txt", "--markdown: must be a name that ends with .md"),
     ],
 )

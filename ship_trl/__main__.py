@@ -58,14 +58,27 @@ def train(words: list[str]) -> None:
 
 
 def add_profile(words: list[str]) -> list[str]:
-    """Add the profile that the target's suite asks for, unless the words name one."""
+    """Add the profile that the suite of target or source asks for, unless the words name one.
+
+    Raises:
+        ConfigError: the suites of a grid ask for different profiles.
+    """
+    from ship_trl.config.errors import ConfigError
     from ship_trl.sim.suites import profile_of
 
     if any(word.lstrip("+").startswith("profile=") for word in words):
         return words
-    targets = [word.removeprefix("target=") for word in words if word.startswith("target=")]
-    profile = profile_of(targets[0]) if len(targets) == 1 else ""
-    return [*words, f"profile={profile}"] if profile else words
+    for key in ("target=", "source="):
+        for place, word in enumerate(words):
+            if not word.startswith(key):
+                continue
+            profiles = {profile_of(name) for name in word.removeprefix(key).split(",")}
+            if len(profiles) > 1:
+                raise ConfigError(f"profile: the suites of {word} have different ones; give profile=NAME")
+            if profile := profiles.pop():
+                # Beside it, because the last word may belong to a flag.
+                return [*words[: place + 1], f"profile={profile}", *words[place + 1 :]]
+    return words
 
 
 if __name__ == "__main__":

@@ -123,11 +123,12 @@ def print_table(found: list[Evaluated], options: Namespace) -> None:
     """Print a row for each policy; of several episodes with rates and scores, else with the end."""
     from ship_trl.cli.table import show
     from ship_trl.policies.reference import best_known_return
+    from ship_trl.transfer.casebase import PLANS
 
     rows = []
     is_scored = options.by is not None or any(len(one.episodes) > 1 for one in found)
     for one in found:
-        best = best_known_return(one.entry.suite, one.entry.world)
+        best = best_known_return(one.entry.suite, one.entry.world, Path("outputs/case_base") / PLANS)
         rows.append(one.row(best) if is_scored else row(one, best))
         rows += one.class_rows() if options.by is not None else ()
     show(SCORES if is_scored else HEADINGS, rows, options.markdown)

@@ -10,11 +10,13 @@ import hashlib
 import inspect
 import json
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import torch
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World, world_values
 from ship_trl.files.disk import atomic_write, read_json
@@ -36,28 +38,44 @@ _cached_plans: dict[str, Plan] = {}
 
 
 def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
-    """Return the best known plan: from memory, `folder` or the bundled plans, or else by a search.
+    """Return the best known plan, by a search if there is none; `folder` is as for `known_plan`.
 
-    A plan from a file is rolled out first. If its return differs, the file is stale or damaged, and a search
-    replaces it. `folder` caches plans; it is created if needed, and None disables it.
+    The search caches its plan in `folder`, which is created if needed.
     """
-    name = plan_name(case, world)
-    if name in _cached_plans:
-        return _cached_plans[name]
-    paths = [place / name for place in (folder, BUNDLED_PLANS) if place is not None]
-    plan = next((plan for path in paths if (plan := _read(path, case, world)) is not None), None)
-    plan = plan or _read_table(case, world)
+    plan = known_plan(case, world, folder)
     if plan is None:
-        plan = best_plan(case, world)
+        plan = _cached_plans[plan_name(case, world)] = best_plan(case, world)
         if folder is not None:
-            save_plan(folder / name, plan)
-    _cached_plans[name] = plan
+            save_plan(folder / plan_name(case, world), plan)
     return plan
 
 
-def best_known_return(suite: Suite, world: World, folder: Path | None = None) -> float | None:
-    """Return the mean best known return of a suite's cases; None if their starts are perturbed."""
+def known_plan(case: Case, world: World, folder: Path | None = None) -> Plan | None:
+    """Return the plan in memory, in `folder`, of the bundled plans or of the bundled tables; None without one.
+
+    A plan from a file is rolled out first. A file whose plan gives another return is stale, and ignored.
+    """
+    name = plan_name(case, world)
+    if name not in _cached_plans:
+        paths = [place / name for place in (folder, BUNDLED_PLANS) if place is not None]
+        plan = next((plan for path in paths if (plan := _read(path, case, world)) is not None), None)
+        if (plan := plan or _read_table(case, world)) is None:
+            return None
+        _cached_plans[name] = plan
+    return _cached_plans[name]
+
+
+def best_known_return(
+    suite: Suite, world: World, folder: Path | None = None, max_searches: int = 0
+) -> float | None:
+    """Return the mean best known return of a suite's cases; None if their starts are perturbed.
+
+    It is also None where a plan is missing, and more than `max_searches` cases would be searched.
+    """
     if suite.is_drawn:
+        return None
+    missing = [case for case in suite.cases if known_plan(case, world, folder) is None]
+    if len(missing) > max_searches:
         return None
     returns = [best_known(case, world, folder).episode_return for case in suite.cases]
     return sum(returns) / len(returns)
@@ -93,14 +111,18 @@ def _read(path: Path, case: Case, world: World) -> Plan | None:
 @cache
 def table_plans() -> dict[str, Scene]:
     """Return the scenes of the bundled tables, with their plans, by the case's fingerprint."""
-    tables = sorted((conf_dir() / "suite").glob("*.csv"))
-    return {scene.case.fingerprint: scene for table in tables for scene in read_scenes(table)}
+    found: dict[str, Scene] = {}
+    for table in sorted((conf_dir() / "suite").glob("*.csv")):
+        # A suite refuses its broken table; other cases do not need it.
+        with suppress(ConfigError):
+            found |= {scene.case.fingerprint: scene for scene in read_scenes(table)}
+    return found
 
 
 def _read_table(case: Case, world: World) -> Plan | None:
     """Return a plan of the bundled tables; None if there is none or it gives another return."""
     scene = table_plans().get(case.fingerprint)
-    if scene is None:
+    if scene is None or max(scene.actions, default=0) >= len(world.actions):
         return None
     plan = follow_plan(case, world, scene.actions)
     return plan if abs(plan.episode_return - scene.best_return) < 2 * RETURN_TOLERANCE else None

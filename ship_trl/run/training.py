@@ -32,6 +32,9 @@ from ship_trl.sim.cases import shadowing_case
 from ship_trl.transfer.casebase import PLANS, POLICY
 from ship_trl.transfer.layers import save_weights
 
+# Cases whose best known plan is searched for, which takes a minute or more of each.
+MAX_SEARCHES = 10
+
 
 def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> Result:
     """Train one network, and write all files into the run's folder, `result.json` last.
@@ -52,7 +55,8 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)
     journal.resume(in_a_grid=bool(place))
-    known = best_known_return(run.target, run.config.world, Path(run.config.case_base) / PLANS)
+    plans = Path(run.config.case_base) / PLANS
+    known = best_known_return(run.target, run.config.world, plans, MAX_SEARCHES)
     history, training, episodes = parts.history, parts.training, run.config.learn.episodes
     with Tracker(run, history.rows) as tracker:
         # In a resumed run, the file of the best network may be newer than the checkpoint.

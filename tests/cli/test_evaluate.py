@@ -10,6 +10,7 @@ from PIL import Image
 
 from ship_trl.cli.evaluate import main
 from ship_trl.cli.scores import HEADINGS
+from ship_trl.policies import reference
 from ship_trl.policies.metrics import METRICS
 from tests.command import refused, ship_trl
 
@@ -72,6 +73,12 @@ def test_a_suite_is_its_cases_in_turn(capsys: pytest.CaptureFixture[str]) -> Non
 def test_best_known_solves_the_imazu_problems(capsys: pytest.CaptureFixture[str]) -> None:
     (best,) = scores(capsys, "best_known", "target=imazu")
     assert best["success"].startswith("100%") and best["of best known"] == "100%"
+
+
+def test_no_plan_is_searched_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(reference, "best_plan", None)
+    (kept,) = scores(capsys, "keep_course", "target=imazu", "world.turn_time=1")
+    assert kept["of best known"] == "-"
 
 
 def test_rows_by_class_of_encounter(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,6 +1,7 @@
 """The best known plan: one search per case, and a cached plan is used only if its return is reproduced."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from ship_trl.config.types import Perturbation, World
 from ship_trl.policies import reference
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.suites import load_suite, suite_of
+from ship_trl.sim.suites import Suite, load_suite, suite_of
 
 WORLD = load_world()
 
@@ -85,6 +86,27 @@ def test_of_a_suite_the_mean_is_known_unless_its_starts_are_drawn() -> None:
     assert reference.best_known_return(suite_of(paper.cases[3]), WORLD) == returns[3]
     drawn = Perturbation(own_heading=1.0)
     assert reference.best_known_return(suite_of(paper.cases[3], drawn), WORLD) is None
+
+
+def test_plans_of_few_cases_are_searched_for(searches: list[str]) -> None:
+    paper = load_suite("paper", WORLD)
+    few = Suite("few", paper.cases[:2])
+    assert reference.best_known_return(few, WORLD) is None
+    assert reference.best_known_return(few, WORLD, max_searches=1) is None and searches == []
+    assert reference.best_known_return(few, WORLD, max_searches=2) is not None and searches == ["1", "2"]
+    assert reference.best_known_return(few, WORLD) is not None
+
+
+def test_a_table_of_other_actions_or_a_broken_one_has_no_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (case, *_) = load_suite("traffic_test", WORLD).cases
+    assert reference.known_plan(case, WORLD) is not None
+    assert reference.known_plan(case, replace(WORLD, actions=WORLD.actions[3:4])) is None
+    (tmp_path / "suite").mkdir()
+    (tmp_path / "suite/broken.csv").write_text("name")
+    monkeypatch.setattr(reference, "conf_dir", lambda: tmp_path)
+    assert reference.table_plans.__wrapped__() == {}
 
 
 def test_a_rollout_reproduces_the_plan() -> None:

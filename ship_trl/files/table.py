@@ -20,14 +20,14 @@ def read_table(
 ) -> list[Row]:
     """Read a table with at least these columns and at most `most` bytes, or raise a ConfigError.
 
-    `make` converts the text cells of a row, and raises ValueError for a wrong one. Messages name the option
-    or argument `given_as`, and the `kind` of table, such as "a table of layers".
+    `make` converts the text cells of a row, and raises ValueError or ConfigError for a wrong one. Messages
+    name the option or argument `given_as`, and the `kind` of table, such as "a table of layers".
     """
     try:
         return [make(cells) for cells in rows(read_file(path, most), columns)]
     except OSError as error:
         raise ConfigError(f"{given_as}: {path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, ConfigError) as error:
         raise ConfigError(f"{given_as}: {path} is not {kind}: {error}") from None
 
 

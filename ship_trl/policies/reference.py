@@ -51,7 +51,7 @@ def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:
 
 
 def known_plan(case: Case, world: World, folder: Path | None = None) -> Plan | None:
-    """Return the plan in memory, in `folder`, of the bundled plans or of the bundled tables; None without one.
+    """Return the plan in memory, in `folder`, or of the bundled plans and tables; None without one.
 
     A plan from a file is rolled out first. A file whose plan gives another return is stale, and ignored.
     """

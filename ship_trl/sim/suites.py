@@ -14,7 +14,7 @@ from ship_trl.config.paths import conf_dir, list_names
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.sim.cases import Case, case_names, find_case, load_case
+from ship_trl.sim.cases import Case, case_names, check_case, find_case, load_case
 from ship_trl.sim.scene_table import read_scenes
 
 UNPERTURBED = Perturbation()
@@ -146,7 +146,10 @@ def load_suite(
         values = read_as(SuiteFile, read_yaml(path), f"{path}: ")
         cases = tuple(load_case(case, world, f"{path}: cases", values.unit) for case in values.cases)
         if values.scenes:
-            cases += tuple(scene.case for scene in read_scenes(path.parent / values.scenes))
+            table = path.parent / values.scenes
+            cases += (scenes := tuple(scene.case for scene in read_scenes(table)))
+            for case in scenes:
+                check_case(case, world, f"{table}: row {case.name}")
         if bool(cases) == (values.traffic is not None):
             raise ConfigError(f"{path}: allowed: either cases or scenes, or traffic")
         own = asdict(values.perturbation)

@@ -10,7 +10,7 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.reference import follow_plan
 from ship_trl.policies.scene_choice import EMPTY_ROOM, ROOM, draw_case
-from ship_trl.sim.scene_table import read_scenes, write_scenes
+from ship_trl.sim.scene_table import COLUMNS, read_scenes, write_scenes
 from ship_trl.sim.suites import load_suite
 
 TABLE = conf_dir() / "suite" / "traffic_test.csv"
@@ -38,10 +38,30 @@ def test_each_plan_reaches_the_goal_with_its_return(world: World) -> None:
         assert plan.goal and plan.episode_return == pytest.approx(scene.best_return, abs=2e-3)
 
 
+def row(x: str, speed: str = "15") -> str:
+    """Return a table of one scene with one ship."""
+    return f"{','.join(COLUMNS)}\none,none,{x},0,180,{speed},,,,,,,,,1,33\n"
+
+
+def test_a_ship_inside_the_safe_distance_is_refused(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "suite").mkdir()
+    (tmp_path / "suite/near.yaml").write_text("scenes: near.csv\n")
+    (tmp_path / "suite/near.csv").write_text(row("44"))
+    monkeypatch.setattr("ship_trl.sim.suites.conf_dir", lambda: tmp_path)
+    with pytest.raises(ConfigError, match=r"near.csv: row one: target_ships\[0\]: must start at least"):
+        load_suite("near", world)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("name,encounter\n", "is not a table of scenes: it has no column 'x1'"),
+        (row("nan"), "row one: x1: must be a finite number, got nan"),
+        (row("9e9"), "row one: x1: must be from "),
+        (row("500", speed="-3"), "row one: speed1: must be from 0 to"),
+        (row("500", speed=""), "row one: speed1: must be a finite number, got ''"),
         (None, "cannot be read: No such file"),
     ],
 )

@@ -63,10 +63,10 @@ def first_case(suite: Suite, state: Tensor) -> Case:
     if suite.cases:
         return suite.cases[0]
     x, y, heading, _, _, goal_x, goal_y, *_ = state.tolist()
-    ships = [
-        TargetShip(ship[SHIP_X], ship[SHIP_Y], math.degrees(ship[SHIP_HEADING]), ship[SHIP_SPEED])
-        for ship in target_ships(state)[: int(state[SHIP_COUNT])].tolist()
-    ]
+    ships = []
+    for east, north, course, speed, behaviour in target_ships(state)[: int(state[SHIP_COUNT])].tolist():
+        kind = Behaviour.holds if behaviour == HOLDS_COURSE else Behaviour.gives_way
+        ships.append(TargetShip(east, north, math.degrees(course), speed, kind))
     return Case([x, y], math.degrees(heading), [goal_x, goal_y], "drawn", ships, suite.name)
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 import torch
-from torch import Tensor
+from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.sim.cases import Behaviour, Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import must_give_way, relative_motion
+from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import (
     GIVES_WAY,
     GIVING_WAY,
@@ -21,10 +22,12 @@ from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_HEADING,
     SPEED,
+    first_case,
     initial_state,
     is_present,
     target_ships,
 )
+from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import make_step
 
 WORLD = load_world()
@@ -188,3 +191,13 @@ def test_a_case_file_may_name_the_behaviour(tmp_path: Path) -> None:
     assert [float(initial_state(one, WORLD)[-1]) for one in (plain, holds, gives_way)] == wanted
     with pytest.raises(ConfigError, match=r"target_ships\[0\].behaviour: must be one of holds, gives_way"):
         load(", behaviour: rams")
+
+
+def test_the_case_of_a_drawn_scene_has_its_behaviours() -> None:
+    traffic = load_suite("traffic", WORLD)
+    assert traffic.traffic is not None
+    reacting = replace(traffic, traffic=replace(traffic.traffic, reacting=1.0))
+    state = make_starts(reacting, WORLD).sample(8, Generator().manual_seed(0))
+    row = state[state[:, SHIP_COUNT].argmax()]
+    ships = first_case(reacting, row).target_ships
+    assert ships and all(ship.behaviour is Behaviour.gives_way for ship in ships)

@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--absolute", action="store_true", help="north up, all ships move (figure 2a)")
     parser.add_argument("--to-scale", action="store_true", help="hulls in their true size")
     parser.add_argument("--saliency", action="store_true", help="the pixels on which the highest Q depends")
-    add_seed(parser)
+    add_seed(parser, "of the first random encounter, and of policies that draw")
     add_size(parser, "1280x720", "of the film")
     add_number(parser, "--fps", FrameRate, None, "frames a second; default: 10, of an MP4 30")
     add_number(parser, "--speed", Speed, 5.0, "times as fast as real time; default: 5")
@@ -48,7 +48,8 @@ def main(arguments: list[str] | None = None) -> None:
             raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
         if is_mp4:
             check_mp4(options.size)
-        entries = split_suites(drop_last_networks(find_entries(options.words, options.colour)))
+        named = drop_last_networks(find_entries(options.words, options.colour))
+        entries = split_suites(named, options.seed)
         cases = {entry.case.fingerprint: entry.case.name for entry in entries}
         if options.trajectories is not None and len(cases) > 1:
             raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")

@@ -23,11 +23,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("watch", __doc__)
     add_policies(parser, DEFAULT_WORDS)
     parser.add_argument("--compare", action="store_true", help="the first policy beside the second")
-    add_seed(parser)
+    add_seed(parser, "of the first random encounter, and of policies that draw")
     add_size(parser, "1600x900", "of the window")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
-        entries = split_suites(find_entries(options.words, options.colour))
+        entries = split_suites(find_entries(options.words, options.colour), options.seed)
 
         from ship_trl.run.process import configure_process
         from ship_trl.view.window.session import Session

@@ -54,28 +54,28 @@ class Entry:
         return self.suite.case
 
 
-def split_suites(entries: Iterable[Entry]) -> list[Entry]:
-    """Return an entry for each case of each suite, or for the scenes of the first seeds of random encounters.
+def split_suites(entries: Iterable[Entry], seed: int = 0) -> list[Entry]:
+    """Return an entry for each case of each suite, or for the scenes of the seeds from `seed` on.
 
     Only a suite of one case claims a return.
     """
     found: list[Entry] = []
     for entry in entries:
-        suites = entry.suite.split() if entry.suite.cases else example_scenes(entry.suite, entry.world)
+        suites = entry.suite.split() if entry.suite.cases else example_scenes(entry.suite, entry.world, seed)
         claimed = entry.claimed if len(suites) == 1 else None
         found += [replace(entry, suite=suite, claimed=claimed) for suite in suites]
     return found
 
 
-def example_scenes(suite: Suite, world: World) -> list[Suite]:
-    """Return a suite of one for each of the first seeds of a suite of random encounters."""
+def example_scenes(suite: Suite, world: World, first: int) -> list[Suite]:
+    """Return a suite of one for each of the seeds from `first` on of a suite of random encounters."""
     from torch import Generator
 
     from ship_trl.sim.starts import make_starts
     from ship_trl.sim.state import first_case
 
     starts, found = make_starts(suite, world), []
-    for seed in range(EXAMPLES):
+    for seed in range(first, first + EXAMPLES):
         state = starts.sample(1, Generator().manual_seed(seed))[0]
         found.append(suite_of(replace(first_case(suite, state), name=f"{suite.name}_{seed}")))
     return found

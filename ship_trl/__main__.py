@@ -27,7 +27,9 @@ def train(words: list[str]) -> None:
     from omegaconf import DictConfig
 
     from ship_trl.cli.errors import check_words, hydra_errors, job_errors, refusals
+    from ship_trl.config.algorithm import ignored_keys
     from ship_trl.config.checks import to_config
+    from ship_trl.config.errors import print_error
     from ship_trl.config.paths import conf_dir
     from ship_trl.grid.launchers import die_with_launcher, mark_launcher, place_in_grid
     from ship_trl.grid.sweep import objective
@@ -39,10 +41,13 @@ def train(words: list[str]) -> None:
         """Run, and return what a sweeper maximises."""
         die_with_launcher()
         with job_errors():
-            run = make_run(to_config(values))
+            config, hydra_config = to_config(values), HydraConfig.get()
+            build = config.algorithm["build"]
+            for key in ignored_keys(build, hydra_config.overrides.task):
+                print_error(f"{key}: not used by algorithm.build={build}")
+            run = make_run(config)
             from ship_trl.run.experiment import run_experiment
 
-            hydra_config = HydraConfig.get()
             is_grid = hydra_config.mode is RunMode.MULTIRUN
             result = run_experiment(run, place_in_grid(hydra_config.job.num) if is_grid else "")
             return objective(run, result)

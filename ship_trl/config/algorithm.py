@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -76,6 +77,13 @@ SETTINGS: dict[str, type] = {
 }
 # Those that learn from their own actions alone.
 ON_POLICY = ("ship_trl.learn.ppo:build",)
+# Keys that they do not read.
+REPLAY_KEYS = ("batch_size", "update_every", "tau", "loss", "huber_delta", "replay_size", "warmup_steps")
+EPSILON_KEYS = ("epsilon_start", "epsilon_end", "epsilon_fraction")
+IGNORED = {
+    "ship_trl.learn.ppo:build": tuple(f"learn.{key}" for key in REPLAY_KEYS + EPSILON_KEYS),
+    "ship_trl.learn.pupil:build": ("learn.loss", "learn.gamma", "margin.distance", "margin.penalty"),
+}
 
 
 def is_installed(package: str) -> bool:
@@ -118,6 +126,12 @@ def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
                 f"{learn.num_envs} environments), got {settings.minibatch_size}"
             )
     return {"build": build, **dataclasses.asdict(settings)}
+
+
+def ignored_keys(build: str, words: Iterable[str]) -> list[str]:
+    """Return the keys of a command line that an algorithm does not read."""
+    keys = (word.partition("=")[0].lstrip("+") for word in words)
+    return [key for key in keys if key in IGNORED.get(build, ())]
 
 
 def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:

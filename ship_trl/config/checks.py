@@ -36,6 +36,7 @@ def to_config(values: DictConfig) -> Config:
     bfloat16_allowed()
     check_world(config.world)
     check_learner(config)
+    check_margin(config)
     config.algorithm = read_algorithm(config.algorithm, config.learn)
     if config.algorithm["build"] in ON_POLICY:
         allowed = "left out with algorithm=ppo, which learns from its own actions alone"
@@ -90,6 +91,13 @@ def check_learner(config: Config) -> None:
     largest = abs(reward.w1 * reward.goal) + abs(reward.w2 * reward.collision) + shaping
     most = MAX_SCALED_REWARD / max(largest, 1e-30)
     require_at_most(most, "learn.reward_scale", learn.reward_scale, "with the constants of world.reward")
+
+
+def check_margin(config: Config) -> None:
+    """Check that a cost of near passes begins outside the safe distance."""
+    margin, safe = config.margin, config.world.safe_distance
+    allowed = f"above world.safe_distance={safe:g} with margin.penalty={margin.penalty:g}"
+    require(not margin.penalty or margin.distance > safe, "margin.distance", allowed, f"{margin.distance:g}")
 
 
 def check_observation(config: Config) -> None:

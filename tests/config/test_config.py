@@ -8,6 +8,7 @@ from hydra import compose, initialize_config_dir
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from ship_trl.config.algorithm import ignored_keys
 from ship_trl.config.arm import Arm, Method
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
@@ -145,6 +146,12 @@ def test_config_survives_yaml() -> None:
     assert to_config(OmegaConf.create(plain(config))) == config
 
 
+def test_keys_that_an_algorithm_does_not_read_are_named() -> None:
+    words = ["target=4", "learn.tau=0.1", "learn.gamma=0.9", "+margin.penalty=1", "learn.lr=1e-4"]
+    found = {name: ignored_keys(f"ship_trl.learn.{name}:build", words) for name in ("ppo", "pupil", "n_step")}
+    assert found == {"ppo": ["learn.tau"], "pupil": ["learn.gamma", "margin.penalty"], "n_step": []}
+
+
 def rows(count: int) -> str:
     return f"[{','.join(['[15,0]'] * count)}]"
 
@@ -202,6 +209,8 @@ WRONG_VALUES = {
     "learn.lr_end=0": "learn.lr_end: must be above 0",
     "learn.reward_scale=-1": "learn.reward_scale: must be above 0",
     "learn.gamma=1.1": "learn.gamma: must be from 0 to 1",
+    "margin.penalty=30": "margin.distance: must be above world.safe_distance=45 with margin.penalty=30, got",
+    "margin.penalty=1 margin.distance=45": "margin.distance: must be above world.safe_distance=45 with",
     "learn.tau=0": "learn.tau: must be above 0",
     "learn.tau=2": "learn.tau: must be above 0 and at most 1, got 2",
     "learn.epsilon_start=2": "learn.epsilon_start: must be from 0 to 1",

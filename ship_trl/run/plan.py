@@ -21,7 +21,7 @@ from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.run.run import Run
-from ship_trl.run.teacher import digest_teacher
+from ship_trl.run.teacher import digest_teacher, teacher_factor
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.suites import Suite, is_suite, load_suite
 from ship_trl.transfer.casebase import rank
@@ -156,5 +156,6 @@ def digest_files(config: Config) -> dict[str, str]:
     if file.endswith(".py"):
         digests["build"] = f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}"
     if teacher := digest_teacher(config):
-        digests["teacher"] = teacher
+        factor = teacher_factor(config)
+        digests["teacher"] = teacher if factor == 1 else f"{teacher} times {factor:g}"
     return digests

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from omegaconf import OmegaConf
+
 from ship_trl.config.algorithm import TEACHERS
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Config
+from ship_trl.config.schema import Reader, fields_of
+from ship_trl.config.types import Config, Learn, plain
+from ship_trl.files.untrusted import read_yaml
 from ship_trl.policies.pretrained import find, is_pretrained
-from ship_trl.transfer.casebase import POLICY
+from ship_trl.run.folder import flatten, read_settings
+from ship_trl.transfer.casebase import CONFIG, POLICY
 
 if TYPE_CHECKING:
     from ship_trl.learn.algorithm import Teacher
@@ -23,7 +29,7 @@ def find_teacher(config: Config) -> Path | None:
     """Return the teacher's file, or None for an algorithm without a teacher.
 
     Raises:
-        ConfigError: there is no such file.
+        ConfigError: there is no such file, or it is in a result folder of another world.
     """
     if (name := config.algorithm.get("teacher")) is None:
         return None
@@ -33,7 +39,42 @@ def find_teacher(config: Config) -> Path | None:
     path = path / POLICY if path.is_dir() else path
     if not path.is_file():
         raise ConfigError(f"{KEY}: no file {path}; allowed: {TEACHERS}")
+    check_teacher_world(config)
     return path
+
+
+def teacher_config(config: Config) -> Path | None:
+    """Return the configuration that a teacher was trained with; None where it is unknown."""
+    path = Path(str(config.algorithm.get("teacher"))) / CONFIG
+    return path if path.is_file() else None
+
+
+def check_teacher_world(config: Config) -> None:
+    """Check that the teacher's world, where it is known, is the run's; pictures may have other speed vectors.
+
+    Raises:
+        ConfigError: it is not, or the teacher's configuration is invalid.
+    """
+    if (path := teacher_config(config)) is None:
+        return
+    world = dataclasses.replace(read_settings(path.parent)[0], vector_time=config.world.vector_time)
+    ours = dict(flatten(plain(config.world), "world"))
+    others = [f"{key}={value}" for key, value in flatten(plain(world), "world") if ours[key] != value]
+    if others:
+        raise ConfigError(f"{KEY}: {path.parent} is of another world: {others[0]}; allowed: the same world")
+
+
+def teacher_factor(config: Config) -> float:
+    """Return the factor from the teacher's scaled rewards to the run's; 1 where the teacher's are unknown.
+
+    Raises:
+        ConfigError: the teacher's configuration is invalid.
+    """
+    if (path := teacher_config(config)) is None:
+        return 1.0
+    key, hint = "learn.reward_scale", fields_of(Learn)["reward_scale"][1]
+    scale = Reader(f"{KEY}: {path}: ").read(hint, OmegaConf.select(read_yaml(path), key), key)
+    return config.learn.reward_scale / float(scale)
 
 
 def digest_teacher(config: Config) -> str | None:
@@ -53,7 +94,7 @@ def describe_teacher(config: Config) -> str | None:
 
 
 def read_teacher(config: Config, env: ShipEnv) -> Teacher | None:
-    """Return the Q-values of the teacher as a function of states; None without a teacher.
+    """Return the teacher's Q-values in the run's scaled rewards, of states; None without a teacher.
 
     Raises:
         ConfigError: the file is invalid, or its network has other actions or colours.
@@ -64,4 +105,5 @@ def read_teacher(config: Config, env: ShipEnv) -> Teacher | None:
 
     network = load_network(path, env, KEY)
     observe = env.observer(network.config)
-    return lambda state: network(observe(state))
+    factor = teacher_factor(config)
+    return lambda state: factor * network(observe(state))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from omegaconf import OmegaConf
 from torch import Generator
 
 from ship_trl.config.errors import ConfigError
@@ -19,6 +20,7 @@ from ship_trl.run.teacher import read_teacher
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
+from ship_trl.transfer.casebase import POLICY
 from ship_trl.transfer.layers import save_weights
 from tests.config.test_config import composed
 
@@ -63,6 +65,23 @@ def test_it_is_known_by_its_content_and_named_in_the_result(tmp_path: Path) -> N
     result = run_experiment(run)
     assert result.teacher is not None and result.teacher.startswith(f"{one} sha256=")
     assert json.loads((run.folder / "result.json").read_text())["teacher"] == result.teacher
+
+
+def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_path: Path) -> None:
+    saved(tmp_path / "policy.safetensors")
+    config = composed("target=4", "method=scratch", "learn.reward_scale=0.1", "world.vector_time=9")
+    OmegaConf.save(OmegaConf.structured(config), tmp_path / "config.yaml")
+    world = load_world()
+    env, state = ShipEnv(load_case("4", world), world), initial_state(load_case("4", world), world)[None]
+    one, tenth = (read_teacher(pupil(tmp_path, f"learn.reward_scale={scale}"), env) for scale in (0.1, 0.01))
+    assert one is not None and tenth is not None
+    torch.testing.assert_close(one(state), 10 * tenth(state))
+    hashes = {
+        make_run(pupil(name, "learn.reward_scale=0.01")).config_hash for name in (tmp_path, tmp_path / POLICY)
+    }
+    assert len(hashes) == 2
+    with pytest.raises(ConfigError, match=r"of another world: world.turn_time=0.0; allowed: the same world"):
+        make_run(pupil(tmp_path, "world.turn_time=4"))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.policies.rules import HEAD_ON, RULES, at, closest_pass, scaled_settings, score_rules
 from ship_trl.sim.encounter import Encounter, relative_motion
-from ship_trl.sim.state import goal_distance, position
+from ship_trl.sim.state import goal, goal_distance, position
 
 Numbers = NDArray[np.float64]
 
@@ -136,8 +136,15 @@ def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Te
         world: goal distance, length of a step, speed of going straight.
     """
     straight = goal_distance(states[:, 0]) - world.goal_distance
-    moved = torch.linalg.vector_norm(position(states).diff(dim=1), dim=-1)
+    moves = position(states).diff(dim=1)
+    moved = torch.linalg.vector_norm(moves, dim=-1)
     way = (moved * (torch.arange(moved.shape[1]) < last[:, None])).sum(-1)
+    # The last step counts to where it enters the circle around the goal, a root of a quadratic equation.
+    rows, final = torch.arange(len(states)), (last - 1).clamp(min=0)
+    start, move = (position(states) - goal(states))[rows, final], moves[rows, final]
+    half, square = (start * move).sum(-1), move.square().sum(-1).clamp(min=1e-12)
+    root = (half.square() - square * (start.square().sum(-1) - world.goal_distance**2)).clamp(min=0.0).sqrt()
+    way -= (1 - ((-half - root) / square).clamp(0.0, 1.0)) * moved[rows, final]
     return way / straight, last * world.dt * world.actions[world.straight_action][0] / straight
 
 

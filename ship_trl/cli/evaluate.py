@@ -1,11 +1,11 @@
 """`python -m ship_trl evaluate POLICY... target=CASE|SUITE`: roll out policies, and list what they reach.
 
-POLICY is random, keep_course, best_known, pretrained (all bundled networks; the default), pretrained:CASE, a
-safetensors file, a result folder (its best and its last network), or file.py:function of your own. Result
-folders and bundled networks have their own target, and the table shows the return that they claim. Other
-policies act in the world of the first result folder or, without one, in the paper's with world.KEY=VALUE.
-perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
-rates with 95 % intervals, means, and scores of the steering rules.
+POLICY is random, keep_course, best_known, vo, sb_mpc, apf, pretrained (all bundled networks; the default),
+pretrained:CASE, a safetensors file, a result folder (its best and its last network), or file.py:function of
+your own. Result folders and bundled networks have their own target, and the table shows the return that
+they claim. Other policies act in the world of the first result folder or, without one, in the paper's with
+world.KEY=VALUE. perturbation.own_position=50 (metres) and the like draw starts at random. Of several
+episodes the table has rates with 95 % intervals, means, and scores of the steering rules.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Policy
     from ship_trl.sim.env import ShipEnv
 
-HEADINGS = ("case", "policy", "return", "of best known", "ends with", "DCPA, m", "steps", "claimed")
+HEADINGS = ("case", "policy", "return", "of best known", "ends with", "least distance, m", "steps", "claimed")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -147,7 +147,7 @@ def row(one: Evaluated, best: float | None) -> list[str]:
         f"{reached:.1f}",
         f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-",
         episode.outcome,
-        # Cases without target ships have no DCPA.
+        # Cases without target ships have none.
         f"{episode.dcpa:.0f}" if math.isfinite(episode.dcpa) else "-",
         f"{episode.length}",
         "" if claimed is None else f"{claimed:.1f}",

@@ -2,8 +2,8 @@
 
 Of several cases (with commas between them, or a suite; default: target=paper,ship) the tables have ideal
 paths, target ships and similarity. Many cases are drawn on one page, with their classes of encounter; of
-random encounters the page has the scenes of the first seeds. For one case, all other cases are ranked as
-sources, and an arm is recommended.
+more than 60, the first. Of random encounters the page has the scenes of the first seeds. For one case, all
+other cases are ranked as sources, and an arm is recommended.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance
 
 # Sources and transfers listed for a target, and cases drawn in rows and compared in a matrix.
 MAX_SHOWN, MAX_ROWS = 12, 8
-# Pictures on a page: of cases, and of random encounters.
+# Cases that are listed and drawn, and pictures of random encounters.
 MAX_PICTURES, EXAMPLES = 60, 20
 
 
@@ -62,6 +62,8 @@ def main(arguments: list[str] | None = None) -> None:
             draw_traffic(path, suites[0], world)
             sys.stdout.write(f"{path}: scenes of the seeds 0 to {EXAMPLES - 1}\n")
             return
+        left_out = f": the first {MAX_PICTURES} of {len(cases)} cases" if len(cases) > MAX_PICTURES else ""
+        cases = dict(islice(cases.items(), MAX_PICTURES))
         if len(cases) > 1:
             show_cases(cases)
             show_pairs(cases, world)
@@ -80,7 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
         path = options.picture or Path("outputs") / name
         path.parent.mkdir(parents=True, exist_ok=True)
         draw_cases(path, cases, world)
-        sys.stdout.write(f"{path}\n")
+        sys.stdout.write(f"{path}{left_out}\n")
 
 
 def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
@@ -91,7 +93,6 @@ def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
     from ship_trl.view.case_page import write_case_page
     from ship_trl.view.contact_sheet import write_contact_sheet
 
-    cases = dict(islice(cases.items(), MAX_PICTURES))
     if len(cases) <= MAX_ROWS:
         write_contact_sheet(path, list(cases.values()), world)
     else:

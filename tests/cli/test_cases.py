@@ -76,3 +76,10 @@ def test_a_target_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) ->
 def test_pictures_of_the_cases_change_no_file_of_the_checkout() -> None:
     kept = [line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("!/outputs/")]
     assert kept and not any("case" in line for line in kept)
+
+
+def test_of_many_cases_the_first_are_listed_and_drawn(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["target=traffic_test"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1] == "outputs/cases_traffic_test.png: the first 60 of 500 cases"
+    assert sum("traffic_" in line for line in lines[:-1]) == 60

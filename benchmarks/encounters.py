@@ -16,7 +16,7 @@ from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.cli.scores import HEADINGS, Evaluated, describe_scores, describe_worlds
-from ship_trl.config.bounds import HalfAngle, Positive
+from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import rollout_entry
@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> None:
     add_policies(parser)
     add_number(parser, "--episodes", Positive, EPISODES, f"where starts are drawn (default {EPISODES})")
     add_seed(parser, "of starts and of policies that draw")
-    add_number(parser, "--head-on", HalfAngle, None, "half-angle of the head-on sector in degrees (5)")
+    add_number(parser, "--head-on", HalfAngle, HEAD_ON_DEGREES, "half-angle of head-on in degrees (5)")
     page = "write the tables there, between its two marks if it has them"
     add_output(parser, "--markdown", (".md",), page)
     add_output(parser, "--csv", (".csv",), f"every metric of every episode (default {TABLE})")
@@ -62,14 +62,12 @@ def run(options: Namespace) -> None:
 
     import torch
 
-    from ship_trl.policies.rules import HEAD_ON
     from ship_trl.run.process import configure_process, processor_name
     from ship_trl.study.report.tables import write_csv
 
     configure_process()
     table = options.csv or TABLE
     table.parent.mkdir(exist_ok=True)
-    head_on = options.head_on or HEAD_ON
     found: dict[str, list[Evaluated]] = {}
     for entry in entries:
         count = options.episodes if entry.suite.is_drawn else None
@@ -80,9 +78,10 @@ def run(options: Namespace) -> None:
                 raise
             print_error(f"{entry.suite.name}: {error}; left out")
             continue
-        found.setdefault(entry.suite.name, []).append(Evaluated(entry, episodes, head_on, options.seed))
+        one = Evaluated(entry, episodes, options.head_on, options.seed)
+        found.setdefault(entry.suite.name, []).append(one)
     lines = [f"`python -m benchmarks encounters {' '.join(options.words)}`, seed {options.seed}."]
-    lines += [describe_scores(entries[0].world.safe_distance, head_on), *describe_worlds(entries)]
+    lines += [describe_scores(entries[0].world.safe_distance, options.head_on), *describe_worlds(entries)]
     lines += [f"On {processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread.", ""]
     for suite, some in found.items():
         lines += [f"### {suite}", "", *suite_table(some), *class_table(some), ""]

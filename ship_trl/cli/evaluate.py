@@ -21,7 +21,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.cli.scores import HEADINGS as SCORES
 from ship_trl.cli.scores import Evaluated, describe_scores, describe_worlds
-from ship_trl.config.bounds import HalfAngle, Positive
+from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_output(parser, "--csv", (".csv",), "every metric of every episode, a row each")
     add_output(parser, "--sheet", (".png",), "paths of all episodes of the last policy, failures first")
     parser.add_argument("--by", choices=["class"], help="also a row for each class of encounter at its onset")
-    add_number(parser, "--head-on", HalfAngle, None, "half-angle of the head-on sector in degrees (5)")
+    add_number(parser, "--head-on", HalfAngle, HEAD_ON_DEGREES, "half-angle of head-on in degrees (5)")
     keep = "where the episodes are kept as demonstrations"
     parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help=keep)
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
@@ -60,7 +60,6 @@ def main(arguments: list[str] | None = None) -> None:
 def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     """Roll out every entry and print a table; return a line for each that does not reach its claim."""
     from ship_trl.policies.demonstrations import write_demonstration
-    from ship_trl.policies.rules import HEAD_ON
     from ship_trl.run.process import configure_process
 
     configure_process()
@@ -79,7 +78,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             print_error(f"{error}; left out")
             wrong.append(f"{entry.label} cannot be read")
             continue
-        one = Evaluated(entry, episodes, options.head_on or HEAD_ON, options.seed)
+        one = Evaluated(entry, episodes, options.head_on, options.seed)
         found.append(one)
         if entry.claimed is not None and not abs(one.reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {one.reached:.1f}")

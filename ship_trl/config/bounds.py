@@ -35,6 +35,8 @@ Count = Annotated[int, limit(1, MAX_COUNT)]
 Share = Annotated[float, limit(0, 1)]
 PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
+# Default half-angle of the head-on sector (Pedersen 2023).
+HEAD_ON_DEGREES = 5.0
 HalfAngle = Annotated[float, limit(above=0, high=90, note="degrees")]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
 Bound = Annotated[float, limit(0, MAX_DISTANCE)]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.config.types import World
 from ship_trl.sim.encounter import Encounter, Motion, classify
 from ship_trl.sim.state import STEP, goal, position
@@ -30,7 +31,7 @@ class Onset:
     dcpa: float
     tcpa: float
     clear: float
-    head_on: float = 5.0
+    head_on: float = HEAD_ON_DEGREES
 
 
 class Encounters:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
+from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.rules import HEAD_ON, RULES, at, closest_pass, scaled_settings, score_rules
+from ship_trl.policies.rules import RULES, at, closest_pass, scaled_settings, score_rules
 from ship_trl.sim.encounter import Encounter, relative_motion
 from ship_trl.sim.state import goal, goal_distance, position
 
@@ -85,7 +86,9 @@ class Measurements:
         return found
 
 
-def measure_episodes(episodes: Sequence[Episode], world: World, head_on: float = HEAD_ON) -> Measurements:
+def measure_episodes(
+    episodes: Sequence[Episode], world: World, head_on: float = HEAD_ON_DEGREES
+) -> Measurements:
     """Measure finished episodes of one suite.
 
     Args:

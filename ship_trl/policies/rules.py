@@ -24,6 +24,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.config.types import World
 from ship_trl.policies.encounter import Encounters, Onset
 from ship_trl.sim.encounter import Encounter, Motion, relative_motion
@@ -32,8 +33,8 @@ from ship_trl.sim.state import HEADING, SHIP_HEADING, SPEED, is_present, relativ
 
 # The order of `Scores.rules`.
 RULES = (8, 13, 14, 15, 16, 17)
-# The source's collision radius (m); Pedersen's half-angle (degrees) of the head-on sector.
-COLLISION, HEAD_ON = 35.0, 5.0
+# The source's collision radius (m).
+COLLISION = 35.0
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Settings:
     hold: float = 5.0
 
 
-def scaled_settings(world: World, head_on: float = HEAD_ON) -> Settings:
+def scaled_settings(world: World, head_on: float = HEAD_ON_DEGREES) -> Settings:
     """Return the source's radii, scaled to a world's safe distance; `head_on` is a half-angle in degrees.
 
     An encounter begins when the DCPA is below 4/3 of the safe distance within the next 30 s.

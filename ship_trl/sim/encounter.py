@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector
 from ship_trl.sim.state import (
     HEADING,
@@ -34,7 +35,7 @@ Angle = Any
 Flag = Any
 
 # Half of the sector in which ships meet head-on.
-HEAD_ON = math.radians(5.0)
+HEAD_ON = math.radians(HEAD_ON_DEGREES)
 # Rule 13: a ship that comes up from more than 22.5 degrees abaft the beam overtakes.
 ABAFT_BEAM = math.radians(112.5)
 # Pedersen 2023: the overtaken ship is at most this far off the overtaker's bow.

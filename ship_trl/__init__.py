@@ -16,9 +16,9 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     `ship_trl.load_policy("4")` is the trained network of case 4.
 
     Args:
-        name: a shipped case, for its bundled network; or any policy that `python -m ship_trl evaluate` takes
-            (random, best_known, a safetensors file, ...), except result folders, which hold several.
-        case: the case to act in, by name or path of a YAML file; default: the network's own.
+        name: a bundled case, or `traffic`, for its network; or any policy that `python -m ship_trl evaluate`
+            takes (random, best_known, a safetensors file, ...), except result folders, which hold several.
+        case: the case or suite to act in, by name or path of a YAML file; default: the network's own.
         seed: seed of its random numbers.
 
     Raises:
@@ -26,14 +26,15 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     """
     from ship_trl.config.errors import ConfigError
     from ship_trl.policies import named, pretrained
-    from ship_trl.sim.cases import load_case, load_world
+    from ship_trl.sim.cases import load_world
     from ship_trl.sim.env import ShipEnv
+    from ship_trl.sim.suites import load_suite
 
-    if any(name == one.case for one in pretrained.networks()):
-        case, name = case or name, f"{pretrained.PRETRAINED}:{name}"
-    if case is None and pretrained.is_pretrained(name):
-        case = name.partition(":")[2] or None
+    if any(name == one.name for one in (*pretrained.networks(), *pretrained.suites())):
+        name = f"{pretrained.PRETRAINED}:{name}"
+    if case is None and pretrained.is_pretrained(name) and name != pretrained.PRETRAINED:
+        case = pretrained.find(name, None).target
     if case is None:
         raise ConfigError(f"case: none given for {name}; allowed: a case by name, or the path of a YAML file")
     world = load_world()
-    return named.load_policy(name, ShipEnv(load_case(case, world), world), seed)
+    return named.load_policy(name, ShipEnv(load_suite(case, world, "case"), world), seed)

@@ -9,6 +9,7 @@ one, in the paper's with `world.KEY=VALUE`. `perturbation.KEY=VALUE` perturbs th
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from yaml import YAMLError
@@ -19,7 +20,7 @@ from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World
 from ship_trl.files.result import RESULT
 from ship_trl.policies.entry import Entry
-from ship_trl.policies.pretrained import PRETRAINED, find, is_pretrained, networks
+from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.run.folder import read_settings
 from ship_trl.run.results import collect
 from ship_trl.sim.cases import load_world
@@ -111,13 +112,13 @@ def read_world(changes: list[str]) -> World:
 
 
 def bundled_entries(name: str, targets: list[Suite], world: World, perturbation: Perturbation) -> list[Entry]:
-    """Return the bundled networks, on `targets` or each on its own case, with the return that each claims."""
+    """Return the bundled networks, on `targets` or each on its own, with the return that each claims."""
     if targets:
         has_own_case = name != PRETRAINED
         chosen = [(find(name, None if has_own_case else suite), suite) for suite in targets]
     else:
-        named = networks() if name == PRETRAINED else [find(name, None)]
-        chosen = [(one, load_suite(one.case, world, "target", perturbation)) for one in named]
+        named: Sequence[Pretrained] = networks() if name == PRETRAINED else [find(name, None)]
+        chosen = [(one, load_suite(one.target, world, "target", perturbation)) for one in named]
     is_paper = world == load_world()
     return [
         Entry(
@@ -126,8 +127,7 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
             suite,
             world,
             colour=False,
-            # The working directory may have another case of the same name. For it no return is claimed.
-            claimed=one.episode_return if is_paper and one.fingerprint == suite.fingerprint else None,
+            claimed=one.claim(suite) if is_paper else None,
         )
         for one, suite in chosen
     ]

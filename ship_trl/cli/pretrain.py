@@ -2,7 +2,9 @@
 
 Seeds 100 to 104 learn each case from scratch with profile=quick. The network with the highest greedy return
 is kept, on ties the one with the lower seed. It is written in half precision if its greedy episode stays the
-same. Finished runs are not repeated.
+same. With `--suites` the networks of random encounters are trained instead, with seeds 0 to 4; the highest
+success rate of a run's best evaluation is kept, and all greedy episodes on the Imazu problems must stay the
+same. Finished runs are not repeated. In a manifest that FOLDER holds, the other networks stay.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import json
 import math
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,9 +25,10 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
-from ship_trl.policies.pretrained import CURVES, MANIFEST, Pretrained, networks
+from ship_trl.policies.pretrained import CURVES, MANIFEST, OfCase, OfSuite, networks
 from ship_trl.run.plan import ALGORITHM_VERSION
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.suites import Suite, load_suite, suite_of
 from ship_trl.transfer.casebase import POLICY
 
 if TYPE_CHECKING:
@@ -33,21 +37,44 @@ if TYPE_CHECKING:
     from ship_trl.learn.network import DuelingNetwork
     from ship_trl.learn.rollout import Episode
 
-SEEDS, RUNS = range(100, 105), Path("outputs/pretrained")
+RUNS = Path("outputs/pretrained")
+SEEDS, SUITE_SEEDS = range(100, 105), range(5)
+# The networks of random encounters: their names, and the words of their runs.
+SUITES = {
+    "traffic": ("target=traffic", "observation=vector"),
+}
+# The suites that their success rates are of. Equal episodes on the first allow half precision.
+TESTS = ("imazu", "traffic_test")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the missing trainings of the bundled cases, then choose and write the networks."""
+    """Run the missing trainings, then choose and write the networks."""
     parser = make_parser("pretrain", __doc__)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where networks and manifest are written")
-    folder = parser.parse_args(arguments).folder
-    cases = sorted(one.case for one in networks())
-    grid = f"target={','.join(cases)}", "method=scratch", f"seed={','.join(map(str, SEEDS))}"
-    line = [sys.executable, "-m", "ship_trl", "-m", *grid, f"output={RUNS}"]
-    if code := subprocess.run(line, check=False).returncode:
-        sys.exit(code)
+    parser.add_argument("--suites", action="store_true", help="the networks of random encounters")
+    parser.add_argument("--runs", type=Path, default=RUNS, metavar="FOLDER", help=f"of the runs ({RUNS})")
+    options = parser.parse_args(arguments)
+    folder, runs = options.folder, options.runs
+    cases = sorted(one.name for one in networks())
+    if options.suites:
+        for name, words in SUITES.items():
+            # The pair names the folder, for several networks may have the same target.
+            train(runs, SUITE_SEEDS, *words, f"pair={name}")
+    else:
+        train(runs, SEEDS, f"target={','.join(cases)}")
     with refusals():
-        write_networks(folder, [RUNS / case / "scratch" for case in cases])
+        folder.mkdir(parents=True, exist_ok=True)
+        if options.suites:
+            write_suites(folder, {name: runs / name / "scratch" for name in SUITES})
+        else:
+            write_networks(folder, [runs / case / "scratch" for case in cases])
+
+
+def train(output: Path, seeds: Iterable[int], *words: str) -> None:
+    """Train the missing runs from scratch of all seeds, and exit if one fails."""
+    grid = *words, "method=scratch", f"seed={','.join(map(str, seeds))}", f"output={output}"
+    if code := subprocess.run([sys.executable, "-m", "ship_trl", "-m", *grid], check=False).returncode:
+        sys.exit(code)
 
 
 def write_networks(folder: Path, cases: list[Path]) -> None:
@@ -65,7 +92,6 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
     from ship_trl.run.process import configure_process
 
     configure_process()
-    folder.mkdir(parents=True, exist_ok=True)
     networks, runs, curves = [], [], []
     for place in cases:
         paths = [place / f"seed={seed}" for seed in SEEDS]
@@ -79,19 +105,46 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
         best = int(np.argmax([result.best.episode_return for result, _ in found]))
         one = write_network(folder, found[best][0], paths[best] / POLICY)
         sys.stdout.write(
-            f"case {one.case}: seed {one.seed}, return {one.episode_return:.1f}, "
+            f"case {one.name}: seed {one.seed}, return {one.episode_return:.1f}, "
             f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
         )
-        networks.append(one)
+        networks.append(asdict(one))
     with atomic_write(folder / CURVES) as draft:
         pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
-    manifest = {
-        "algorithm_version": ALGORITHM_VERSION,
-        "networks": [asdict(one) for one in networks],
-        "runs": runs,
-    }
-    with atomic_write(folder / MANIFEST) as draft:
-        draft.write_text(json.dumps(manifest, indent=1) + "\n")
+    update_manifest(folder, algorithm_version=ALGORITHM_VERSION, networks=networks, runs=runs)
+
+
+def write_suites(folder: Path, runs: dict[str, Path]) -> None:
+    """Write the best network of random encounters by each name, and last a manifest into `folder`.
+
+    `runs` are the folders of each network's runs, by its name.
+
+    Raises:
+        ConfigError: a run is missing or incomplete.
+        OSError: a file cannot be written.
+    """
+    from ship_trl.run.process import configure_process
+
+    configure_process()
+    written = []
+    for name, place in runs.items():
+        found = {seed: read_run(place / f"seed={seed}")[0] for seed in SUITE_SEEDS}
+        rates = {str(seed): result.best.success_rate for seed, result in found.items()}
+        # On ties `max` finds the first, which has the lower seed.
+        best = max(SUITE_SEEDS, key=lambda seed: rates[str(seed)])
+        one = write_suite(folder, name, found[best], place / f"seed={best}" / POLICY, rates)
+        reached = ", ".join(f"{rate:.1%} of {suite}" for suite, rate in one.success_rates.items())
+        sys.stdout.write(f"{name}: seed {one.seed}, success in {reached}, {one.dtype}\n")
+        written.append(asdict(one))
+    update_manifest(folder, suites=written)
+
+
+def update_manifest(folder: Path, **values: Any) -> None:
+    """Set keys of the manifest in `folder`, and leave others as they are."""
+    path = folder / MANIFEST
+    held = json.loads(path.read_text()) if path.exists() else {}
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps(held | values, indent=1) + "\n")
 
 
 def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
@@ -107,24 +160,14 @@ def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
         raise ConfigError(f"runs: {run}: {what}") from None
 
 
-def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
-    """Write the best network of a run as `CASE.safetensors`; return its entry in the manifest."""
-    import torch
-
+def write_network(folder: Path, result: Result, weights: Path) -> OfCase:
+    """Write the best network of a case's run as `CASE.safetensors`; return its entry in the manifest."""
     from ship_trl.policies.reference import best_known
-    from ship_trl.transfer.layers import save_weights
 
     world = load_world()
     case = load_case(result.target, world)
-    file = folder / f"{case.name}.safetensors"
-    about: dict[str, Any] = {key: getattr(result, key) for key in ("arm", "seed", "config_hash")}
-    about["case"] = case.name
-    whole, network = rollout_greedy(case, weights)
-    for dtype in (torch.float16, torch.float32):
-        save_weights(file, network, about, dtype)
-        if torch.equal(rollout_greedy(case, file)[0].actions, whole.actions):
-            break
-    return Pretrained(
+    (whole,), _, about = write_weights(folder, case.name, result, weights, suite_of(case))
+    return OfCase(
         **about,
         fingerprint=case.fingerprint,
         episode_return=whole.episode_return,
@@ -132,17 +175,55 @@ def write_network(folder: Path, result: Result, weights: Path) -> Pretrained:
         outcome=whole.outcome,
         length=whole.length,
         dcpa=whole.dcpa if math.isfinite(whole.dcpa) else None,
-        dtype=str(dtype).removeprefix("torch."),
-        sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
     )
 
 
-def rollout_greedy(case: Case, weights: Path) -> tuple[Episode, DuelingNetwork]:
-    """Return the greedy episode of the network in a file, and the network."""
+def write_suite(folder: Path, name: str, result: Result, weights: Path, rates: dict[str, float]) -> OfSuite:
+    """Write the best network of a suite's runs as `NAME.safetensors`; return its entry in the manifest."""
+    world = load_world()
+    suites = {test: load_suite(test, world) for test in TESTS}
+    _, network, about = write_weights(folder, name, result, weights, suites[TESTS[0]])
+    reached = {}
+    for test, suite in suites.items():
+        episodes, _ = rollout_greedy(suite, folder / f"{name}.safetensors")
+        reached[test] = sum(episode.goal for episode in episodes) / len(episodes)
+    return OfSuite(**about, observation=network.observes, success_rates=reached, success_rates_by_seed=rates)
+
+
+def write_weights(
+    folder: Path, name: str, result: Result, weights: Path, suite: Suite
+) -> tuple[list[Episode], DuelingNetwork, dict[str, Any]]:
+    """Write a run's network, in half precision if its greedy episodes on `suite` stay the same.
+
+    Returns:
+        These episodes, the network, and the values of the manifest that all networks have.
+    """
+    import torch
+
+    from ship_trl.transfer.layers import save_weights
+
+    file = folder / f"{name}.safetensors"
+    about: dict[str, Any] = {key: getattr(result, key) for key in ("target", "arm", "seed", "config_hash")}
+    about["name"] = name
+    whole, network = rollout_greedy(suite, weights)
+    for dtype in (torch.float16, torch.float32):
+        save_weights(file, network, about, dtype)
+        stored, _ = rollout_greedy(suite, file)
+        if all(torch.equal(one.actions, same.actions) for one, same in zip(whole, stored, strict=True)):
+            break
+    about["dtype"] = str(dtype).removeprefix("torch.")
+    about["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return whole, network, about
+
+
+def rollout_greedy(suite: Suite, weights: Path) -> tuple[list[Episode], DuelingNetwork]:
+    """Return the greedy episodes of the network in a file, one of each case, and the network."""
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import load_with_network
     from ship_trl.sim.env import ShipEnv
+    from ship_trl.sim.starts import Starts
 
-    env = ShipEnv(case, load_world())
+    world = load_world()
+    env = ShipEnv(suite, world, starts=Starts(suite, world).states)
     policy, network = load_with_network(str(weights), env)
-    return rollout(env, policy)[0], network
+    return rollout(env, policy), network

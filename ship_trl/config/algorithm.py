@@ -17,7 +17,7 @@ from ship_trl.config.types import Learn
 
 DEFAULT = {"build": "ship_trl.learn.double_dqn:build"}
 ALLOWED = "module:function or file.py:function"
-TEACHERS = "a safetensors file, a result folder, or pretrained:CASE"
+TEACHERS = "a safetensors file, a result folder, or pretrained:NAME"
 TeacherName = Annotated[Any, Rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
 # Steps of each environment that are held in memory; pictures that are computed at once.
 MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000

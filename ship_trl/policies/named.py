@@ -102,8 +102,8 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     """Load a policy for an environment.
 
     Args:
-        name: a key of `POLICIES`; `pretrained` (the bundled network of the environment's case) or
-            `pretrained:CASE`; a safetensors file; `file.py:function` or `module:function`, which is called
+        name: a key of `POLICIES`; `pretrained` (the bundled network for the environment's case or suite) or
+            `pretrained:NAME`; a safetensors file; `file.py:function` or `module:function`, which is called
             with the environment and the seed.
         env: where it will act.
         seed: of its random numbers.

@@ -23,7 +23,7 @@ from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.run.run import Run
 from ship_trl.run.teacher import digest_teacher, teacher_factor
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.suites import Suite, is_suite, load_suite
+from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an
@@ -92,7 +92,7 @@ def resolve_pretrained(config: Config, target: Suite) -> Config:
             )
         source = str(OmegaConf.load(pair).source)
     else:
-        names = [one.case for one in networks() if not is_suite(one.case)]
+        names = [one.name for one in networks()]
         cases = [load_case(name, config.world, "source") for name in names]
         other_cases = [case for case in cases if case.fingerprint != target.case.fingerprint]
         source = rank(target.case, other_cases, config.world)[0].case.name

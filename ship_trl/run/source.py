@@ -48,7 +48,7 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
 def find_file(run: Run, entry: Entry | None) -> tuple[Path, str, str]:
     """Return the source network's file, the setting that error messages name, and its origin for people."""
     if run.pretrained:
-        return run.pretrained.file, "source", f"{PRETRAINED}:{run.pretrained.case}"
+        return run.pretrained.file, "source", f"{PRETRAINED}:{run.pretrained.name}"
     if entry:
         return entry.policy, "case_base", str(entry.policy)
     path = str(run.config.source_file)

@@ -273,7 +273,7 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         ),
         ("random target=2 perturbation.own_heading=181", "perturbation.own_heading: must be from 0 to 180"),
         ("best_known target=2 perturbation.own_heading=1", "policy: best_known has no plan of a drawn"),
-        ("pretrained target=paper", "policy: no bundled network of suite paper; allowed: 1, "),
+        ("pretrained:9 target=paper", "policy: no bundled network of case 9; allowed: 1, "),
         ("random target=paper --demonstrations d", "--demonstrations: of single cases, not perturbed"),
         ("none.safetensors target=2", "policy: no file none.safetensors"),
         ("none.py:name target=2", "policy: none.py:name cannot be imported"),

@@ -231,7 +231,7 @@ WRONG_VALUES = {
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with algorithm=ppo, which",
     "algorithm=ppo algorithm.rollout_steps=1": "algorithm.rollout_steps: must be from 2 to 100000, got 1",
     "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
-    "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:CASE",
+    "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:NAME",
     "algorithm=pupil algorithm.teacher=[1]": "algorithm.teacher: must be a safetensors file, a result",
     "algorithm=pupil algorithm.teacher=x algorithm.temperature=0": "algorithm.temperature: must be above 0",
     "algorithm=pupil algorithm.teacher=x algorithm.own_fraction=0": "algorithm.own_fraction: must be above",

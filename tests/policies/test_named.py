@@ -48,11 +48,6 @@ def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None
     assert len(seen) > 4 and not torch.allclose(alone["4"], alone["6"], atol=1e-2)
 
 
-def test_the_network_of_a_case_is_refused_in_a_suite_of_several(world: World) -> None:
-    with pytest.raises(ConfigError, match="policy: no bundled network of suite paper; allowed: 1, "):
-        load_policy("pretrained", ShipEnv(load_suite("paper", world), world))
-
-
 def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
     suite = load_suite("paper", world)
     starts = Starts(suite, world).states

@@ -10,7 +10,9 @@ import torch
 from safetensors.torch import load_file
 
 import ship_trl as package
+from ship_trl.cli.entries import find_entries
 from ship_trl.cli.evaluate import main
+from ship_trl.cli.pretrain import SUITES, TESTS, rollout_greedy, update_manifest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.learn.rollout import rollout
@@ -28,18 +30,18 @@ SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "le
 
 def test_each_bundled_case_has_a_network_that_matches_the_manifest() -> None:
     cases = {case.name for case in load_suite("paper", WORLD).cases} | {"ship"}
-    assert {one.case for one in pretrained.networks()} >= cases
+    assert {one.name for one in pretrained.networks()} >= cases
     for one in pretrained.networks():
         assert hashlib.sha256(one.file.read_bytes()).hexdigest() == one.sha256
-        assert one.fingerprint == load_suite(one.case, WORLD).fingerprint
+        assert one.fingerprint == load_suite(one.name, WORLD).fingerprint
         assert {str(value.dtype) for value in load_file(one.file).values()} == {f"torch.{one.dtype}"}
 
 
 def test_every_score_is_reached(capsys: pytest.CaptureFixture[str]) -> None:
     rows = {row[0]: row for row in table(capsys)}
-    assert set(rows) == {one.case for one in pretrained.networks()}
+    assert set(rows) == {one.name for one in pretrained.networks()}
     for one in pretrained.networks():
-        _, _, reached, share, outcome, _, length, claimed = rows[one.case]
+        _, _, reached, share, outcome, _, length, claimed = rows[one.name]
         assert reached == claimed == f"{one.episode_return:.1f}"
         assert (share, outcome, length) == (f"{one.of_best_known:.0%}", one.outcome, str(one.length))
 
@@ -50,7 +52,7 @@ def test_a_score_that_is_not_reached_is_reported(
     manifest = pretrained.read()
     manifest["networks"][0]["episode_return"] += 1.0
     (tmp_path / pretrained.MANIFEST).write_text(json.dumps(manifest))
-    one = manifest["networks"][0]["case"]
+    one = manifest["networks"][0]["name"]
     (tmp_path / f"{one}.safetensors").write_bytes((pretrained.NETWORKS / f"{one}.safetensors").read_bytes())
     monkeypatch.setattr(pretrained, "NETWORKS", tmp_path)
     pretrained.networks.cache_clear()
@@ -63,7 +65,7 @@ def test_a_score_that_is_not_reached_is_reported(
 def test_the_best_run_of_each_case_was_chosen() -> None:
     runs = pretrained.read()["runs"]
     for one in pretrained.networks():
-        of_case = [run for run in runs if run["case"] == one.case]
+        of_case = [run for run in runs if run["case"] == one.name]
         assert [run["seed"] for run in of_case] == list(range(100, 105))
         # On ties, `max` keeps the first.
         best = max(of_case, key=lambda run: run["best_return"])
@@ -82,7 +84,7 @@ def test_the_curves_are_those_of_the_runs() -> None:
 def test_a_policy_in_one_line() -> None:
     case = load_case("4", WORLD)
     episode = rollout(ShipEnv(case, WORLD), package.load_policy("4"))[0]
-    (bundled,) = [one for one in pretrained.networks() if one.case == "4"]
+    (bundled,) = [one for one in pretrained.networks() if one.name == "4"]
     assert episode.episode_return == pytest.approx(bundled.episode_return)
     elsewhere = rollout(ShipEnv(load_case("2", WORLD), WORLD), package.load_policy("4", case="2"))[0]
     assert torch.equal(elsewhere.states[0, :3], torch.tensor([0.0, 0.0, torch.pi / 2]))
@@ -98,21 +100,46 @@ def test_an_own_case_has_no_pretrained_network() -> None:
         pretrained.find("pretrained", load_suite("mine.yaml", WORLD))
     # The same case by another name is the same.
     Path("same.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text())
-    assert pretrained.find("pretrained", load_suite("same.yaml", WORLD)).case == "4"
+    assert pretrained.find("pretrained", load_suite("same.yaml", WORLD)).name == "4"
 
 
-def test_a_suite_has_a_network_by_its_fingerprint(monkeypatch: pytest.MonkeyPatch) -> None:
-    suite = load_suite("imazu", WORLD)
-    (known,) = [one for one in pretrained.networks() if one.case == "4"]
-    own = replace(known, case="imazu", fingerprint=suite.fingerprint)
-    monkeypatch.setattr(pretrained, "networks", lambda: (known, own))
-    assert pretrained.find("pretrained", suite) == own
-    # Drawn starts of the same cases are for the same network.
-    drawn = Perturbation(own_heading=5.0)
+def test_suites_have_the_network_of_random_encounters(monkeypatch: pytest.MonkeyPatch) -> None:
+    rates, drawn = {"imazu": 0.9}, Perturbation(own_heading=5.0)
+    own = pretrained.OfSuite("traffic", "traffic", "scratch", 0, "", "float16", "", "vector", rates, rates)
+    monkeypatch.setattr(pretrained, "suites", lambda: (own, replace(own, name="traffic_pixels")))
+    for name in ("traffic", "traffic_test", "imazu", "imazu_perturbed", "paper", "imazu07"):
+        assert pretrained.find("pretrained", load_suite(name, WORLD)) == own
     assert pretrained.find("pretrained", load_suite("imazu", WORLD, perturbation=drawn)) == own
-    assert pretrained.find("pretrained", load_suite("4", WORLD, perturbation=drawn)) == known
-    with pytest.raises(ConfigError, match="suite imazu differs from the bundled suite of this name"):
-        pretrained.find("pretrained", replace(suite, cases=suite.cases[:-1]))
+    assert pretrained.find("pretrained:traffic", load_suite("4", WORLD)) == own
+    # A case of the paper has its own, also from drawn starts.
+    assert pretrained.find("pretrained", load_suite("4", WORLD, perturbation=drawn)).name == "4"
+    (entry,) = find_entries(["pretrained:traffic"], False)
+    assert (entry.suite.name, entry.claimed) == ("traffic", None)
+    monkeypatch.setattr(pretrained, "suites", tuple)
+    with pytest.raises(ConfigError, match="policy: no bundled network of suite imazu; allowed: 1, "):
+        pretrained.find("pretrained", load_suite("imazu", WORLD))
+
+
+def test_the_networks_of_random_encounters_are_what_the_manifest_says() -> None:
+    assert [one.name for one in pretrained.suites()] == list(SUITES)
+    for one in pretrained.suites():
+        assert hashlib.sha256(one.file.read_bytes()).hexdigest() == one.sha256
+        assert {str(value.dtype) for value in load_file(one.file).values()} == {f"torch.{one.dtype}"}
+        # On ties, `max` keeps the first.
+        rates = one.success_rates_by_seed
+        assert [*rates] == list("01234") and one.seed == int(max(rates, key=lambda seed: rates[seed]))
+        episodes, network = rollout_greedy(load_suite("imazu", WORLD), one.file)
+        assert network.observes == one.observation
+        assert [*one.success_rates] == list(TESTS)
+        assert one.success_rates["imazu"] == sum(episode.goal for episode in episodes) / 22
+
+
+def test_the_manifest_keeps_the_other_networks(tmp_path: Path) -> None:
+    update_manifest(tmp_path, networks=[1], runs=[2])
+    update_manifest(tmp_path, suites=[3])
+    update_manifest(tmp_path, networks=[4])
+    held = json.loads((tmp_path / pretrained.MANIFEST).read_text())
+    assert held == {"networks": [4], "runs": [2], "suites": [3]}
 
 
 def test_a_changed_bundled_case_is_evaluated_without_claim(

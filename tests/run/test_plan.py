@@ -187,7 +187,7 @@ def test_another_algorithm_version_changes_the_hash(monkeypatch: pytest.MonkeyPa
 
 def test_pretrained_is_the_network_of_the_pair_or_of_the_most_similar_case() -> None:
     given = run("+pair=low", "layers=3", "source=pretrained")
-    assert given.pretrained is not None and given.pretrained.case == "3" and given.source is None
+    assert given.pretrained is not None and given.pretrained.name == "3" and given.source is None
     assert given.folder.parts[-3:] == ("low", "FT3-pretrained", "seed=0")
     same = run("+pair=low", "layers=3", "source_weights=pretrained")
     assert (same.config_hash, same.folder) == (given.config_hash, given.folder)
@@ -248,10 +248,6 @@ def test_a_perturbation_is_of_source_and_target_and_in_the_hash_only_when_set() 
     ("line", "said"),
     [
         ("source=pretrained target=paper layers=1", "suite paper: has several cases; allowed here: one case"),
-        (
-            "source=paper target=4 source_weights=pretrained layers=1",
-            "source: no bundled network of suite paper",
-        ),
         ("target=paper method=scratch demonstrations=here", "demonstrations: allowed with one case as tar"),
         ("target=1 method=scratch demonstrations=here perturbation.own_heading=1", "demonstrations: allowed"),
         ("target=papers method=scratch", "target: no case or suite papers; allowed: 1, 2"),

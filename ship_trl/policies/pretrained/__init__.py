@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
 from ship_trl.sim.suites import Suite
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# Names these networks on the command line; `pretrained:3` is the network of case 3.
+# Names these networks on the command line; `pretrained:3` is the network of case 3, `pretrained:traffic` that
+# of random encounters.
 PRETRAINED = "pretrained"
 NETWORKS = Path(__file__).parent
 MANIFEST, CURVES = "manifest.json", "curves.csv.xz"
@@ -26,73 +28,114 @@ MANIFEST, CURVES = "manifest.json", "curves.csv.xz"
 
 @dataclass(frozen=True)
 class Pretrained:
-    """A bundled network: its case or suite, its run, its greedy episode, and the file of its weights.
+    """A bundled network: its name, the case or suite of its run, the run, and the file of its weights."""
 
-    `episode_return` is raw, `of_best_known` its share of the planner's return, `length` in steps, and `dcpa`
-    in metres (None without target ships).
-    """
-
-    case: str
-    fingerprint: str
+    name: str
+    target: str
     arm: str
     seed: int
     config_hash: str
-    episode_return: float
-    of_best_known: float
-    outcome: str
-    length: int
-    dcpa: float | None
     dtype: str
     sha256: str
 
     @property
     def file(self) -> Path:
         """The file of its weights."""
-        return NETWORKS / f"{self.case}.safetensors"
+        return NETWORKS / f"{self.name}.safetensors"
+
+    def claim(self, suite: Suite) -> float | None:
+        """Return the return that it claims to reach on `suite`; None on all that it was not measured on."""
+        return None
+
+
+@dataclass(frozen=True)
+class OfCase(Pretrained):
+    """The bundled network of a case, and its greedy episode.
+
+    `episode_return` is raw, `of_best_known` its share of the planner's return, `length` in steps, and `dcpa`
+    in metres (None without target ships).
+    """
+
+    fingerprint: str
+    episode_return: float
+    of_best_known: float
+    outcome: str
+    length: int
+    dcpa: float | None
+
+    def claim(self, suite: Suite) -> float | None:
+        """Return the return of its greedy episode on its case, not on another of the same name."""
+        return self.episode_return if self.fingerprint == suite.fingerprint else None
+
+
+@dataclass(frozen=True)
+class OfSuite(Pretrained):
+    """A bundled network of random encounters: what it observes, and its success rates.
+
+    `success_rates` are those of its greedy episodes on suites, `success_rates_by_seed` those of the best
+    evaluation of each run that it was chosen from.
+    """
+
+    observation: str
+    success_rates: dict[str, float]
+    success_rates_by_seed: dict[str, float]
 
 
 @cache
-def networks() -> tuple[Pretrained, ...]:
-    """Return the bundled networks, by case."""
-    return tuple(Pretrained(**values) for values in read()["networks"])
+def networks() -> tuple[OfCase, ...]:
+    """Return the bundled networks of cases."""
+    return tuple(OfCase(**values) for values in read()["networks"])
+
+
+@cache
+def suites() -> tuple[OfSuite, ...]:
+    """Return the bundled networks of random encounters; the first is for suites without a network."""
+    return tuple(OfSuite(**values) for values in read().get("suites", ()))
 
 
 def read() -> dict[str, Any]:
-    """Read the manifest: version, `networks`, and `runs` with case, seed, config_hash and best_return."""
+    """Read the manifest: version, `networks`, `suites`, and `runs`, the runs of the cases.
+
+    A run has case, seed, config_hash and best_return.
+    """
     found: dict[str, Any] = json.loads((NETWORKS / MANIFEST).read_text())
     return found
 
 
 def is_pretrained(name: str) -> bool:
-    """Return whether a name is `pretrained` or `pretrained:CASE`."""
+    """Return whether a name is `pretrained` or `pretrained:NAME`."""
     return name.partition(":")[0] == PRETRAINED
 
 
 def find(name: str, suite: Suite | None, key: str = "policy") -> Pretrained:
-    """Find the bundled network `pretrained:CASE`, or for `pretrained` the network of `suite`, by fingerprint.
+    """Find the bundled network `pretrained:NAME`, or for `pretrained` the network for `suite`.
 
-    A perturbed suite without a network of its own has that of its cases as they are.
+    That of a case is found by fingerprint, whether its starts are perturbed or not. A suite, or a bundled
+    case without a network, gets the first network of random encounters.
 
     Raises:
         ConfigError: there is no such network; the message names `key`.
     """
     wanted = name.partition(":")[2]
+    every: tuple[Pretrained, ...] = (*networks(), *suites())
     if wanted or suite is None:
-        found = [one for one in networks() if one.case == wanted]
+        kind, of = "case", wanted
+        found = [one for one in every if one.name == wanted]
     else:
-        either = suite.fingerprint, suite.unperturbed.fingerprint
-        found = [one for fingerprint in either for one in networks() if one.fingerprint == fingerprint]
+        kind, of = "case" if len(suite.cases) == 1 else "suite", suite.name
+        fingerprint = suite.unperturbed.fingerprint
+        found = [one for one in networks() if one.fingerprint == fingerprint]
+        if not found and any(one.name == of for one in networks()):
+            raise ConfigError(
+                f"{key}: case {of} differs from the bundled case of this name; "
+                f"allowed: {PRETRAINED}:{of}, which was trained on the bundled one"
+            )
+        if kind == "suite" or (conf_dir() / "case" / f"{of}.yaml").is_file():
+            found += suites()
     if found:
         return found[0]
-    kind = "suite" if suite and len(suite.cases) != 1 else "case"
-    if suite and not wanted and any(one.case == suite.name for one in networks()):
-        raise ConfigError(
-            f"{key}: {kind} {suite.name} differs from the bundled {kind} of this name; "
-            f"allowed: {PRETRAINED}:{suite.name}, which was trained on the bundled one"
-        )
-    of = f"case {wanted}" if wanted or not suite else f"{kind} {suite.name}"
-    allowed = ", ".join(one.case for one in networks())
-    raise ConfigError(f"{key}: no bundled network of {of}; allowed: {allowed}")
+    allowed = ", ".join(one.name for one in every)
+    raise ConfigError(f"{key}: no bundled network of {kind} {of}; allowed: {allowed}")
 
 
 def training_returns(config_hashes: set[str]) -> pd.DataFrame:

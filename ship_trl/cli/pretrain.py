@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 RUNS = Path("outputs/pretrained")
 SEEDS, SUITE_SEEDS = range(100, 105), range(5)
-# The networks of random encounters: their names, and the words of their runs.
+# The networks of random encounters by name: the target of their runs, and further words.
 SUITES = {
-    "traffic": ("target=traffic", "observation=vector"),
+    "traffic": ("traffic", "observation=vector"),
 }
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")
@@ -54,33 +54,42 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--suites", action="store_true", help="the networks of random encounters")
     parser.add_argument("--runs", type=Path, default=RUNS, metavar="FOLDER", help=f"of the runs ({RUNS})")
     options = parser.parse_args(arguments)
-    folder, runs = options.folder, options.runs
-    cases = sorted(one.name for one in networks())
-    if options.suites:
-        for name, words in SUITES.items():
-            # The pair names the folder, for several networks may have the same target.
-            train(runs, SUITE_SEEDS, *words, f"pair={name}")
-    else:
-        train(runs, SEEDS, f"target={','.join(cases)}")
+    write = write_suites if options.suites else write_networks
+    places = train_suites(options.runs) if options.suites else train_cases(options.runs)
     with refusals():
-        folder.mkdir(parents=True, exist_ok=True)
-        if options.suites:
-            write_suites(folder, {name: runs / name / "scratch" for name in SUITES})
-        else:
-            write_networks(folder, [runs / case / "scratch" for case in cases])
+        options.folder.mkdir(parents=True, exist_ok=True)
+        write(options.folder, places)
+
+
+def train_cases(runs: Path) -> dict[str, Path]:
+    """Train the missing runs of each case; return the folder of its runs."""
+    cases = sorted(one.target for one in networks())
+    train(runs, SEEDS, f"target={','.join(cases)}")
+    return {case: runs / case / "scratch" for case in cases}
+
+
+def train_suites(runs: Path) -> dict[str, Path]:
+    """Train the missing runs of each network of random encounters; return the folder of its runs."""
+    places = {}
+    for name, (target, *words) in SUITES.items():
+        # A second network of a target has an output folder of its own.
+        output = runs if name == target else runs / name
+        train(output, SUITE_SEEDS, f"target={target}", *words)
+        places[name] = output / target / "scratch"
+    return places
 
 
 def train(output: Path, seeds: Iterable[int], *words: str) -> None:
-    """Train the missing runs from scratch of all seeds, and exit if one fails."""
+    """Train the missing runs from scratch, and exit if one fails."""
     grid = *words, "method=scratch", f"seed={','.join(map(str, seeds))}", f"output={output}"
     if code := subprocess.run([sys.executable, "-m", "ship_trl", "-m", *grid], check=False).returncode:
         sys.exit(code)
 
 
-def write_networks(folder: Path, cases: list[Path]) -> None:
+def write_networks(folder: Path, places: dict[str, Path]) -> None:
     """Write the best network of each case, the curves of all runs and last a manifest into `folder`.
 
-    `cases` are the folders of each case's runs.
+    `places` are the folders of each case's runs.
 
     Raises:
         ConfigError: a run is missing or incomplete.
@@ -93,7 +102,7 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
 
     configure_process()
     networks, runs, curves = [], [], []
-    for place in cases:
+    for place in places.values():
         paths = [place / f"seed={seed}" for seed in SEEDS]
         found = [read_run(path) for path in paths]
         for result, training in found:
@@ -114,10 +123,10 @@ def write_networks(folder: Path, cases: list[Path]) -> None:
     update_manifest(folder, algorithm_version=ALGORITHM_VERSION, networks=networks, runs=runs)
 
 
-def write_suites(folder: Path, runs: dict[str, Path]) -> None:
-    """Write the best network of random encounters by each name, and last a manifest into `folder`.
+def write_suites(folder: Path, places: dict[str, Path]) -> None:
+    """Write the best network of random encounters of each name and last a manifest into `folder`.
 
-    `runs` are the folders of each network's runs, by its name.
+    `places` are the folders of the runs that each is chosen from.
 
     Raises:
         ConfigError: a run is missing or incomplete.
@@ -127,7 +136,7 @@ def write_suites(folder: Path, runs: dict[str, Path]) -> None:
 
     configure_process()
     written = []
-    for name, place in runs.items():
+    for name, place in places.items():
         found = {seed: read_run(place / f"seed={seed}")[0] for seed in SUITE_SEEDS}
         rates = {str(seed): result.best.success_rate for seed, result in found.items()}
         # On ties `max` finds the first, which has the lower seed.

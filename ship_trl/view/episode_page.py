@@ -28,6 +28,7 @@ TITLE, CAPTION, LINE = 34, 36, 17
 # Seconds between marks on a path; metres of a hull, and around start and goal.
 MARK_TIME, LENGTH, AROUND = 10.0, 50.0, 40.0
 FAILURES = ("collision", "timeout", "goal")
+MAX_TITLE = 52
 
 
 def write_episode_page(
@@ -50,6 +51,8 @@ def write_episode_page(
     page.fill(BACKGROUND)
     reach = max(float(goal_distance(one.states[0])) / 2 for one in episodes) + world.goal_distance + AROUND
     shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
+    # The end of a long path says most; the legend stands beside it.
+    title = title if len(title) <= MAX_TITLE else f"...{title[-MAX_TITLE:]}"
     text = f"{title}: {counted(len(episodes), 'episode')}{shown}"
     end = pen.write(page, text, (MARGIN, MARGIN + TITLE / 3), TEXT, 18, True)
     for outcome in FAILURES:

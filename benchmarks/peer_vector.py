@@ -24,6 +24,7 @@ from ship_trl.sim.vector import VectorObservation
 NUM_ENVS = 64
 # Ours takes about as many in its 26,000 episodes; a number of whole rollouts of PPO.
 STEPS = 290 * 4096
+# All ships at once: layers that see one ship at a time are ours.
 REWARD_SCALE, GAMMA, LAYERS = 0.1, 0.97, [256, 256, 256]
 # Settings that Stable-Baselines3's users would choose. What ours has too is as in conf/profile/traffic.yaml.
 DQN_SETTINGS: dict[str, Any] = {

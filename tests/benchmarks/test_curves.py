@@ -126,7 +126,6 @@ def test_peers_are_given_what_our_profile_has() -> None:
     assert updates * learn.update_every == peer_vector.NUM_ENVS == learn.num_envs
     assert settings["tau"] == updates * learn.tau
     assert (learn.reward_scale, learn.gamma) == (peer_vector.REWARD_SCALE, peer_vector.GAMMA)
-    assert config.network.linear == peer_vector.LAYERS
 
 
 def test_wrong_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:

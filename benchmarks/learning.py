@@ -73,7 +73,7 @@ def vector_probes() -> list[Probe]:
     """Return the loop on numbers, with an update every 16 environment steps."""
     words = ("observation=vector", "learn.num_envs=64", "learn.batch_size=128", "learn.update_every=16")
     return [
-        Probe("", "ours, 3 x 256", start_loop(make_ours("scratch", *words)), STEPS_PER_CALL, is_ours=True)
+        Probe("", "ours, numbers", start_loop(make_ours("scratch", *words)), STEPS_PER_CALL, is_ours=True)
     ]
 
 

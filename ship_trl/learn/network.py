@@ -188,7 +188,10 @@ class VectorNetwork(DuelingNetwork):
 
     def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
         """Add the layers below `shared`; return `layer_names`, the inputs of `shared` and its width."""
-        *sizes, (below, hidden) = linear_sizes(self.config)
+        sizes = linear_sizes(self.config)
+        if not self.config.per_ship:  # then any numbers do
+            sizes[0] = inputs, sizes[0][1]
+        *sizes, (below, hidden) = sizes
         names = tuple(f"linear{n}" for n in range(1, len(sizes) + 1))
         for name, size in zip(names, sizes, strict=True):
             self.add_module(name, nn.Linear(*size))

@@ -248,7 +248,7 @@ def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
 def test_it_learns_from_numbers_too() -> None:
     """A step changes every layer of a network without conv layers."""
     weights, exploration, replay = (Generator().manual_seed(k) for k in range(3))
-    config = replace(load_network("vector"), linear=[8, 6], per_ship=1)
+    config = replace(load_network("vector"), linear=[8, 6], per_ship=0)
     network = VectorNetwork(2, 3, weights, config)
     learner = build(
         Setup(network, lambda state: state / 4, 3, schedule(), exploration, replay, options=OPTIONS)

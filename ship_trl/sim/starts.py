@@ -27,7 +27,7 @@ from ship_trl.sim.state import (
     target_ships,
 )
 from ship_trl.sim.suites import Suite
-from ship_trl.sim.traffic import TrafficStarts, uniform
+from ship_trl.sim.traffic import TrafficStarts
 
 # Perturbed starts inside the safe distance or at the goal are drawn again, at most this often.
 MAX_DRAWS = 1000
@@ -130,3 +130,10 @@ class Starts:
 def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:
     """Make what draws the initial states of a suite."""
     return Starts(suite, world) if suite.traffic is None else TrafficStarts(suite.traffic, world)
+
+
+def uniform(shape: tuple[int, ...], generator: Generator) -> NDArray[np.float32]:
+    """Draw numbers from 0 to 1. Filling an array costs half as much as `torch.rand`."""
+    numbers = np.empty(shape, np.float32)
+    torch.from_numpy(numbers).uniform_(generator=generator)
+    return numbers

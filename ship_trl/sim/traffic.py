@@ -165,10 +165,3 @@ class TrafficStarts:
                 "wider ones"
             )
         return states
-
-
-def uniform(shape: tuple[int, ...], generator: Generator) -> NDArray[np.float32]:
-    """Draw numbers from 0 to 1. Filling an array costs half as much as `torch.rand`."""
-    numbers = np.empty(shape, np.float32)
-    torch.from_numpy(numbers).uniform_(generator=generator)
-    return numbers

@@ -34,6 +34,7 @@ from ship_trl.config.bounds import (
     Positive,
     PositiveShare,
     Range,
+    Seconds,
     Seed,
     Share,
     ShipShares,
@@ -133,7 +134,8 @@ class Network:
     `conv` lists conv layers from the picture on, each [filters, kernel, stride], square and without padding.
     `hidden` is the width of the fully connected layer behind them, which value and advantage share.
     `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`. The
-    first `per_ship` of them see own ship and one target ship at a time.
+    first `per_ship` of them see own ship and one target ship at a time. `vector_time` is the time whose way
+    the speed vectors show in the picture that the conv layers see; 0 draws none.
     """
 
     conv: list[ConvNumbers] = field(default_factory=list)
@@ -141,6 +143,7 @@ class Network:
     linear: list[Annotated[int, limit(1, MAX_UNITS)]] = field(default_factory=list)
     ships: Annotated[int, limit(0, MAX_SHIPS)] = 0
     per_ship: Annotated[int, limit(0, MAX_UNITS)] = 0
+    vector_time: Seconds = 0.0
 
     @property
     def inputs(self) -> int:

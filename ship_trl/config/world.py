@@ -1,4 +1,4 @@
-"""The world: physics, reward and picture, which all cases share. Its values are in conf/world."""
+"""The world: physics and reward, which all cases share. Its values are in conf/world."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class World:
     """The physics shared by all cases (sections 3.1 and 3.3); the defaults are the paper's.
 
     `turn_time` and `speed_time` are the time constants with which own ship's yaw rate and speed follow an
-    action. `vector_time` is the time whose way a ship's speed vector shows in the picture. 0 is none.
+    action; 0 is at once.
     """
 
     dt: Annotated[float, limit(MIN_STEP_SECONDS, MAX_STEP_SECONDS, note="seconds")]
@@ -63,7 +63,6 @@ class World:
     turn_time: Seconds = 0.0
     speed_time: Seconds = 0.0
     give_way: GiveWay = GiveWay()
-    vector_time: Seconds = 0.0
 
     @property
     def straight_action(self) -> int:

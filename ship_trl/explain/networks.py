@@ -138,7 +138,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
             source.load_state_dict(dict(found.weights))
             make_method(run.arm).copy(before, found.weights)
         env = ShipEnv(suite, entry.world, 1, colour=entry.colour)
-        reached = rollout(env, greedy_policy(before, env.rasteriser))[0].episode_return
+        reached = rollout(env, greedy_policy(before, env.observer(config.network)))[0].episode_return
     except ConfigError as error:
         print_error(f"{left_out}: {error}")
         return Origin(result)

@@ -57,7 +57,8 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     origin = find_origin(first, name)
     # One random stream for each purpose.
     state_draws, weight_draws = (Generator().manual_seed(seed + k) for k in range(2))
-    env = ShipEnv(first.case, first.world, 1, colour=first.colour)
+    vector_time = network.config.vector_time
+    env = ShipEnv(first.case, first.world, 1, colour=first.colour, vector_time=vector_time)
     states = draw_states(env, network, episodes, state_draws)
     log(f"{len(states.states)} states of {episodes} episodes")
     networks = add_controls(named, origin, weight_draws)

@@ -144,8 +144,18 @@ def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Polic
     """
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
+    from ship_trl.transfer.layers import saved_network
 
     # Networks draw their own pixels, and policies without training read only the state.
-    pixels = entry.policy not in POLICIES and not entry.policy.endswith(".safetensors")
-    env = ShipEnv(entry.suite, entry.world, colour=entry.colour, from_pixels=pixels, starts=starts)
+    is_network = entry.policy.endswith(".safetensors")
+    pixels = entry.policy not in POLICIES and not is_network
+    seen = saved_network(Path(entry.policy), "policy").vector_time if is_network else 0.0
+    env = ShipEnv(
+        entry.suite,
+        entry.world,
+        colour=entry.colour,
+        vector_time=seen,
+        from_pixels=pixels,
+        starts=starts,
+    )
     return env, load_policy(entry.policy, env, seed)

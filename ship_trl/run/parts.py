@@ -91,7 +91,15 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     # the device that uses them, as torch demands.
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
-    make_env = partial(ShipEnv, run.target, world, colour=config.colour, device=device, fast=config.fast)
+    make_env = partial(
+        ShipEnv,
+        run.target,
+        world,
+        colour=config.colour,
+        vector_time=config.network.vector_time,
+        device=device,
+        fast=config.fast,
+    )
     drawn = Generator().manual_seed(run.stream("evaluation"))
     eval_env = make_env(starts=make_starts(run.target, world).balanced(run.evaluation_episodes, drawn))
     draw = eval_env.observer(config.network)

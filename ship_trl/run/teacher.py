@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,14 +49,14 @@ def teacher_config(config: Config) -> Path | None:
 
 
 def check_teacher_world(config: Config) -> None:
-    """Check that the teacher's world, where it is known, is the run's; pictures may have other speed vectors.
+    """Check that the teacher's world, where it is known, is the run's.
 
     Raises:
         ConfigError: it is not, or the teacher's configuration is invalid.
     """
     if (path := teacher_config(config)) is None:
         return
-    world = dataclasses.replace(read_settings(path.parent)[0], vector_time=config.world.vector_time)
+    world = read_settings(path.parent)[0]
     ours = dict(flatten(plain(config.world), "world"))
     others = [f"{key}={value}" for key, value in flatten(plain(world), "world") if ours[key] != value]
     if others:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import torch
@@ -46,6 +47,7 @@ class ShipEnv(EnvBase):
         num_envs: number of own ships, N.
         from_pixels: whether to observe `pixels`.
         colour: whether the pixels are RGB (C = 3) instead of grey (C = 1).
+        vector_time: time (s) whose way a ship's speed vector shows in the pixels; 0 draws none.
         encoders: maps each further observation key to a function from states [N, S] to features [N, F].
         device: where to simulate.
         generator: random generator of the initial states, on the CPU; one with seed 0 by default.
@@ -64,6 +66,7 @@ class ShipEnv(EnvBase):
         *,
         from_pixels: bool = False,
         colour: bool = False,
+        vector_time: float = 0.0,
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         device: str | torch.device = "cpu",
         generator: Generator | None = None,
@@ -78,7 +81,8 @@ class ShipEnv(EnvBase):
         self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
         self._starts, self._given = make_starts(self.suite, world), starts
         self._simulate = make_step(world, self.device, fast=fast)
-        self.rasteriser = Rasteriser(world, colour=colour, device=self.device, fast=fast)
+        self._draws = partial(Rasteriser, world, colour=colour, device=self.device, fast=fast)
+        self.rasteriser = self._draws(vector_time=vector_time)
         self.from_pixels, self.margin = from_pixels, margin or Margin()
         self._encoders = dict(encoders or {})
         self._make_specs()
@@ -94,7 +98,10 @@ class ShipEnv(EnvBase):
 
     def observer(self, network: Network) -> Rasteriser | VectorObservation:
         """Return what maps states to the input of a network."""
-        return VectorObservation(self.world, network.ships) if network.linear else self.rasteriser
+        if network.linear:
+            return VectorObservation(self.world, network.ships)
+        is_own = network.vector_time == self.rasteriser.vector_time
+        return self.rasteriser if is_own else self._draws(vector_time=network.vector_time)
 
     def _make_specs(self) -> None:
         """Set the specs of observation, state, action, reward and done."""

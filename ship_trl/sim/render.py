@@ -54,15 +54,22 @@ class Rasteriser:
     Attributes:
         size: width and height of the picture in pixels.
         channels: C.
+        vector_time: time (s) whose way a ship's speed vector shows; 0 draws none.
         background: the picture without line and target ships, uint8 [C, 84, 84].
         compiled: the compiled loop; None where torch draws.
     """
 
     def __init__(
-        self, world: World, *, colour: bool = False, device: str | torch.device = "cpu", fast: bool = True
+        self,
+        world: World,
+        *,
+        colour: bool = False,
+        vector_time: float = 0.0,
+        device: str | torch.device = "cpu",
+        fast: bool = True,
     ) -> None:
         self.size, self.channels = scene.SIZE, 3 if colour else 1
-        self.device = torch.device(device)
+        self.vector_time, self.device = vector_time, torch.device(device)
         # On the CPU, because the corners are read as Python floats.
         outline = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH), device="cpu")
         self._outline = outline * scene.PIXELS_PER_METRE
@@ -73,7 +80,7 @@ class Rasteriser:
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
         self._own_ink = self._ink(scene.OWN)
         # Pixels for each m/s of a speed vector; 0 draws none.
-        self._vector_scale = world.vector_time * scene.PIXELS_PER_METRE
+        self._vector_scale = vector_time * scene.PIXELS_PER_METRE
         self._background = self._draw_background(world)
         self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
         self.compiled: CompiledDrawing | None = None
@@ -179,7 +186,7 @@ class Rasteriser:
     ) -> None:
         """Blend the speed vectors of own ship and target ships over `image`; arguments as `_draw_ships`.
 
-        A vector is the way of a ship's bow in `world.vector_time`, if the ship holds course and speed.
+        A vector is the way of a ship's bow in `vector_time`, if the ship holds course and speed.
         """
         cx, cy = self._places(relative_positions(state), rotate_x, rotate_y)
         heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,9 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
     with open_safetensors(path, key) as file:
         names = set(file.keys())
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
-        if (saved := saved_network(path, key)) != network.config:
+        # Another network's pictures may have speed vectors or not: its layers fit.
+        saved = replace(saved_network(path, key), vector_time=network.config.vector_time)
+        if saved != network.config:
             layers = [describe_network(each).items() for each in (saved, network.config)]
             got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)
             raise ConfigError(f"{key}: {path} has other layers: {got}; allowed: {allowed}")

@@ -99,9 +99,10 @@ def draw_dashboard(
     steps = tuple(min(int(position + 1e-9), view.telemetry.steps) for view in some)
     surface.blit(_draw_still(size, some, steps, look, status), (0, 0))
     telemetries = [view.telemetry for view in some]
-    for k, telemetry in enumerate(telemetries):
+    for k, view in enumerate(some):
         frame = absolute_frame(telemetries, layout.side) if look.absolute else None
-        paint_scene(surface.subsurface(layout.scene(k)), telemetry, position, frame, look.to_scale)
+        picture, vector_time = surface.subsurface(layout.scene(k)), view.rasteriser.vector_time
+        paint_scene(picture, view.telemetry, position, frame, look.to_scale, vector_time=vector_time)
     for graph in _make_graphs(size, some):
         graph.draw(surface, position)
     if help_lines:
@@ -127,7 +128,9 @@ def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, st
             words = pen.cut(f"{'AB'[k]}  {view.title}", layout.width, letters, True)
             pen.write(surface, words, (scene.left, scene.top - layout.title / 2), PAIR[k], letters, True)
         legend = pygame.Rect(scene.bottomleft, (layout.side, layout.legend))
-        draw_legend(surface, legend, view.telemetry.world, max(9, round(13 * unit)), look.to_scale)
+        letter_size, vector_time = max(9, round(13 * unit)), view.rasteriser.vector_time
+        world = view.telemetry.world
+        draw_legend(surface, legend, world, letter_size, look.to_scale, vector_time=vector_time)
         if layout.values:
             row = pygame.Rect(legend.bottomleft, (layout.side, layout.values))
             Panel(surface, row, unit, view, step, look.saliency).values()

@@ -20,6 +20,7 @@ def draw_legend(
     size: int,
     to_scale: bool = False,
     plain: bool = False,
+    vector_time: float = 0.0,
 ) -> None:
     """Explain the scene from the top left of a room, in as many lines as needed.
 
@@ -38,7 +39,7 @@ def draw_legend(
         (scene.GOAL_CIRCLE, "disc", expected),
         (scene.SAFE_CIRCLE, "disc", safe),
         (scene.LINE, "line", "to the goal"),
-        *([(scene.TARGET, "line", f"speed vector, {world.vector_time:g} s")] if world.vector_time else []),
+        *([(scene.TARGET, "line", f"speed vector, {vector_time:g} s")] if vector_time else []),
         (TEXT, "", f"width {2 * scene.VIEW_RADIUS:g} m") if plain else track,
         (CHOSEN, "", hulls),
     ]

@@ -85,11 +85,13 @@ def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
     return Projection(x, y, math.pi / 2, side, side / width)
 
 
-def draw_scene(case: Case, world: World, state: Tensor, size: int = 600) -> pygame.Surface:
+def draw_scene(
+    case: Case, world: World, state: Tensor, size: int = 600, vector_time: float = 0.0
+) -> pygame.Surface:
     """Draw one state [S] as the network sees it, as a square of `size` pixels."""
     picture = pen.new_surface(size, size)
     telemetry = measure(case, world, state[None], torch.zeros(0, dtype=torch.int64))
-    paint_scene(picture, telemetry, 0.0, plain=True)
+    paint_scene(picture, telemetry, 0.0, plain=True, vector_time=vector_time)
     return picture
 
 
@@ -100,12 +102,13 @@ def paint_scene(
     absolute: Projection | None = None,
     to_scale: bool = False,
     plain: bool = False,
+    vector_time: float = 0.0,
 ) -> None:
     """Fill a square surface with the scene at a position in steps.
 
     By default own ship stays in the middle; in the projection `absolute` all ships move. With `to_scale` true
     hulls are drawn inside the outlines that the network sees. A `plain` picture has only what the network
-    sees: no tracks, numbers, scale and north arrow.
+    sees: no tracks, numbers, scale and north arrow. Speed vectors show the way of `vector_time` seconds.
     """
     world, side = telemetry.world, picture.get_width()
     own, ships = telemetry.at(position)
@@ -124,12 +127,12 @@ def paint_scene(
     pen.strip(picture, scene.LINE, middle, frame.point(*telemetry.states[0, [GOAL_X, GOAL_Y]]), width)
     step = min(int(position), telemetry.steps)
     headings = telemetry.headings[step]
-    if world.vector_time:
+    if vector_time:
         # People tell own ship's vector from the line to the goal by its width.
         own_width = width if plain else 2 * width
-        way = telemetry.states[step, SPEED] * world.vector_time
+        way = telemetry.states[step, SPEED] * vector_time
         _draw_vector(picture, frame, own, way, scene.OWN_LENGTH, scene.OWN, own_width)
-        ways = telemetry.speeds[step] * world.vector_time
+        ways = telemetry.speeds[step] * vector_time
         for place, heading, way in zip(ships, headings, ways, strict=True):
             pose = np.array([*place, heading])
             _draw_vector(picture, frame, pose, way, scene.TARGET_LENGTH, scene.TARGET, width)

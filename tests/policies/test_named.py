@@ -1,18 +1,26 @@
 """A policy acts on the scenes of the environment in which it acts, whatever it was made for."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 import torch
+from torch import Generator
 
 import ship_trl as package
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.network import load_network
 from ship_trl.config.types import Perturbation, World
+from ship_trl.learn.network import make_network
 from ship_trl.learn.rollout import rollout
+from ship_trl.policies.entry import Entry, rollout_entry
 from ship_trl.policies.named import load_policy, network_of
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.suites import load_suite, suite_of
+from ship_trl.transfer.layers import save_weights
 
 
 def test_a_network_of_case_4_sees_the_ships_of_case_6(world: World) -> None:
@@ -31,6 +39,21 @@ def test_a_network_of_case_4_sees_the_ships_of_case_6(world: World) -> None:
         assert not bool((wanted == others).any())
         own_current = own.step(own_current.set("action", current["action"]))["next"]
         current = env.step(current)["next"]
+
+
+def test_a_network_sees_its_own_speed_vectors_in_any_environment(world: World, tmp_path: Path) -> None:
+    seeing = replace(load_network(), vector_time=8.0)
+    made = make_network(seeing, len(world.actions), Generator().manual_seed(0))
+    save_weights(path := tmp_path / "seeing.safetensors", made, {})
+    case = load_case("6", world)
+    env, other = (ShipEnv(case, world, from_pixels=True, vector_time=seconds) for seconds in (8.0, 0.0))
+    wanted, plain = made(env.reset()["pixels"]), made(other.reset()["pixels"])
+    assert not torch.equal(wanted, plain)
+    for acts in (env, other):
+        assert torch.equal(load_policy(str(path), acts)(acts.reset())["action_value"], wanted)
+    used, _, (episode,) = rollout_entry(Entry(str(path), "seeing", suite_of(case), world, colour=False))
+    assert used.rasteriser.vector_time == 8.0 and episode.q_values is not None
+    assert torch.equal(episode.q_values[0], wanted[0])
 
 
 def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None:

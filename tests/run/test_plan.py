@@ -168,7 +168,7 @@ def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text
     assert find_result(run(*line, "overwrite=true")) is None
 
 
-@pytest.mark.parametrize("change", ["turn_time=2", "speed_time=4", "vector_time=20", "give_way.dcpa=60"])
+@pytest.mark.parametrize("change", ["turn_time=2", "speed_time=4", "give_way.dcpa=60"])
 def test_a_later_key_of_the_world_is_in_the_hash_only_when_set(change: str) -> None:
     line = ("target=1", "method=scratch")
     paper, changed = run(*line).config, run(*line, f"world.{change}").config

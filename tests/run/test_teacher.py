@@ -69,7 +69,7 @@ def test_it_is_known_by_its_content_and_named_in_the_result(tmp_path: Path) -> N
 
 def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_path: Path) -> None:
     saved(tmp_path / "policy.safetensors")
-    config = composed("target=4", "method=scratch", "learn.reward_scale=0.1", "world.vector_time=9")
+    config = composed("target=4", "method=scratch", "learn.reward_scale=0.1")
     OmegaConf.save(OmegaConf.structured(config), tmp_path / "config.yaml")
     world = load_world()
     env, state = ShipEnv(load_case("4", world), world), initial_state(load_case("4", world), world)[None]

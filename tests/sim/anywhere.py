@@ -18,12 +18,13 @@ lags = st.just(0.0) | st.floats(0.1, 10)
 
 @dataclass
 class Scenario:
-    """A case in a world, and the actions of two own ships."""
+    """A case in a world, the actions of two own ships, and the time (s) of speed vectors in the picture."""
 
     world: World
     case: Case
     actions: list[int]
     other_actions: list[int]
+    vector_time: float
 
 
 @st.composite
@@ -39,7 +40,6 @@ def worlds(draw: st.DrawFn) -> World:
         actions=[[draw(speeds), draw(turns)] for _ in range(count)],
         turn_time=draw(lags),
         speed_time=draw(lags),
-        vector_time=draw(st.sampled_from([0.0, 20.0])),
         reward=Reward(*(draw(st.floats(-300, 300)) for _ in range(2)), *(draw(weight) for _ in range(6))),
     )
 
@@ -63,7 +63,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
     check_case(case, world, "anywhere")
     steps = world.max_steps
     actions = st.lists(st.integers(0, len(world.actions) - 1), min_size=steps, max_size=steps)
-    return Scenario(world, case, draw(actions), draw(actions))
+    return Scenario(world, case, draw(actions), draw(actions), draw(st.sampled_from([0.0, 20.0])))
 
 
 def mirrored(scenario: Scenario) -> Scenario:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from torch import Tensor
 
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.fast.compiled import CompiledStep
+from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.state import (
     GOAL_Y,
@@ -52,7 +54,10 @@ class Step:
 
 def rollout(scenario: Scenario) -> list[Step]:
     """Roll out the actions in the environment until the episode ends."""
-    env, steps = ShipEnv(scenario.case, scenario.world, from_pixels=True), []
+    env, steps = (
+        ShipEnv(scenario.case, scenario.world, from_pixels=True, vector_time=scenario.vector_time),
+        [],
+    )
     step = env.reset()
     for action in scenario.actions:
         step = env.step(step.set("action", torch.tensor([action])))["next"]
@@ -186,8 +191,8 @@ def test_a_rotated_and_translated_world_has_the_same_pictures_and_rewards(
 
 @given(scenarios(), st.integers(2, 9))
 def test_a_batch_is_bit_identical_to_its_ships_one_by_one(scenario: Scenario, count: int) -> None:
-    env = ShipEnv(scenario.case, scenario.world, count, from_pixels=True, colour=True)
-    single = ShipEnv(scenario.case, scenario.world, 1, from_pixels=True, colour=True)
+    make_env = partial(ShipEnv, from_pixels=True, colour=True, vector_time=scenario.vector_time)
+    env, single = (make_env(scenario.case, scenario.world, n) for n in (count, 1))
     together, singles = env.reset(), [single.reset() for _ in range(count)]
     for first, other in list(zip(scenario.actions, scenario.other_actions, strict=True))[:12]:
         actions = torch.tensor(
@@ -227,5 +232,5 @@ def test_the_compiled_loops_equal_the_reference_in_any_world(scenario: Scenario,
     for flag in ("goal", "collision", "truncated"):
         assert torch.equal(getattr(got, flag)[~on_edge], getattr(wanted, flag)[~on_edge]), flag
     torch.testing.assert_close(got.reward[~on_edge], wanted.reward[~on_edge], rtol=1e-4, atol=5e-2)
-    draw = ShipEnv(scenario.case, world).rasteriser
+    draw = Rasteriser(world, vector_time=scenario.vector_time)
     assert int(compiled_difference(draw, state[:: count // 40]).max()) <= 1

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -127,7 +128,7 @@ def test_own_ship_on_the_goal_is_drawn() -> None:
     assert int((on - beside).abs().max()) <= 2
 
 
-VECTORS = replace(WORLD, vector_time=20.0)
+VECTORS = partial(Rasteriser, WORLD, vector_time=20.0)
 
 
 def test_without_a_vector_time_no_vectors_are_drawn() -> None:
@@ -135,13 +136,13 @@ def test_without_a_vector_time_no_vectors_are_drawn() -> None:
     fast = state.clone()
     fast[:, SPEED] = 3.0
     assert torch.equal(GREY(fast), GREY(state))
-    assert not torch.equal(Rasteriser(VECTORS)(state), GREY(state))
+    assert not torch.equal(VECTORS()(state), GREY(state))
 
 
 @pytest.mark.parametrize("place", [SPEED, OWN_SIZE + SHIP_SPEED])
 @pytest.mark.parametrize("fast", [False, True])
 def test_two_speeds_give_two_pictures(place: int, fast: bool) -> None:
-    draw = Rasteriser(VECTORS, fast=fast)
+    draw = VECTORS(fast=fast)
     slow = scenes(CASES["4"], WORLD, [[20.0, 150.0, 1.9, 5.0]])
     quick = slow.clone()
     slow[:, place], quick[:, place] = 8.0, 12.0
@@ -153,7 +154,7 @@ def test_a_vector_is_the_way_of_the_bow(heading: float, speed: float) -> None:
     here, place = at(0.0, 0.0, AHEAD, 0.0), (-180.0, 180.0)
     case = replace(with_ship(*place, heading), target_ships=[TargetShip(*place, heading, speed)])
     with_vector, without = (
-        Rasteriser(world, colour=True)(scenes(case, world, here))[0, 1].float() for world in (VECTORS, WORLD)
+        draw(scenes(case, WORLD, here))[0, 1].float() for draw in (VECTORS(colour=True), COLOUR)
     )
     changed = (with_vector - without)[:, :41]  # own ship's vector is in the middle
     ahead = torch.tensor([math.cos(math.radians(heading)), math.sin(math.radians(heading))])

@@ -1,6 +1,7 @@
 """Which layers are copied and frozen, and what is refused as a source."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -132,6 +133,14 @@ def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     assert saved_network(path, "policy") == load_network()
 
 
+def test_layers_fit_a_network_whose_pictures_have_no_speed_vectors(tmp_path: Path) -> None:
+    path, seeing = tmp_path / "seeing.safetensors", replace(load_network(), vector_time=8.0)
+    save_weights(path, network(1, config=seeing), {})
+    assert saved_network(path, "policy") == seeing
+    weights = load_weights(path, network(2))
+    assert all(torch.equal(value, weights[key]) for key, value in network(1).state_dict().items())
+
+
 def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: Path) -> None:
     path, conv = tmp_path / "policy.safetensors", [[8, 8, 4], [8, 15, 3], [8, 2, 1]]
     save_weights(path, network(1, config=Network(conv, 9)), {})
@@ -147,7 +156,10 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     [
         ("{", "Expecting property name"),
         ("3", "not iterable"),
-        ('{"network": 3}', "network: must be a group of conv, hidden, linear, ships, per_ship, got 3"),
+        (
+            '{"network": 3}',
+            "network: must be a group of conv, hidden, linear, ships, per_ship, vector",
+        ),
         ('{"network": {"conv": [[32, 8, 4]], "hidden": "${oc.env:HOME}"}}', "got '${oc.env:HOME}'"),
         ('{"network": {"conv": [[32, 8, 4]]}}', "network.hidden: must be from 1 to 4096, got 0"),
         ('{"network": {"linear": [8, 200], "ships": 1}}', "linear1.weight has another shape"),

@@ -1,7 +1,6 @@
 """The picture for people is the network's, drawn large, in both frames and with additions."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,14 +34,15 @@ STATES = [
 CASES = ["1", "2", "3", "4", "5", "6", "new"]
 
 
-def network_picture(case: Case, world: World, state: Place) -> Picture:
-    pixels = Rasteriser(world, colour=True)(scenes(case, world, [state])[0])
+def network_picture(case: Case, world: World, state: Place, vector_time: float = 0.0) -> Picture:
+    pixels = Rasteriser(world, colour=True, vector_time=vector_time)(scenes(case, world, [state])[0])
     return np.asarray(pixels.permute(1, 2, 0).double().numpy())
 
 
-def people_picture(case: Case, world: World, state: Place) -> Picture:
+def people_picture(case: Case, world: World, state: Place, vector_time: float = 0.0) -> Picture:
     """The large picture, each 8 x 8 pixels averaged."""
-    large = pen.to_array(draw_scene(case, world, scenes(case, world, [state])[0], scene.SIZE * TIMES))
+    here = scenes(case, world, [state])[0]
+    large = pen.to_array(draw_scene(case, world, here, scene.SIZE * TIMES, vector_time))
     return np.asarray(large.reshape(scene.SIZE, TIMES, scene.SIZE, TIMES, 3).mean((1, 3)))
 
 
@@ -80,9 +80,9 @@ def test_people_and_network_see_the_same(world: World, name: str) -> None:
 
 
 def test_people_and_network_see_the_same_speed_vectors(world: World) -> None:
-    case, with_vectors = load_case("6", world), replace(world, vector_time=20.0)
+    case = load_case("6", world)
     for state in STATES:
-        network, people = (draw(case, with_vectors, state) for draw in (network_picture, people_picture))
+        network, people = (draw(case, world, state, 20.0) for draw in (network_picture, people_picture))
         whole, parts = compare(network, people)
         assert whole > 0.995 and parts > 0.985, state
         assert compare(network, network_picture(case, world, state))[0] < whole

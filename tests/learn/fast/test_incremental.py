@@ -1,6 +1,5 @@
 """The incremental backend computes the same function as stock convolutions."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -67,8 +66,8 @@ def test_a_network_of_other_layers_is_refused() -> None:
 
 
 def test_speed_vectors_are_only_more_windows() -> None:
-    world = replace(load_world(), vector_time=20.0)
-    draw, plain = Rasteriser(world), Rasteriser(load_world())
+    world = load_world()
+    draw, plain = Rasteriser(world, vector_time=20.0), Rasteriser(world)
     generator = Generator().manual_seed(0)
     row = torch.rand(8, 4, generator=generator) * torch.tensor([400.0, 400.0, 6.0, 30.0])
     states = scenes(load_case("6", world), world, row)

@@ -44,7 +44,7 @@ def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
 @pytest.mark.parametrize("colour", [False, True])
 @pytest.mark.parametrize("vector_time", [5.0, 20.0, 300.0])
 def test_speed_vectors_are_those_of_the_reference(vector_time: float, colour: bool) -> None:
-    draw = Rasteriser(replace(WORLD, vector_time=vector_time), colour=colour)
+    draw = Rasteriser(WORLD, colour=colour, vector_time=vector_time)
     state = states("6", 1000, 4)
     state[:, SPEED] = torch.linspace(-5.0, 20.0, 1000)
     difference = compiled_difference(draw, state)

@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 from ship_trl.config.bounds import Metres
 from ship_trl.config.errors import ConfigError
@@ -108,21 +109,22 @@ def suite_of(case: Case, perturbation: Perturbation = UNPERTURBED) -> Suite:
     return Suite(case.name, (case,), perturbation)
 
 
-def suite_names() -> list[str]:
-    """List the names of all bundled suites, sorted."""
-    return sorted(path.stem for path in (conf_dir() / "suite").glob("*.yaml"))
+def suite_files() -> dict[str, Path]:
+    """Return the file of each suite by name: the working directory's conf/suite, then the bundled ones."""
+    folders = (conf_dir() / "suite", Path("conf/suite"))
+    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
 def is_suite(name: str) -> bool:
     """Return whether a name is that of a suite and not of a case."""
-    return name in suite_names() and find_case(name) is None
+    return name in suite_files() and find_case(name) is None
 
 
 def profile_of(name: str) -> str:
     """Return the profile that a suite asks for, empty if none or if `name` is no suite."""
     if not is_suite(name):
         return ""
-    path = conf_dir() / "suite" / f"{name}.yaml"
+    path = suite_files()[name]
     return read_as(SuiteFile, read_yaml(path), f"{path}: ").profile
 
 
@@ -142,7 +144,7 @@ def load_suite(
         ConfigError: no such suite or case, or one of its cases is invalid.
     """
     if is_suite(name):
-        path = conf_dir() / "suite" / f"{name}.yaml"
+        path = suite_files()[name]
         values = read_as(SuiteFile, read_yaml(path), f"{path}: ")
         cases = tuple(load_case(case, world, f"{path}: cases", values.unit) for case in values.cases)
         if values.scenes:
@@ -159,7 +161,7 @@ def load_suite(
             raise ConfigError(f"perturbation: suite {name} draws its scenes; allowed: a suite of cases")
         return Suite(name, cases, bounds, values.traffic)
     if find_case(name) is None:
-        cases_and_suites = f"{list_names(case_names())}, suite {', '.join(suite_names())}"
+        cases_and_suites = f"{list_names(case_names())}, suite {', '.join(sorted(suite_files()))}"
         raise ConfigError(
             f"{key}: no case or suite {name}; allowed: {cases_and_suites}, or a path to a YAML file"
         )

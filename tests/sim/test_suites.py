@@ -10,6 +10,7 @@ from torch import Generator, Tensor
 from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
@@ -29,7 +30,7 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
-from ship_trl.sim.suites import Perturbation, load_suite, suite_names, suite_of
+from ship_trl.sim.suites import Perturbation, load_suite, suite_files, suite_of
 
 BOUNDS = Perturbation(own_position=30.0, own_heading=20.0, ship_position=100.0, ship_speed=5.0)
 
@@ -50,7 +51,7 @@ def test_the_paper_suite_has_its_seven_cases(world: World) -> None:
     assert int(counts.sum()) == 700 and int(counts.min()) > 60
 
 
-@pytest.mark.parametrize("name", suite_names())
+@pytest.mark.parametrize("name", sorted(suite_files()))
 def test_every_suite_loads_and_draws(name: str, world: World) -> None:
     assert len(make_starts(load_suite(name, world), world).sample(3, draw())) == 3
 
@@ -120,6 +121,23 @@ def test_given_starts_begin_every_episode_of_their_rows(world: World) -> None:
 def test_an_unknown_suite_is_refused(world: World) -> None:
     with pytest.raises(ConfigError, match="suite: no case or suite everything; allowed: 1, 2"):
         load_suite("everything", world)
+
+
+def test_a_suite_of_the_working_directory_comes_before_a_bundled_one(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bundled = load_suite("traffic", world).traffic
+    (tmp_path / "conf/suite").mkdir(parents=True)
+    text = (conf_dir() / "suite/traffic.yaml").read_text().replace("reacting: 0 ", "reacting: 1 ")
+    (tmp_path / "conf/suite/traffic.yaml").write_text(text)
+    (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '2']")
+    monkeypatch.chdir(tmp_path)
+    own = load_suite("traffic", world).traffic
+    assert bundled is not None and own is not None and (bundled.reacting, own.reacting) == (0, 1)
+    assert [case.name for case in load_suite("two", world).cases] == ["1", "2"]
+    (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '22']")
+    with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: cases: no case 22"):
+        load_suite("two", world)
 
 
 def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:

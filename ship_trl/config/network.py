@@ -55,10 +55,6 @@ def check_layers(network: Network) -> None:
             raise ConfigError(f"network.{key}: must be left out beside network.linear, got {got}")
         if not network.ships:
             raise ConfigError("network.ships: must be at least 1 with network.linear, got 0")
-        if network.vector_time:
-            raise ConfigError(
-                f"network.vector_time: must be left out beside network.linear, got {network.vector_time:g}"
-            )
         if network.per_ship >= len(network.linear):
             allowed = f"less than the {len(network.linear)} layers of network.linear"
             raise ConfigError(f"network.per_ship: must be {allowed}, got {network.per_ship}")

@@ -271,7 +271,6 @@ WRONG_VALUES = {
     "observation=vector network.per_ship=4": "network.per_ship: must be less than the 4 layers of",
     "observation=vector network.linear=[0]": "network.linear[0]: must be from 1 to 4096, got 0",
     "observation=vector network.ships=0": "network.ships: must be at least 1 with network.linear, got 0",
-    "observation=vector +network.vector_time=8": "network.vector_time: must be left out beside network.",
     "observation=vector +network.hidden=9": "network.hidden: must be left out beside network.linear, got 9",
     "observation=vector +network.conv=[[8,84,1]]": "network.conv: must be left out beside network.linear, g",
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
@@ -330,6 +329,11 @@ def test_an_observation_chooses_its_network_unless_another_is_given() -> None:
         with pytest.raises(ConfigError, match="got vector"):
             composed(*HIGH, *line)
     assert composed(*HIGH, "observation=vector", "network.linear=[8,8,8]").network.depth == 3
+    pixels, numbers = (
+        composed("target=traffic", "method=scratch", "profile=traffic", *more).network
+        for more in ((), ("observation=vector",))
+    )
+    assert pixels.vector_time == 8 and numbers == load_network("vector")
 
 
 def test_a_builder_of_ones_own_takes_any_keys() -> None:

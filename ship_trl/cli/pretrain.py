@@ -2,9 +2,10 @@
 
 Seeds 100 to 104 learn each case from scratch with profile=quick. The network with the highest greedy return
 is kept, on ties the one with the lower seed. It is written in half precision if its greedy episode stays the
-same. With `--suites` the networks of random encounters are trained instead, with seeds 0 to 4; the highest
-success rate of a run's best evaluation is kept, and all greedy episodes on the Imazu problems must stay the
-same. Finished runs are not repeated. In a manifest that FOLDER holds, the other networks stay.
+same. With `--suites` the networks of random encounters are trained instead, one of numbers with seeds 0 to 4,
+and one of pixels, its pupil, with seeds 0 to 2; the highest success rate of a run's best evaluation is kept,
+and all greedy episodes on the Imazu problems must stay the same. Finished runs are not repeated. In a
+manifest that FOLDER holds, the other networks stay.
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
 
 RUNS = Path("outputs/pretrained")
-SEEDS, SUITE_SEEDS = range(100, 105), range(5)
-# The networks of random encounters by name: the target of their runs, and further words.
+SEEDS = range(100, 105)
+# The networks of random encounters by name: the seeds of their runs, the target, and further words.
 SUITES = {
-    "traffic": ("traffic", "observation=vector"),
+    "traffic": (range(5), "traffic", ["observation=vector"]),
+    "traffic_pixels": (range(3), "traffic", ["algorithm=pupil", "algorithm.teacher=pretrained:traffic"]),
 }
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")
@@ -71,10 +73,10 @@ def train_cases(runs: Path) -> dict[str, Path]:
 def train_suites(runs: Path) -> dict[str, Path]:
     """Train the missing runs of each network of random encounters; return the folder of its runs."""
     places = {}
-    for name, (target, *words) in SUITES.items():
+    for name, (seeds, target, words) in SUITES.items():
         # A second network of a target has an output folder of its own.
         output = runs if name == target else runs / name
-        train(output, SUITE_SEEDS, f"target={target}", *words)
+        train(output, seeds, f"target={target}", *words)
         places[name] = output / target / "scratch"
     return places
 
@@ -137,10 +139,10 @@ def write_suites(folder: Path, places: dict[str, Path]) -> None:
     configure_process()
     written = []
     for name, place in places.items():
-        found = {seed: read_run(place / f"seed={seed}")[0] for seed in SUITE_SEEDS}
+        found = {seed: read_run(place / f"seed={seed}")[0] for seed in SUITES[name][0]}
         rates = {str(seed): result.best.success_rate for seed, result in found.items()}
         # On ties `max` finds the first, which has the lower seed.
-        best = max(SUITE_SEEDS, key=lambda seed: rates[str(seed)])
+        best = max(found, key=lambda seed: rates[str(seed)])
         one = write_suite(folder, name, found[best], place / f"seed={best}" / POLICY, rates)
         reached = ", ".join(f"{rate:.1%} of {suite}" for suite, rate in one.success_rates.items())
         sys.stdout.write(f"{name}: seed {one.seed}, success in {reached}, {one.dtype}\n")

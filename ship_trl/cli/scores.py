@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ship_trl.config.bounds import RULES
 from ship_trl.config.types import plain
 from ship_trl.policies.entry import Entry, time_decision
 from ship_trl.run.folder import flatten
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode
     from ship_trl.policies.metrics import Measurements
 
-# Those of `policies.rules`, which imports torch.
-RULES = (8, 13, 14, 15, 16, 17)
 HEADINGS = (
     *("suite", "policy", "episodes", "success", "collision", "timeout", "return", "of best known"),
     *("least distance, m (5 %)", *(f"R{rule}" for rule in RULES), "path", "ms", "claimed"),

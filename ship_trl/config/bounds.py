@@ -37,6 +37,8 @@ PositiveShare = Annotated[float, limit(above=0, high=1)]
 LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
 # Default half-angle of the head-on sector (Pedersen 2023).
 HEAD_ON_DEGREES = 5.0
+# The steering rules that are scored, in the order of tables and tensors.
+RULES = (8, 13, 14, 15, 16, 17)
 HalfAngle = Annotated[float, limit(above=0, high=90, note="degrees")]
 Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
 Bound = Annotated[float, limit(0, MAX_DISTANCE)]

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
-from ship_trl.config.bounds import HEAD_ON_DEGREES
+from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.rules import RULES, at, closest_pass, scaled_settings, score_rules
+from ship_trl.policies.rules import at, closest_pass, scaled_settings, score_rules
 from ship_trl.sim.encounter import Encounter, relative_motion
 from ship_trl.sim.state import goal, goal_distance, position
 

@@ -31,8 +31,6 @@ from ship_trl.sim.encounter import Encounter, Motion, relative_motion
 from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
 from ship_trl.sim.state import HEADING, SHIP_HEADING, SPEED, is_present, relative_positions, target_ships
 
-# The order of `Scores.rules`.
-RULES = (8, 13, 14, 15, 16, 17)
 # The source's collision radius (m).
 COLLISION = 35.0
 
@@ -92,8 +90,8 @@ class Scores(NamedTuple):
         manoeuvre: step at which the manoeuvre after it is chosen, int64 [N, K]; -1 without one.
         turn: largest change of course after the onset (degrees), starboard positive, [N, K].
         safety: equation 2, [N, K]; NaN without an onset.
-        rules: scores from 0 to 1 by the rules of `RULES`, [N, K, 6]; NaN where a rule does not apply. Head-on
-            8 and 14, give way 8, 15 and 16, overtaking 8, 13 and 16, stand on and overtaken 17.
+        rules: scores from 0 to 1 by `config.bounds.RULES`, [N, K, 6]; NaN where a rule does not apply.
+            Head-on 8 and 14, give way 8, 15 and 16, overtaking 8, 13 and 16, stand on and overtaken 17.
     """
 
     encounter: Tensor

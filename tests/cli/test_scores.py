@@ -7,7 +7,6 @@ from ship_trl.cli import scores
 from ship_trl.cli.scores import HEADINGS, Evaluated
 from ship_trl.config.types import World
 from ship_trl.policies.entry import Entry, rollout_entry
-from ship_trl.policies.rules import RULES
 from ship_trl.sim.suites import load_suite
 
 
@@ -22,10 +21,6 @@ def test_scenes_have_the_names_of_their_cases(world: World) -> None:
     assert [drawn.scene_name(row) for row in (0, 6, 7, 13)] == ["1 (1)", "new (1)", "1 (2)", "new (2)"]
     traffic = evaluated(world, "traffic", 3)
     assert [traffic.scene_name(row) for row in range(3)] == ["traffic 1", "traffic 2", "traffic 3"]
-
-
-def test_the_rules_are_those_that_are_scored() -> None:
-    assert scores.RULES == RULES
 
 
 def test_every_row_has_the_cells_of_the_headings(world: World) -> None:

@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
+from ship_trl.config.bounds import RULES
 from ship_trl.policies.encounter import Steering
-from ship_trl.policies.rules import RULES, Scores, closest_pass, safety_score, scaled_settings, score_rules
+from ship_trl.policies.rules import Scores, closest_pass, safety_score, scaled_settings, score_rules
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from tests.policies.tracks import PORT, STARBOARD, STRAIGHT, track

@@ -22,6 +22,8 @@ from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.config.network import describe_network
+from ship_trl.config.types import Network
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry, split_suites
 
@@ -70,15 +72,14 @@ def export(entry: Entry, path: Path) -> None:
     from ship_trl.sim.env import ShipEnv
 
     configure_process()
-    if not entry.suite.cases:
-        # A network of random encounters is checked in the first one.
-        entry = split_suites([entry])[0]
+    # In a suite it is checked in the first scene.
+    entry = split_suites([entry])[0]
     env = ShipEnv(entry.case, entry.world, colour=entry.colour)
     policy, network = load_with_network(entry.policy, env)
     # The exporter would treat a batch size of one as constant.
     observation = env.observer(network.config)(env.reset()["state"].expand(2, -1))
     program = trace(network, observation)
-    program.model.metadata_props.update(metadata_of(entry))
+    program.model.metadata_props.update(metadata_of(entry, network.config))
     kind, size = str(observation.dtype).removeprefix("torch."), ", ".join(map(str, observation.shape[1:]))
     actions = len(entry.world.actions)
     shapes = f"{network.observes} {kind} [batch, {size}] -> {OUTPUT} float32 [batch, {actions}]"
@@ -120,8 +121,8 @@ def trace(network: DuelingNetwork, observation: Tensor) -> Any:
         )
 
 
-def metadata_of(entry: Entry) -> dict[str, str]:
-    """Return the model's metadata: case, policy, actions, and the run that trained its weights."""
+def metadata_of(entry: Entry, network: Network) -> dict[str, str]:
+    """Return the model's metadata: case, policy, actions, layers, and the run that trained its weights."""
     from ship_trl.transfer.layers import open_safetensors
 
     found = {
@@ -135,7 +136,7 @@ def metadata_of(entry: Entry) -> dict[str, str]:
         with open_safetensors(Path(entry.policy), "policy") as file:
             about = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
         found |= {key: str(about[key]) for key in ("config_hash", "episode") if key in about}
-    return found
+    return found | {"network": json.dumps(describe_network(network))}
 
 
 def onnx_policy(path: Path, env: ShipEnv, network: DuelingNetwork) -> Policy:

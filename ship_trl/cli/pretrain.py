@@ -40,10 +40,11 @@ if TYPE_CHECKING:
 
 RUNS = Path("outputs/pretrained")
 SEEDS = range(100, 105)
-# The networks of random encounters by name: the seeds of their runs, the target, and further words.
+# The networks of random encounters by name: the seeds of their runs, and their words.
+TRAFFIC = "traffic"
 SUITES = {
-    "traffic": (range(5), "traffic", ["observation=vector"]),
-    "traffic_pixels": (range(3), "traffic", ["algorithm=pupil", "algorithm.teacher=pretrained:traffic"]),
+    "traffic": (range(5), ["observation=vector"]),
+    "traffic_pixels": (range(3), ["algorithm=pupil", "algorithm.teacher='{folder}/traffic.safetensors'"]),
 }
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")
@@ -56,11 +57,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--suites", action="store_true", help="the networks of random encounters")
     parser.add_argument("--runs", type=Path, default=RUNS, metavar="FOLDER", help=f"of the runs ({RUNS})")
     options = parser.parse_args(arguments)
-    write = write_suites if options.suites else write_networks
-    places = train_suites(options.runs) if options.suites else train_cases(options.runs)
     with refusals():
         options.folder.mkdir(parents=True, exist_ok=True)
-        write(options.folder, places)
+        if options.suites:
+            make_suites(options.folder, options.runs)
+        else:
+            write_networks(options.folder, train_cases(options.runs))
 
 
 def train_cases(runs: Path) -> dict[str, Path]:
@@ -68,17 +70,6 @@ def train_cases(runs: Path) -> dict[str, Path]:
     cases = sorted(one.target for one in networks())
     train(runs, SEEDS, f"target={','.join(cases)}")
     return {case: runs / case / "scratch" for case in cases}
-
-
-def train_suites(runs: Path) -> dict[str, Path]:
-    """Train the missing runs of each network of random encounters; return the folder of its runs."""
-    places = {}
-    for name, (seeds, target, words) in SUITES.items():
-        # A second network of a target has an output folder of its own.
-        output = runs if name == target else runs / name
-        train(output, seeds, f"target={target}", *words)
-        places[name] = output / target / "scratch"
-    return places
 
 
 def train(output: Path, seeds: Iterable[int], *words: str) -> None:
@@ -125,10 +116,10 @@ def write_networks(folder: Path, places: dict[str, Path]) -> None:
     update_manifest(folder, algorithm_version=ALGORITHM_VERSION, networks=networks, runs=runs)
 
 
-def write_suites(folder: Path, places: dict[str, Path]) -> None:
-    """Write the best network of random encounters of each name and last a manifest into `folder`.
+def make_suites(folder: Path, runs: Path) -> None:
+    """Train the missing runs of random encounters, and write the best network of each name and the manifest.
 
-    `places` are the folders of the runs that each is chosen from.
+    One follows the other, because a network that was just written teaches the next one.
 
     Raises:
         ConfigError: a run is missing or incomplete.
@@ -138,8 +129,12 @@ def write_suites(folder: Path, places: dict[str, Path]) -> None:
 
     configure_process()
     written = []
-    for name, place in places.items():
-        found = {seed: read_run(place / f"seed={seed}")[0] for seed in SUITES[name][0]}
+    for name, (seeds, words) in SUITES.items():
+        # A second network has an output folder of its own.
+        output = runs if name == TRAFFIC else runs / name
+        train(output, seeds, f"target={TRAFFIC}", *(word.format(folder=folder) for word in words))
+        place = output / TRAFFIC / "scratch"
+        found = {seed: read_run(place / f"seed={seed}")[0] for seed in seeds}
         rates = {str(seed): result.best.success_rate for seed, result in found.items()}
         # On ties `max` finds the first, which has the lower seed.
         best = max(found, key=lambda seed: rates[str(seed)])

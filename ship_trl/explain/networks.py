@@ -81,7 +81,7 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
         if found and network.config != found[0].network.config:
             raise ConfigError(
                 f"policy: {entry.policy} has other layers than {entries[0].policy}; "
-                "allowed: networks of the same layers"
+                "allowed: networks with the same layers and vector_time"
             )
         result = result_of(entry)
         settings = (result.pair, result.arm, result.target) if result else None

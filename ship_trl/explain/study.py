@@ -125,7 +125,11 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     def load(name: str | Path) -> DuelingNetwork:
         return load_with_network(str(name), env)[1]
 
-    states = draw_states(env, load(PRETRAINED), EPISODES, Generator().manual_seed(STATES_SEED)).states
+    bundled = load(PRETRAINED)
+    if bundled.config.linear:
+        wanted = "allowed: a target with a bundled network of pixels"
+        raise ConfigError(f"folder: pair {pair}: {PRETRAINED} sees numbers there; {wanted}")
+    states = draw_states(env, bundled, EPISODES, Generator().manual_seed(STATES_SEED)).states
 
     def kernels(network: DuelingNetwork) -> dict[str, Floats]:
         with torch.no_grad():

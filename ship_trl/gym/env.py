@@ -32,6 +32,7 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
         render_mode: "rgb_array" for the large picture, or None.
         fast: whether compiled loops step and draw; else torch does, which rounds differently.
         observation: "pixels" or "vector".
+        vector_time: time (s) whose way a ship's speed vector shows in the pixels; 0 draws none.
 
     Raises:
         ConfigError: no such case or observation.
@@ -48,8 +49,9 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
         render_mode: str | None = None,
         fast: bool = True,
         observation: str = "pixels",
+        vector_time: float = 0.0,
     ) -> None:
-        self._ships = Ships(1, case, colour, fast, observation)
+        self._ships = Ships(1, case, colour, fast, observation, vector_time)
         self._scale, self.render_mode = reward_scale, render_mode
         self.observation_space, self.action_space = self._ships.observation_space, self._ships.action_space
 
@@ -86,4 +88,4 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
         ships = self._ships
         state = torch.from_numpy(ships.state[0])
         case = first_case(ships.suite, state)
-        return to_array(draw_scene(case, ships.world, state, LARGE_PICTURE))
+        return to_array(draw_scene(case, ships.world, state, LARGE_PICTURE, ships.vector_time))

@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from torch import Generator
 
+from ship_trl.config.bounds import Seconds
 from ship_trl.config.network import load_network
 from ship_trl.config.schema import Reader
 from ship_trl.config.types import Observation
@@ -34,8 +35,9 @@ Infos = dict[str, Any]
 class Ships:
     """N own ships, each in its own episode: `state` float32 [N, S] and `dcpa` float32 [N] so far.
 
-    They are observed as `pixels` or as a `vector` of numbers, as conf/network/vector.yaml wants them. If not
-    `fast`, torch steps and draws in place of compiled loops, and rounds differently.
+    They are observed as `pixels`, with speed vectors of `vector_time` seconds, or as a `vector` of numbers,
+    as conf/network/vector.yaml wants them. If not `fast`, torch steps and draws in place of compiled loops,
+    and rounds differently.
 
     Raises:
         ConfigError: no such case or observation.
@@ -44,12 +46,16 @@ class Ships:
     _draw: Callable[..., None]
     _step: Callable[..., None]
 
-    def __init__(self, count: int, case: str, colour: bool, fast: bool, observation: str) -> None:
+    def __init__(
+        self, count: int, case: str, colour: bool, fast: bool, observation: str, vector_time: float
+    ) -> None:
         kind: Observation = Reader().read(Observation, observation, "observation")
         self.world, self._is_seeded = load_world(), False
         self.suite = load_suite(str(case), self.world, "case")
         self._starts, self._generator = make_starts(self.suite, self.world), Generator().manual_seed(0)
-        rasteriser, transition = Rasteriser(self.world, colour=colour, fast=fast), Transition(self.world)
+        self.vector_time: float = Reader().read(Seconds, vector_time, "vector_time")
+        rasteriser = Rasteriser(self.world, colour=colour, vector_time=self.vector_time, fast=fast)
+        transition = Transition(self.world)
         if rasteriser.compiled is not None:
             # Imported here: without compiled loops nothing needs numba.
             from ship_trl.sim.fast.compiled import CompiledStep

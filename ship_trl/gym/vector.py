@@ -43,10 +43,11 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         reward_scale: float = 1.0,
         fast: bool = True,
         observation: str = "pixels",
+        vector_time: float = 0.0,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs: must be at least 1, got {num_envs}")
-        self._ships = Ships(num_envs, case, colour, fast, observation)
+        self._ships = Ships(num_envs, case, colour, fast, observation, vector_time)
         self._scale, self.num_envs = np.float32(reward_scale), num_envs
         self.single_observation_space: spaces.Box = self._ships.observation_space
         self.single_action_space = self._ships.action_space

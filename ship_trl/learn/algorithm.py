@@ -118,6 +118,7 @@ class Setup:
         method: what a transfer asks of learning.
         options: the settings below `algorithm`.
         teacher: the network that `algorithm.teacher` names; None without one.
+        mirror: maps states to those with port and starboard exchanged; None in a world without.
     """
 
     network: DuelingNetwork
@@ -129,6 +130,7 @@ class Setup:
     method: Method = field(default_factory=Method)
     options: Mapping[str, Any] = field(default_factory=dict)
     teacher: Teacher | None = None
+    mirror: Callable[[Tensor], Tensor] | None = None
 
 
 def build_algorithm(setup: Setup) -> Algorithm:

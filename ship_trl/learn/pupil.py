@@ -7,6 +7,7 @@ learns on states that it visits itself (DAgger; Ross et al., 2011).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -42,20 +43,30 @@ class PupilLoss(DoubleDQNLoss):
     """Loss of states by the teacher's Q-values; networks and running average are those of `DoubleDQNLoss`."""
 
     def __init__(
-        self, value_network: QValueActor, teacher: Teacher, draw: Draw, settings: config.Pupil, **others: Any
+        self,
+        value_network: QValueActor,
+        teacher: Teacher,
+        draw: Draw,
+        mirror: Callable[[Tensor], Tensor] | None,
+        settings: config.Pupil,
+        **others: Any,
     ) -> None:
         super().__init__(value_network, **others)
-        self.teacher, self.draw, self.settings = teacher, draw, settings
+        self.teacher, self.draw, self.mirror, self.settings = teacher, draw, mirror, settings
 
     def rebuild(self) -> PupilLoss:
         """Make this loss anew around its network, after layers were frozen or thawed."""
         actor = QValueActor(self.network, in_keys=self.value_network_in_keys, action_space="categorical")
         others = {"huber_delta": self.huber_delta, "gamma": float(self.gamma)}
-        return type(self)(actor, self.teacher, self.draw, self.settings, **others)
+        return type(self)(actor, self.teacher, self.draw, self.mirror, self.settings, **others)
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         """Compute the loss of `state` [B, S], and write what the network sees of it."""
         state = tensordict["state"]
+        if self.mirror is not None:
+            # The teacher knows the Q-values of any state, so half of the batch may be mirror images.
+            state = state.clone()
+            state[1::2] = self.mirror(state[1::2])
         seen = self.draw(state)
         tensordict.set(self.network.observes, seen)
         with torch.no_grad():
@@ -104,7 +115,9 @@ def build(setup: Setup) -> Pupil:
     network.freeze(setup.method.frozen_layers(0.0))
     network.backend = make_backend(network, draw, learn)
     actor = QValueActor(network, in_keys=[network.observes], action_space="categorical")
-    loss = PupilLoss(actor, teacher, draw, settings, huber_delta=learn.huber_delta, gamma=learn.gamma)
+    loss = PupilLoss(
+        actor, teacher, draw, setup.mirror, settings, huber_delta=learn.huber_delta, gamma=learn.gamma
+    )
     mixture = Mixture(network, draw, teacher, setup.exploration)
     device = network.advantage.weight.device
     return Pupil(

@@ -23,6 +23,7 @@ from ship_trl.run.source import Source
 from ship_trl.run.teacher import describe_teacher, read_teacher
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
+from ship_trl.sim.state import mirrored_state
 from ship_trl.transfer.methods import make_method
 
 # Networks that run side by side before training; each takes 3 MB.
@@ -120,6 +121,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         method=method,
         options=config.algorithm,
         teacher=read_teacher(config, eval_env),
+        mirror=mirrored_state,
     )
     algorithm = build_algorithm(setup)
     starts = Generator().manual_seed(run.stream("starts"))

@@ -29,6 +29,8 @@ from ship_trl.transfer.casebase import rank
 # Increase it with every change after which the same settings learn something else, so that results of an
 # older version are not mistaken for results of this one.
 ALGORITHM_VERSION = 3
+# The same for the numbers that a network without pixels sees (`sim.vector`).
+VECTOR_VERSION = 2
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
 
@@ -46,7 +48,7 @@ def make_run(config: Config) -> Run:
     if not config.arm.is_scratch:
         origin = load_suite(str(config.source), world, "source")
         if config.arm.weights is SourceWeights.pretrained:
-            pretrained = find(PRETRAINED, origin, "source")
+            pretrained = find(PRETRAINED, origin, "source", config.observation.value)
         elif config.source_file is None and config.arm.has_trained_source:
             source_config = dataclasses.replace(
                 config.with_arm(SCRATCH),
@@ -142,6 +144,7 @@ def hash_of(
     optional: dict[str, Any] = {
         "margin": plain(config.margin) if config.margin.penalty else None,
         "network": non_default_network(config.network),
+        "vector_version": VECTOR_VERSION if config.network.linear else None,
         "algorithm": algorithm and algorithm | digest_files(config),
         "demonstrations": [one.actions for one in demonstrations],
     }

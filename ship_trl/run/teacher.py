@@ -13,7 +13,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import Reader, fields_of
 from ship_trl.config.types import Config, Learn, plain
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.policies.pretrained import find, is_pretrained
+from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, find, is_pretrained
 from ship_trl.run.folder import flatten, read_settings
 from ship_trl.transfer.casebase import CONFIG, POLICY
 
@@ -32,7 +32,7 @@ def find_teacher(config: Config) -> Path | None:
     """
     if (name := config.algorithm.get("teacher")) is None:
         return None
-    if is_pretrained(str(name)):
+    if is_pretrained(str(name)) and name != PRETRAINED:
         return find(str(name), None, KEY).file
     path = Path(str(name))
     path = path / POLICY if path.is_dir() else path
@@ -44,7 +44,8 @@ def find_teacher(config: Config) -> Path | None:
 
 def teacher_config(config: Config) -> Path | None:
     """Return the configuration that a teacher was trained with; None where it is unknown."""
-    path = Path(str(config.algorithm.get("teacher"))) / CONFIG
+    path = Path(str(config.algorithm.get("teacher")))
+    path = (path if path.is_dir() else path.parent) / CONFIG
     return path if path.is_file() else None
 
 
@@ -69,6 +70,8 @@ def teacher_factor(config: Config) -> float:
     Raises:
         ConfigError: the teacher's configuration is invalid.
     """
+    if is_pretrained(str(config.algorithm.get("teacher"))):
+        return config.learn.reward_scale / REWARD_SCALE
     if (path := teacher_config(config)) is None:
         return 1.0
     key, hint = "learn.reward_scale", fields_of(Learn)["reward_scale"][1]

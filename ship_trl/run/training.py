@@ -28,7 +28,7 @@ from ship_trl.run.run import Run
 from ship_trl.run.source import Source
 from ship_trl.run.stop import Stop, StoppedError, stop_on_signal
 from ship_trl.run.tracking import Tracker
-from ship_trl.sim.cases import shadowing_case
+from ship_trl.sim.cases import shadowing_file
 from ship_trl.transfer.casebase import PLANS, POLICY
 from ship_trl.transfer.layers import save_weights
 
@@ -49,9 +49,10 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     started = time.perf_counter()
     # Printed first, because the planner and the jumpstart draws take a while.
     console.say(f"{place}: {run.title}" if place else run.title)
-    for name in dict.fromkeys((str(run.config.target), *(case.name for case in run.target.cases))):
-        if own := shadowing_case(name):
-            console.say(f"case {name}: {own}, not the bundled case of this name")
+    named = ("suite", run.target.name), ("case", str(run.config.target))
+    for kind, name in dict.fromkeys((*named, *(("case", case.name) for case in run.target.cases))):
+        if own := shadowing_file(kind, name):
+            console.say(f"{kind} {name}: {own}, not the bundled {kind} of this name")
     parts = make_parts(run, device, source)
     journal = Journal(run, parts, started)
     journal.resume(in_a_grid=bool(place))

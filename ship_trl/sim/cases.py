@@ -11,7 +11,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, ListConfig, OmegaConf
 from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
@@ -106,9 +106,9 @@ def case_names() -> list[str]:
     return sorted({path.stem for folder in case_folders() for path in folder.glob("*.yaml")})
 
 
-def shadowing_case(name: str) -> Path | None:
-    """Return the working directory's case file if it hides a different bundled case of this name."""
-    own, bundled = (folder / f"{name}.yaml" for folder in case_folders())
+def shadowing_file(kind: str, name: str) -> Path | None:
+    """Return the working directory's file if it hides another bundled case or suite (`kind`) of this name."""
+    own, bundled = (folder / kind / f"{name}.yaml" for folder in (Path("conf"), conf_dir()))
     both = is_file(own) and is_file(bundled)
     return own if both and read_file(own) != read_file(bundled) else None
 
@@ -128,11 +128,7 @@ def load_case(name: str, world: World, key: str = "case", unit: float | None = N
     if not is_name(path.stem):
         # Results are written to a folder of this name.
         raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
-    try:
-        values = read_yaml(path)
-    except (YAMLError, OSError) as error:
-        raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
-    found = read_as(CaseFile, values, f"{path}: ")
+    found = read_as(CaseFile, read_values(path), f"{path}: ")
     case = replace(found, unit=unit or found.unit).in_metres(path.stem)
     check_case(case, world, str(path))
     return case
@@ -153,6 +149,18 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:
         return False
+
+
+def read_values(path: Path) -> DictConfig | ListConfig:
+    """Read the values of a case's or suite's YAML file.
+
+    Raises:
+        ConfigError: it is not readable as YAML.
+    """
+    try:
+        return read_yaml(path)
+    except (YAMLError, OSError) as error:
+        raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
 
 
 def check_case(case: Case, world: World, where: str) -> None:

@@ -35,6 +35,15 @@ def state_size(places: int) -> int:
     return OWN_SIZE + SHIP_SIZE * places
 
 
+def mirrored_state(state: Tensor) -> Tensor:
+    """Return states [..., S] with port and starboard exchanged: the scenes reflected about the x axis."""
+    signs = torch.ones(state.shape[-1], device=state.device)
+    signs[[Y, HEADING, YAW_RATE, GOAL_Y]] = -1.0
+    for number in (SHIP_Y, SHIP_HEADING):
+        signs[OWN_SIZE + number :: SHIP_SIZE] = -1.0
+    return state * signs
+
+
 def initial_state(case: Case, world: World, places: int | None = None) -> Tensor:
     """Return the state [S] at the start of a case.
 

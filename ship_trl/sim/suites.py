@@ -14,11 +14,12 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir, list_names
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
-from ship_trl.files.untrusted import read_yaml
-from ship_trl.sim.cases import Case, case_names, check_case, find_case, load_case
+from ship_trl.sim.cases import Case, case_names, check_case, find_case, load_case, read_values
 from ship_trl.sim.scene_table import read_scenes
 
 UNPERTURBED = Perturbation()
+# Increase it with every change after which a seed of random encounters is another scene.
+SCENES_VERSION = 2
 
 
 @dataclass
@@ -66,7 +67,7 @@ class Suite:
         if self.is_fixed:
             return cases[0]
         bounds = {name: float(bound) for name, bound in asdict(self.perturbation).items()}
-        drawn = [] if self.traffic is None else [plain(self.traffic)]
+        drawn = [] if self.traffic is None else [plain(self.traffic), SCENES_VERSION]
         values = json.dumps([cases, bounds, *drawn], sort_keys=True)
         return hashlib.sha256(values.encode()).hexdigest()[:12]
 
@@ -111,7 +112,7 @@ def suite_of(case: Case, perturbation: Perturbation = UNPERTURBED) -> Suite:
 
 def suite_files() -> dict[str, Path]:
     """Return the file of each suite by name: the working directory's conf/suite, then the bundled ones."""
-    folders = (conf_dir() / "suite", Path("conf/suite"))
+    folders = conf_dir() / "suite", Path("conf/suite")
     return {path.stem: path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
@@ -125,7 +126,7 @@ def profile_of(name: str) -> str:
     if not is_suite(name):
         return ""
     path = suite_files()[name]
-    return read_as(SuiteFile, read_yaml(path), f"{path}: ").profile
+    return read_as(SuiteFile, read_values(path), f"{path}: ").profile
 
 
 def describe(name: str) -> str:
@@ -145,7 +146,7 @@ def load_suite(
     """
     if is_suite(name):
         path = suite_files()[name]
-        values = read_as(SuiteFile, read_yaml(path), f"{path}: ")
+        values = read_as(SuiteFile, read_values(path), f"{path}: ")
         cases = tuple(load_case(case, world, f"{path}: cases", values.unit) for case in values.cases)
         if values.scenes:
             table = path.parent / values.scenes

@@ -36,7 +36,7 @@ class VectorObservation:
     All ten are zero where there is no ship. Metres are divided by the radius of the visible disc, m/s by the
     highest speed of an action, rad/s by the highest rate of turn. Bearings are counter-clockwise from the
     bow. TCPA and DCPA are divided by 20 s and 100 m, and end at 2 in size. DCPA is positive if the bearing of
-    the ship turns counter-clockwise.
+    the ship turns counter-clockwise; of a ship with own ship's velocity both are 0.
 
     Args:
         world: speeds and rates of turn of the actions.
@@ -63,7 +63,7 @@ class VectorObservation:
         return torch.cat((torch.stack(own, -1), self._observe_ships(state).flatten(-2)), -1)
 
     def _observe_ships(self, state: Tensor) -> Tensor:
-        """Return the numbers of the K nearest target ships [..., K, 8]."""
+        """Return the numbers of the K nearest target ships [..., K, 10]."""
         ships, away, present = target_ships(state), relative_positions(state), is_present(state)
         bow = unit_vector(state[..., HEADING])[..., None, :]
         velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])

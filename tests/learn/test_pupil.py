@@ -36,12 +36,20 @@ class Freezing(Method):
         return 2 if progress < 0.5 else 0
 
 
-def make(seed: int = 0, method: Method | None = None, options: Any = OPTIONS, **changes: Any) -> Pupil:
+def flip(state: Tensor) -> Tensor:
+    """Exchange both ends of the corridor."""
+    return state * torch.tensor([-1.0, 1.0])
+
+
+def make(
+    seed: int = 0, method: Method | None = None, options: Any = OPTIONS, mirror: Any = None, **changes: Any
+) -> Pupil:
     weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
     network = DuelingNetwork(1, 3, weights)
     learn = schedule(**LEARN | changes)
     options = {"build": "ship_trl.learn.pupil:build"} | options
-    return build(Setup(network, draw, 3, learn, exploration, replay, method or Method(), options, teacher))
+    method = method or Method()
+    return build(Setup(network, draw, 3, learn, exploration, replay, method, options, teacher, mirror))
 
 
 def agreement(pupil: Pupil) -> float:
@@ -78,6 +86,19 @@ def test_the_loss_is_the_divergence_and_hubers_loss() -> None:
     torch.testing.assert_close(distillation_loss(q, wanted, 0.5, 0.0), divergence)
     torch.testing.assert_close(distillation_loss(q, wanted, 0.5, 0.3), divergence + 0.3 * huber)
     assert float(distillation_loss(wanted, wanted, 0.5, 0.3)) == pytest.approx(0, abs=1e-6)
+
+
+def test_it_learns_from_mirror_images_too() -> None:
+    left = TensorDict({"state": torch.tensor([[-3.0, 0.0]] * 8)}, [8])
+    right = torch.tensor([[3.0, 0.0]])
+
+    def error_after(pupil: Pupil) -> float:
+        for _ in range(60):
+            pupil.learn_from(left.clone())
+        return float(distillation_loss(pupil.online_network(draw(right)), teacher(right), 0.3, 0.3))
+
+    # Without, half of the last batch is told nothing of the other end.
+    assert error_after(make(mirror=flip)) < 0.2 * error_after(make())
 
 
 @pytest.mark.parametrize(("episode", "share"), [(0, 0.0), (10, 0.5), (20, 1.0), (39, 1.0)])

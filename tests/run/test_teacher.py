@@ -13,7 +13,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Config
 from ship_trl.learn.network import make_network
-from ship_trl.policies.pretrained import find
+from ship_trl.policies.named import load_with_network
+from ship_trl.policies.pretrained import REWARD_SCALE, find
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
 from ship_trl.run.teacher import read_teacher
@@ -50,7 +51,10 @@ def test_a_teacher_of_numbers_and_one_of_pixels_give_their_q_values(tmp_path: Pa
         assert teacher is not None
         assert torch.equal(teacher(state), wanted)
     bundled = read_teacher(pupil("pretrained:4"), env)
-    assert bundled is not None and bundled(state).shape == (1, 7)
+    bundled_tenth = read_teacher(pupil("pretrained:4", "learn.reward_scale=0.01"), env)
+    _, own = load_with_network("pretrained:4", env)
+    assert bundled is not None and bundled_tenth is not None
+    torch.testing.assert_close(bundled_tenth(state), 0.1 * own(env.rasteriser(state)))
     assert read_teacher(composed("target=4", "method=scratch"), env) is None
 
 
@@ -60,7 +64,8 @@ def test_it_is_known_by_its_content_and_named_in_the_result(tmp_path: Path) -> N
     first, second, third = (make_run(pupil(path)).config_hash for path in (one, copy, other))
     assert first == second != third
     bundled = find("pretrained:4", None)
-    assert make_run(pupil("pretrained:4")).config_hash == make_run(pupil(bundled.file)).config_hash
+    alike = (make_run(pupil(name, "learn.reward_scale=0.1")) for name in ("pretrained:4", bundled.file))
+    assert len({run.config_hash for run in alike}) == 1
     run = make_run(pupil(one, "learn.episodes=2"))
     result = run_experiment(run)
     assert result.teacher is not None and result.teacher.startswith(f"{one} sha256=")
@@ -79,15 +84,21 @@ def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_pat
     hashes = {
         make_run(pupil(name, "learn.reward_scale=0.01")).config_hash for name in (tmp_path, tmp_path / POLICY)
     }
-    assert len(hashes) == 2
+    assert len(hashes) == 1
     with pytest.raises(ConfigError, match=r"of another world: world.turn_time=0.0; allowed: the same world"):
         make_run(pupil(tmp_path, "world.turn_time=4"))
+
+
+@pytest.mark.parametrize("profile", ["quick", "traffic"])
+def test_bundled_networks_have_learned_from_rewards_of_their_scale(profile: str) -> None:
+    assert composed("target=4", "method=scratch", f"profile={profile}").learn.reward_scale == REWARD_SCALE
 
 
 @pytest.mark.parametrize(
     ("teacher", "message"),
     [
         ("none.safetensors", "no file none.safetensors; allowed: a safetensors file, a result folder,"),
+        ("pretrained", "no file pretrained; allowed: a safetensors file"),
         ("pretrained:9", "no bundled network of case 9; allowed: 1, 2"),
         (".", "no file policy.safetensors; allowed"),
     ],

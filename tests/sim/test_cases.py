@@ -8,7 +8,7 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, case_names, load_case, shadowing_case
+from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, case_names, load_case, shadowing_file
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 BUNDLED = [*PAPER, "ship"]
@@ -192,8 +192,8 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
     # A case that differs from the bundled one of its name is reported.
-    shadowed = {name for name in case_names() if shadowing_case(name)}
-    assert shadowed == {"1"} and shadowing_case("1") == Path("conf/case/1.yaml")
+    shadowed = {name for name in case_names() if shadowing_file("case", name)}
+    assert shadowed == {"1"} and shadowing_file("case", "1") == Path("conf/case/1.yaml")
 
 
 def test_a_unit_scales_coordinates_and_nothing_else(tmp_path: Path, world: World) -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # Names these networks on the command line; `pretrained:3` is the network of case 3, `pretrained:traffic` that
 # of random encounters.
 PRETRAINED = "pretrained"
+# The factor of rewards in the profiles that trained them, quick and traffic.
+REWARD_SCALE = 0.1
 NETWORKS = Path(__file__).parent
 MANIFEST, CURVES = "manifest.json", "curves.csv.xz"
 
@@ -107,11 +109,11 @@ def is_pretrained(name: str) -> bool:
     return name.partition(":")[0] == PRETRAINED
 
 
-def find(name: str, suite: Suite | None, key: str = "policy") -> Pretrained:
+def find(name: str, suite: Suite | None, key: str = "policy", observation: str | None = None) -> Pretrained:
     """Find the bundled network `pretrained:NAME`, or for `pretrained` the network for `suite`.
 
     That of a case is found by fingerprint, whether its starts are perturbed or not. A suite, or a bundled
-    case without a network, gets the first network of random encounters.
+    case without a network, gets the first network of random encounters, or the first with this `observation`.
 
     Raises:
         ConfigError: there is no such network; the message names `key`.
@@ -131,7 +133,7 @@ def find(name: str, suite: Suite | None, key: str = "policy") -> Pretrained:
                 f"allowed: {PRETRAINED}:{of}, which was trained on the bundled one"
             )
         if kind == "suite" or (conf_dir() / "case" / f"{of}.yaml").is_file():
-            found += suites()
+            found += [one for one in suites() if observation in (None, one.observation)]
     if found:
         return found[0]
     allowed = ", ".join(one.name for one in every)

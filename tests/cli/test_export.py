@@ -14,7 +14,7 @@ from torch import Generator, Tensor
 from ship_trl.cli import export
 from ship_trl.cli.export import compare, main
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import load_network
+from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode
 from ship_trl.transfer.layers import save_weights
@@ -59,6 +59,7 @@ def test_the_command_exports_and_checks_on_an_episode(tmp_path: Path) -> None:
     about = session.get_modelmeta().custom_metadata_map
     assert (about["case"], about["config_hash"], about["episode"]) == ("4", "0123456789ab", "5")
     assert len(json.loads(about["actions"])) == 7
+    assert json.loads(about["network"]) == describe_network(load_network())
     assert {path.name for path in tmp_path.iterdir()} == {"policy.safetensors", "q.onnx"}
 
 

@@ -83,12 +83,13 @@ def test_torch_alone_steps_and_draws_alike() -> None:
             plain.step(np.int64(action))
 
 
-@pytest.mark.parametrize("colour", [False, True])
-def test_it_shows_what_the_network_sees_channels_last(colour: bool) -> None:
-    env, world = ShipCollisionEnv(case="4", colour=colour), load_world()
+@pytest.mark.parametrize(("colour", "vector_time"), [(False, 0.0), (True, 0.0), (False, 8.0)])
+def test_it_shows_what_the_network_sees_channels_last(colour: bool, vector_time: float) -> None:
+    env, world = ShipCollisionEnv(case="4", colour=colour, vector_time=vector_time), load_world()
     env.reset()
     observation, _, _, _, info = env.step(np.int64(0))
-    picture = Rasteriser(world, colour=colour)(torch.from_numpy(info["state"]))
+    draw = Rasteriser(world, colour=colour, vector_time=vector_time)
+    picture = draw(torch.from_numpy(info["state"]))
     assert np.array_equal(np.moveaxis(observation, -1, 0), picture.numpy())
 
 

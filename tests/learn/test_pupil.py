@@ -95,7 +95,8 @@ def test_it_learns_from_mirror_images_too() -> None:
     def error_after(pupil: Pupil) -> float:
         for _ in range(60):
             pupil.learn_from(left.clone())
-        return float(distillation_loss(pupil.online_network(draw(right)), teacher(right), 0.3, 0.3))
+        loss = distillation_loss(pupil.online_network(draw(right)), teacher(right), 0.3, 0.3)
+        return float(loss.detach())
 
     # Without, half of the last batch is told nothing of the other end.
     assert error_after(make(mirror=flip)) < 0.2 * error_after(make())

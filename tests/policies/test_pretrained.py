@@ -106,10 +106,13 @@ def test_an_own_case_has_no_pretrained_network() -> None:
 def test_suites_have_the_network_of_random_encounters(monkeypatch: pytest.MonkeyPatch) -> None:
     rates, drawn = {"imazu": 0.9}, Perturbation(own_heading=5.0)
     own = pretrained.OfSuite("traffic", "traffic", "scratch", 0, "", "float16", "", "vector", rates, rates)
-    monkeypatch.setattr(pretrained, "suites", lambda: (own, replace(own, name="traffic_pixels")))
+    seeing = replace(own, name="traffic_pixels", observation="pixels")
+    monkeypatch.setattr(pretrained, "suites", lambda: (own, seeing))
     for name in ("traffic", "traffic_test", "imazu", "imazu_perturbed", "paper", "imazu07"):
         assert pretrained.find("pretrained", load_suite(name, WORLD)) == own
     assert pretrained.find("pretrained", load_suite("imazu", WORLD, perturbation=drawn)) == own
+    # A run takes one that observes what it does.
+    assert pretrained.find("pretrained", load_suite("imazu", WORLD), observation="pixels") == seeing
     assert pretrained.find("pretrained:traffic", load_suite("4", WORLD)) == own
     # A case of the paper has its own, also from drawn starts.
     assert pretrained.find("pretrained", load_suite("4", WORLD, perturbation=drawn)).name == "4"

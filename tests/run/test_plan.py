@@ -72,6 +72,7 @@ def test_a_run_of_another_network_has_another_source() -> None:
         "colour=true",
         "network=five",
         "network.hidden=100",
+        "network.vector_time=8",
         "observation=vector",
         "algorithm=n_step",
         "learn.lr=0.5",

@@ -22,7 +22,7 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.layers import save_weights, saved_network
 from tests.config.test_config import composed
 
 
@@ -66,8 +66,9 @@ def test_it_is_known_by_its_content_and_named_in_the_result(tmp_path: Path) -> N
     bundled = find("pretrained:4", None)
     alike = (make_run(pupil(name, "learn.reward_scale=0.1")) for name in ("pretrained:4", bundled.file))
     assert len({run.config_hash for run in alike}) == 1
-    run = make_run(pupil(one, "learn.episodes=2"))
+    run = make_run(pupil(one, "learn.episodes=2", "network.vector_time=8"))
     result = run_experiment(run)
+    assert saved_network(run.folder / POLICY, "policy").vector_time == 8
     assert result.teacher is not None and result.teacher.startswith(f"{one} sha256=")
     assert json.loads((run.folder / "result.json").read_text())["teacher"] == result.teacher
 

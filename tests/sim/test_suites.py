@@ -12,7 +12,7 @@ from torchrl.envs.utils import check_env_specs
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.sim.cases import load_case
+from ship_trl.sim.cases import load_case, shadowing_file
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts, make_starts
 from ship_trl.sim.state import (
@@ -30,7 +30,7 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
-from ship_trl.sim.suites import Perturbation, load_suite, suite_files, suite_of
+from ship_trl.sim.suites import Perturbation, load_suite, profile_of, suite_files, suite_of
 
 BOUNDS = Perturbation(own_position=30.0, own_heading=20.0, ship_position=100.0, ship_speed=5.0)
 
@@ -138,6 +138,12 @@ def test_a_suite_of_the_working_directory_comes_before_a_bundled_one(
     (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '22']")
     with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: cases: no case 22"):
         load_suite("two", world)
+    (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1'")
+    for read in (lambda: load_suite("two", world), lambda: profile_of("two")):
+        with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: not readable as YAML: "):
+            read()
+    assert shadowing_file("suite", "traffic") == Path("conf/suite/traffic.yaml")
+    assert shadowing_file("suite", "two") is None
 
 
 def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:

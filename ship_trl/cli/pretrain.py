@@ -26,7 +26,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
-from ship_trl.policies.pretrained import CURVES, MANIFEST, OfCase, OfSuite, networks
+from ship_trl.policies.pretrained import CURVES, MANIFEST, CaseNetwork, SuiteNetwork, networks
 from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.suites import Suite, load_suite, suite_of
@@ -166,14 +166,14 @@ def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
         raise ConfigError(f"runs: {run}: {what}") from None
 
 
-def write_network(folder: Path, result: Result, weights: Path) -> OfCase:
+def write_network(folder: Path, result: Result, weights: Path) -> CaseNetwork:
     """Write the best network of a case's run as `CASE.safetensors`; return its entry in the manifest."""
     from ship_trl.policies.reference import best_known
 
     world = load_world()
     case = load_case(result.target, world)
     (whole,), _, about = write_weights(folder, case.name, result, weights, suite_of(case))
-    return OfCase(
+    return CaseNetwork(
         **about,
         fingerprint=case.fingerprint,
         episode_return=whole.episode_return,
@@ -184,7 +184,9 @@ def write_network(folder: Path, result: Result, weights: Path) -> OfCase:
     )
 
 
-def write_suite(folder: Path, name: str, result: Result, weights: Path, rates: dict[str, float]) -> OfSuite:
+def write_suite(
+    folder: Path, name: str, result: Result, weights: Path, rates: dict[str, float]
+) -> SuiteNetwork:
     """Write the best network of a suite's runs as `NAME.safetensors`; return its entry in the manifest."""
     world = load_world()
     suites = {test: load_suite(test, world) for test in TESTS}
@@ -193,7 +195,9 @@ def write_suite(folder: Path, name: str, result: Result, weights: Path, rates: d
     for test, suite in suites.items():
         episodes, _ = rollout_greedy(suite, folder / f"{name}.safetensors")
         reached[test] = sum(episode.goal for episode in episodes) / len(episodes)
-    return OfSuite(**about, observation=network.observes, success_rates=reached, success_rates_by_seed=rates)
+    return SuiteNetwork(
+        **about, observation=network.observes, success_rates=reached, success_rates_by_seed=rates
+    )
 
 
 def write_weights(

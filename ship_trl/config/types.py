@@ -296,12 +296,3 @@ class Config:
 def plain(values: Any) -> Any:
     """Return a config object as dicts, lists and single values, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)
-
-
-def world_values(world: World) -> dict[str, Any]:
-    """Return a world as plain values for a digest.
-
-    Keys that came later are left out at their default, so that digests of older worlds stay the same.
-    """
-    defaults = {one.name: one.default for one in dataclasses.fields(World)}
-    return {key: value for key, value in plain(world).items() if getattr(world, key) != defaults[key]}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
+
+from omegaconf import OmegaConf
 
 from ship_trl.config.bounds import (
     MAX_STEP_SECONDS,
@@ -68,3 +71,13 @@ class World:
     def straight_action(self) -> int:
         """Index of the action that turns least; of several, the fastest."""
         return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))
+
+
+def world_values(world: World) -> dict[str, Any]:
+    """Return a world as plain values for a digest.
+
+    Keys that came later are left out at their default, so that digests of older worlds stay the same.
+    """
+    defaults = {one.name: one.default for one in dataclasses.fields(World)}
+    values: Any = OmegaConf.to_container(OmegaConf.structured(world), enum_to_str=True)
+    return {key: value for key, value in values.items() if getattr(world, key) != defaults[key]}

@@ -206,37 +206,37 @@ class VectorNetwork(DuelingNetwork):
 
     def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
         """Compute the layers below `shared`, or the first `layers` of them: [..., F] to [..., W]."""
-        x = self._begin(observation)
+        x = self._first_input(observation)
         for n, layer in enumerate(self.layers[:-1][:layers], 1):
-            x = self._go_on(n, F.relu_(layer(x)), observation)
+            x = self._next_input(n, F.relu_(layer(x)), observation)
         return x
 
     def activations(self, observation: Tensor) -> dict[str, Tensor]:
         """Compute each layer's activations after ReLU, by layer name: [..., W], or [..., K, W] of ships."""
         found: dict[str, Tensor] = {}
-        x = self._begin(observation)
+        x = self._first_input(observation)
         for n, (name, layer) in enumerate(zip(self.layer_names, self.layers, strict=True), 1):
             found[name] = F.relu(layer(x))
-            x = self._go_on(n, found[name], observation)
+            x = self._next_input(n, found[name], observation)
         return found
 
-    def _begin(self, observation: Tensor) -> Tensor:
+    def _first_input(self, observation: Tensor) -> Tensor:
         """Return what the first layer takes: all numbers, or own ship's beside those of each target ship."""
         if not self.config.per_ship:
             return observation
-        own, ships = self._split(observation)
+        own, ships = self._split_ships(observation)
         return torch.cat((own[..., None, :].expand(*ships.shape[:-1], OWN_NUMBERS), ships), -1)
 
-    def _go_on(self, n: int, x: Tensor, observation: Tensor) -> Tensor:
+    def _next_input(self, n: int, x: Tensor, observation: Tensor) -> Tensor:
         """Return what the layer after the `n`-th takes, whose activations are `x`."""
         if n != self.config.per_ship:
             return x
-        own, ships = self._split(observation)
+        own, ships = self._split_ships(observation)
         # The last number of a ship is 1, and 0 where there is none; activations are never negative.
         x = x * ships[..., -1:].to(x.dtype)
         return torch.cat((own.to(x.dtype), x.sum(-2), x.amax(-2)), -1)
 
-    def _split(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+    def _split_ships(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Return own ship's numbers [..., OWN_NUMBERS] and those of target ships [..., K, SHIP_NUMBERS]."""
         ships = observation[..., OWN_NUMBERS:].unflatten(-1, (self.config.ships, SHIP_NUMBERS))
         return observation[..., :OWN_NUMBERS], ships

@@ -17,7 +17,8 @@ from typing import Annotated
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import Rule, limit, read_as
-from ship_trl.config.types import World, world_values
+from ship_trl.config.types import World
+from ship_trl.config.world import world_values
 from ship_trl.files.disk import read_json, writing
 from ship_trl.sim.cases import Case
 

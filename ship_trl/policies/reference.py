@@ -18,7 +18,8 @@ import torch
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import World, world_values
+from ship_trl.config.types import World
+from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim import reward

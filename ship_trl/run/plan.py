@@ -16,7 +16,8 @@ from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import Config, plain, world_values
+from ship_trl.config.types import Config, plain
+from ship_trl.config.world import world_values
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder

@@ -34,7 +34,7 @@ from ship_trl.sim.transition import Transition
 # Arrays of states [N, S].
 States = NDArray[np.float32]
 # Own ship begins as in the paper's cases: at the origin, heading north, with the goal 600 m ahead.
-NORTH, WAY = math.pi / 2, 600.0
+NORTH, GOAL_DISTANCE = math.pi / 2, 600.0
 # A manoeuvre holds an action, sails straight on and then steers for the goal: steps of the first two.
 HOLD, STRAIGHT = (11, 7, 16, 4, 2), (4, 0, 9, 15)
 
@@ -81,7 +81,7 @@ class TrafficStarts:
         self.traffic, self.places = traffic, len(traffic.ships) - 1
         self.speed = world.actions[world.straight_action][0]
         self.states = torch.zeros(1, state_size(self.places), device="cpu")
-        for column, value in ((HEADING, NORTH), (SPEED, self.speed), (GOAL_Y, WAY)):
+        for column, value in ((HEADING, NORTH), (SPEED, self.speed), (GOAL_Y, GOAL_DISTANCE)):
             self.states[0, column] = value
         if traffic.distance[0] < world.safe_distance:
             raise ConfigError(
@@ -91,7 +91,7 @@ class TrafficStarts:
         paths, lengths = self._manoeuvres(world)
         classes = [Encounter[one.name.upper()] for one in traffic.classes]
         bands = [self._band(one) for one in classes]
-        seconds = [WAY * share / self.speed for share in traffic.meeting]
+        seconds = [GOAL_DISTANCE * share / self.speed for share in traffic.meeting]
         bounds = [self.speed, *seconds, traffic.offset, *traffic.distance, traffic.reacting]
         self._constants = (
             np.cumsum(traffic.ships) / sum(traffic.ships),
@@ -135,8 +135,8 @@ class TrafficStarts:
         found = (arrival > 0).nonzero().squeeze(-1)
         if not len(found) or float(goal_distance(self.states)) <= world.goal_distance:
             raise ConfigError(
-                f"suite: traffic: the goal is {WAY:g} m away: own ship is there at once or never; allowed: "
-                "world.goal_distance, world.max_steps and world.actions that let it arrive"
+                f"suite: traffic: the goal is {GOAL_DISTANCE:g} m away: own ship is there at once or never; "
+                "allowed: world.goal_distance, world.max_steps and world.actions that let it arrive"
             )
         return torch.stack(places, 1)[found].double().numpy(), arrival[found].numpy()
 

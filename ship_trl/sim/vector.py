@@ -24,7 +24,7 @@ from ship_trl.sim.state import (
 )
 
 # Units of TCPA (s) and DCPA (m), their largest size, and the least relative speed (m/s) that they are for.
-TCPA, DCPA, LARGEST, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
+TCPA, DCPA, MAX_SIZE, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
 
 
 class VectorObservation:
@@ -81,8 +81,8 @@ class VectorObservation:
             distance / scene.VIEW_RADIUS,
             left / distance.clamp(min=1e-6),
             ahead / distance.clamp(min=1e-6),
-            (-(ahead * onward + left * across) / (speed2 * TCPA)).clamp(-LARGEST, LARGEST),
-            ((ahead * across - left * onward) / (speed2.sqrt() * DCPA)).clamp(-LARGEST, LARGEST),
+            (-(ahead * onward + left * across) / (speed2 * TCPA)).clamp(-MAX_SIZE, MAX_SIZE),
+            ((ahead * across - left * onward) / (speed2.sqrt() * DCPA)).clamp(-MAX_SIZE, MAX_SIZE),
             torch.ones_like(distance),
         )
         found = torch.stack(numbers, -1) * present[..., None]

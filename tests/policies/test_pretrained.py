@@ -105,7 +105,9 @@ def test_an_own_case_has_no_pretrained_network() -> None:
 
 def test_suites_have_the_network_of_random_encounters(monkeypatch: pytest.MonkeyPatch) -> None:
     rates, drawn = {"imazu": 0.9}, Perturbation(own_heading=5.0)
-    own = pretrained.OfSuite("traffic", "traffic", "scratch", 0, "", "float16", "", "vector", rates, rates)
+    own = pretrained.SuiteNetwork(
+        "traffic", "traffic", "scratch", 0, "", "float16", "", "vector", rates, rates
+    )
     seeing = replace(own, name="traffic_pixels", observation="pixels")
     monkeypatch.setattr(pretrained, "suites", lambda: (own, seeing))
     for name in ("traffic", "traffic_test", "imazu", "imazu_perturbed", "paper", "imazu07"):

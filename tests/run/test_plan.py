@@ -7,7 +7,7 @@ import pytest
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import world_values
+from ship_trl.config.world import world_values
 from ship_trl.files.result import write_result
 from ship_trl.run.folder import find_result
 from ship_trl.run.plan import make_run

@@ -51,7 +51,7 @@ class Pretrained:
 
 
 @dataclass(frozen=True)
-class OfCase(Pretrained):
+class CaseNetwork(Pretrained):
     """The bundled network of a case, and its greedy episode.
 
     `episode_return` is raw, `of_best_known` its share of the planner's return, `length` in steps, and `dcpa`
@@ -71,7 +71,7 @@ class OfCase(Pretrained):
 
 
 @dataclass(frozen=True)
-class OfSuite(Pretrained):
+class SuiteNetwork(Pretrained):
     """A bundled network of random encounters: what it observes, and its success rates.
 
     `success_rates` are those of its greedy episodes on suites, `success_rates_by_seed` those of the best
@@ -84,15 +84,15 @@ class OfSuite(Pretrained):
 
 
 @cache
-def networks() -> tuple[OfCase, ...]:
+def networks() -> tuple[CaseNetwork, ...]:
     """Return the bundled networks of cases."""
-    return tuple(OfCase(**values) for values in read()["networks"])
+    return tuple(CaseNetwork(**values) for values in read()["networks"])
 
 
 @cache
-def suites() -> tuple[OfSuite, ...]:
+def suites() -> tuple[SuiteNetwork, ...]:
     """Return the bundled networks of random encounters; the first is for suites without a network."""
-    return tuple(OfSuite(**values) for values in read().get("suites", ()))
+    return tuple(SuiteNetwork(**values) for values in read().get("suites", ()))
 
 
 def read() -> dict[str, Any]:

@@ -77,7 +77,7 @@ def draw_ship(stream: Array, band: Array, kind: int, bounds: Array, ship: Array)
 
 
 @compiled(RELAXED)
-def is_passed(path: Array, ships: Array, dt: float, safe_distance: float) -> bool:
+def keeps_clear(path: Array, ships: Array, dt: float, safe_distance: float) -> bool:
     """Return whether own ship keeps clear of ships [K, SHIP_SIZE] that hold course, on a path [T, 2] (m)."""
     safe2 = safe_distance * safe_distance
     for k in range(ships.shape[0]):
@@ -121,7 +121,7 @@ def draw_ships(stream: Array, drawn: Array, bands: Array, kinds: Array, bounds: 
 def is_solvable(paths: Array, lengths: Array, ships: Array, dt: float, safe_distance: float) -> bool:
     """Return whether a manoeuvre keeps clear of ships [K, SHIP_SIZE]; arguments as in `draw_scenes`."""
     for p in range(paths.shape[0]):  # noqa: SIM110 (numba compiles no generator)
-        if is_passed(paths[p, : lengths[p]], ships, dt, safe_distance):
+        if keeps_clear(paths[p, : lengths[p]], ships, dt, safe_distance):
             return True
     return False
 

@@ -19,7 +19,8 @@ from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, read_as
-from ship_trl.config.types import Config, plain, world_values
+from ship_trl.config.types import Config, plain
+from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim.suites import load_suite
 from ship_trl.study.plan.config import StudyConfig

@@ -1,6 +1,5 @@
 """Every group of conf/ composes, and every wrong value is refused with its key and what is allowed."""
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,10 +13,8 @@ from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import BFLOAT16, Config, Observation, plain
+from ship_trl.config.types import Config, Observation, plain
 from ship_trl.run.plan import make_run
-from ship_trl.study.plan.config import to_study
-from tests.command import ship_trl
 
 HIGH = ["+pair=high", "method=finetune", "layers=3"]
 
@@ -152,174 +149,6 @@ def test_keys_that_an_algorithm_does_not_read_are_named() -> None:
     assert found == {"ppo": ["learn.tau"], "pupil": ["learn.gamma", "margin.penalty"], "n_step": []}
 
 
-def rows(count: int) -> str:
-    return f"[{','.join(['[15,0]'] * count)}]"
-
-
-WRONG = {
-    "": "pair: none given",
-    "layers=3": "pair: none given",
-    "+pair=high": "layers: none given; give layers=1, 2, 3, 4 or all with method=finetune, or +arm=NAME,",
-    "+pair=high layers=0": "layers: must be 1, 2, 3, 4 or all",
-    "+pair=high layers=5": "layers: must be 1, 2, 3, 4 or all",
-    "+pair=high layers=banana": "layers: must be 1, 2, 3, 4 or all",
-    "+pair=high layers=2.5": "layers: must be 1, 2, 3, 4 or all",
-    "+pair=high layers=true": "layers: must be 1, 2, 3, 4 or all",
-    "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4 with",
-    "+pair=high method=feature_extraction": "layers: none given; give layers=1, 2, 3, 4 with method=feature",
-    "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
-    "+pair=high method=scratch source_file=x": "source_file: must be left out with method=scratch",
-    "+pair=high method=scratch source_weights=random": "source_weights: must be learned with method=scratch",
-    "+pair=high method=scratch source_weights=permuted": "source_weights: must be learned with",
-    "+pair=high layers=3 source_file=x source_weights=random": "source_weights: must be learned or",
-    "+pair=high layers=3 source=pretrained source_weights=random": "source_weights: must be left out",
-    "+pair=high layers=3 source=pretrained source_file=x": "source_file: must be left out with source=",
-    "+pair=high layers=3 source_weights=banana": "source_weights: must be one of learned, pretrained, ran",
-    "target=2 layers=2": "source: must be a case",
-    "+pair=high method=banana layers=2": "method: must be one of scratch, feature_extraction, finetune, g",
-    "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5 or all with method=finetune, got 6",
-    "+pair=high layers=2 learn.backend=incremental network.conv=[[8,6,3],[8,27,1]]": "learn.backend: must be",
-}
-# Behind `+pair=high layers=3`.
-WRONG_VALUES = {
-    "logger=banana": "logger: must be one of csv, wandb, tensorboard, all, got banana",
-    "objective=banana": "objective: must be one of late, final, best, got banana",
-    "wandb.mode=banana": "wandb.mode: must be one of offline, online, got banana",
-    "learn.loss=l3": "learn.loss: must be one of l2, huber, got l3",
-    "learn.precision=fp8": "learn.precision: must be one of auto, fp32, bf16, got fp8",
-    "learn.backend=fast": "learn.backend: must be one of auto, incremental, dense, go",
-    "learn.backend=incremental fast=false": "learn.backend: must be auto or dense with fast=false, got inc",
-    "fast=perhaps": "fast: must be true or false, got perhaps",
-    "learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
-    "device=tpu": "device: must be cpu or cuda, got tpu",
-    "seed=-1": "seed: must be at least 0",
-    "seed=one": "seed: must be a whole number, got one",
-    "learn.episodes=-5": "learn.episodes: must be from 1 to 1000000000, got -5",
-    "learn.episodes=0": "learn.episodes: must be from 1 to 1000000000, got 0",
-    "learn.num_envs=0": "learn.num_envs: must be at least 1",
-    "learn.batch_size=0": "learn.batch_size: must be at least 1",
-    "learn.replay_size=8": "learn.batch_size: must be at most learn.replay_size=8",
-    "learn.update_every=0": "learn.update_every: must be from 1 to 1000000000, got 0",
-    "learn.evaluate_every=0": "learn.evaluate_every: must be from 1 to 1000000000, go",
-    "learn.warmup_steps=-1": "learn.warmup_steps: must be from 0 to 1000000000, got -",
-    "learn.jumpstart_draws=-1": "learn.jumpstart_draws: must be from 0 to 1000000, go",
-    "learn.jumpstart_draws=all": "learn.jumpstart_draws: must be a whole number, got ",
-    "learn.lr=0": "learn.lr: must be above 0",
-    "learn.lr=nan": "learn.lr: must be a finite number, got nan",
-    "learn.lr_end=0": "learn.lr_end: must be above 0",
-    "learn.reward_scale=-1": "learn.reward_scale: must be above 0",
-    "learn.gamma=1.1": "learn.gamma: must be from 0 to 1",
-    "margin.penalty=30": "margin.distance: must be above world.safe_distance=45 with margin.penalty=30, got",
-    "margin.penalty=1 margin.distance=45": "margin.distance: must be above world.safe_distance=45 with",
-    "learn.tau=0": "learn.tau: must be above 0",
-    "learn.tau=2": "learn.tau: must be above 0 and at most 1, got 2",
-    "learn.epsilon_start=2": "learn.epsilon_start: must be from 0 to 1",
-    "learn.epsilon_end=-1": "learn.epsilon_end: must be from 0 to 1",
-    "learn.epsilon_fraction=0": "learn.epsilon_fraction: must be above 0",
-    "algorithm.build=sarsa": "algorithm.build: must be module:function or file.py:function, got sarsa",
-    "algorithm.build='a-b:build'": "algorithm.build: must be module:function or file.py:function, got a-b",
-    "algorithm.build='numpy:'": "algorithm.build: must be module:function or file.py:function, got numpy:",
-    "algorithm.build=null": "algorithm.build: must be module:function or file.py:function, got None",
-    "algorithm.build='none.py:build'": "algorithm.build: no file none.py; allowed: module:function or",
-    "algorithm.build='nowhere.learn:build'": "algorithm.build: no module nowhere; allowed: module:function",
-    "algorithm.build='__main__x:build'": "algorithm.build: no module __main__x; allowed: module:function",
-    "+algorithm.steps=3": "algorithm.steps: unknown key; allowed here: none",
-    "algorithm=n_step algorithm.steps=0": "algorithm.steps: must be from 1 to 1000, got 0",
-    "algorithm=n_step ~algorithm.steps": "algorithm.steps: missing; a value is needed",
-    "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",
-    "algorithm=ppo algorithm.clip_epsilon=2": "algorithm.clip_epsilon: must be above 0 and at most 1, got 2",
-    "algorithm=ppo demonstrations=played": "demonstrations: must be left out with algorithm=ppo, which",
-    "algorithm=ppo algorithm.rollout_steps=1": "algorithm.rollout_steps: must be from 2 to 100000, got 1",
-    "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
-    "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:NAME",
-    "algorithm=pupil algorithm.teacher=[1]": "algorithm.teacher: must be a safetensors file, a result",
-    "algorithm=pupil algorithm.teacher=x algorithm.temperature=0": "algorithm.temperature: must be above 0",
-    "algorithm=pupil algorithm.teacher=x algorithm.own_fraction=0": "algorithm.own_fraction: must be above",
-    "world.dt=0": "world.dt: must be from 0.001 to 1000 (seconds), got 0",
-    "world.max_steps=0": "world.max_steps: must be from 1 to 1000 (the planner's memo",
-    "world.max_steps=1000000": "world.max_steps: must be from 1 to 1000 (the planner'",
-    "world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be a list of [v in m/s,",
-    "world.safe_distance=inf": "world.safe_distance: must be a finite number, got inf",
-    "world.reward.goal=nan": "world.reward.goal: must be a finite number",
-    "world.actions=[[1.0]]": "world.actions: must be a list of [v in m/s,",
-    "world.actions=[1.0,0.0]": "world.actions[0]: must be a list, as [A,B] or [], got",
-    "world.actions=[[fast,0]]": "world.actions[0][0]: must be a finite number, got fa",
-    "world.actions=[]": "world.actions: must be a list of",
-    "+typo=3": "typo: unknown key; allowed here: pair, source, target",
-    "+learn.typo=3": "learn.typo: unknown key; allowed here: episodes,",
-    "+world.reward.typo=3": "world.reward.typo: unknown key; allowed here: goal,",
-    "network.conv=[]": "network.conv: must be at least one [filters, kernel, stride]",
-    "network.conv=[[8,84]]": "network.conv[0]: must be [filters, kernel, stride], each",
-    "network.conv=[[8,8,0],[8,20,1]]": "network.conv[0]: must be [filters, kernel,",
-    "network.conv=[[-8,8,4],[8,20,1]]": "network.conv[0]: must be [filters, kernel,",
-    "network.conv=[[8,8.5,4]]": "network.conv[0][1]: must be a whole number, got 8.5",
-    "network.conv=8": "network.conv: must be a list of lists, as [[A,B],[C,D]], got 8",
-    "network.conv=[8,8,4]": "network.conv[0]: must be a list, as [A,B] or [], got 8",
-    "network.conv=[[8,8,4],[8,21,1]]": "network.conv[1]: the kernel must be 20, to cover",
-    "network.conv=[[8,85,4],[8,1,1]]": "network.conv[0]: the kernel must be at most 84",
-    "network.conv=[[8,8,4],[8,19,1]]": "network.conv[1]: the kernel must be 20, to cover",
-    "network.conv=[???]": "network.conv[0]: missing; a value is needed",
-    "network.conv=${nothing}": "network.conv: ",
-    "network.hidden=0": "network.hidden: must be from 1 to 4096, got 0",
-    "network.conv=[[99999999,8,4]]": "network.conv[0]: must be [filters, kernel, stri",
-    "+network.typo=3": "network.typo: unknown key; allowed here: conv, hidden",
-    "observation=vector network=five": "observation: must be pixels with network.conv, got vector",
-    "network=vector": "observation: must be vector with network.linear, got pixels",
-    "observation=vector colour=true": "colour: must be false with observation=vector, got true",
-    "observation=vector learn.backend=incremental": "learn.backend: must be auto or dense with observation=",
-    "observation=vector layers=5": "layers: must be 1, 2, 3, 4 or all with method=finetune, got 5",
-    "observation=vector network.per_ship=4": "network.per_ship: must be less than the 4 layers of",
-    "observation=vector network.linear=[0]": "network.linear[0]: must be from 1 to 4096, got 0",
-    "observation=vector network.ships=0": "network.ships: must be at least 1 with network.linear, got 0",
-    "observation=vector +network.hidden=9": "network.hidden: must be left out beside network.linear, got 9",
-    "observation=vector +network.conv=[[8,84,1]]": "network.conv: must be left out beside network.linear, g",
-    "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
-    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12521770 (8 GB)",
-    "~learn.lr": "learn.lr: missing",
-    "learn.episodes=1000000001": "learn.episodes: must be from 1 to 1000000000, got 1",
-    "learn.warmup_steps=1000000001": "learn.warmup_steps: must be from 0 to 100000000",
-    "learn.update_every=1000000001": "learn.update_every: must be from 1 to 100000000",
-    "learn.evaluate_every=1000000001": "learn.evaluate_every: must be from 1 to 10000",
-    "learn.jumpstart_draws=1000001": "learn.jumpstart_draws: must be from 0 to 100000",
-    "learn.lr=2": "learn.lr: must be above 0 and at most 1, got 2",
-    "learn.lr_end=2": "learn.lr_end: must be above 0 and at most 1, got 2",
-    "learn.huber_delta=1e10": "learn.huber_delta: must be above 0 and at most 1e+09, got 10000000000.0",
-    "learn.reward_scale=1e4": "learn.reward_scale: must be above 0 and at most 1000, got 10000.0",
-    "world.reward.goal=1e6 world.reward.w1=1e6": "learn.reward_scale: must be at most 0.001 (with the",
-    "learn.replay_size=1000000000000": "learn.replay_size: must be at most 21157474 (8 GB)",
-    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 663315",
-    "learn.num_envs=1000000000": "learn.num_envs: must be at most 35241 (4 GB of the maps of network.conv)",
-    "learn.batch_size=100000 learn.replay_size=100000": "learn.batch_size: must be at most 35241 (4 GB",
-    "network.conv=[[4096,1,1],[4096,84,1]] layers=2": "network.conv: must be at most 100000000 (weights;",
-    "world.dt=1e-320": "world.dt: must be from 0.001 to 1000 (seconds), got 1e-320",
-    "world.dt=1e300": "world.dt: must be from 0.001 to 1000 (seconds), got 1e+300",
-    "world.max_steps=1001": "world.max_steps: must be from 1 to 1000 (the planner's memory grows with its sq",
-    f"world.max_steps=1000 world.actions={rows(11)}": "world.actions: must be at most 10",
-    f"world.actions={rows(101)}": "world.actions: must be at most 100 (their number;",
-    "world.actions=[[1e-9,0]]": "world.actions: must be at least 0.001 m in a step of world.dt=1 s",
-    "world.actions=[[15,0],[-1e9,0]]": "world.actions: must be at most 1e+06 m in an episode, got 6e+10",
-    "world.actions=[[15,1e9]]": "world.actions: must be a turn of at most 10000 rad in an episode",
-    "world.turn_time=-1": "world.turn_time: must be from 0 to 1000 (seconds), got -1",
-    "world.give_way.turn=2": "world.give_way.turn: must be from 0 to 1 (rad/s), got 2",
-    "+world.give_way.cpa=2": "world.give_way.cpa: unknown key; allowed here: tcpa, dcpa, turn",
-    "world.safe_distance=1e30": "world.safe_distance: must be above 0 and at most 100000 (metres), got 1e+30",
-    "world.goal_distance=901": "world.goal_distance: must be at most 900 (metres that the fastest action m",
-    "world.reward.k1=-1e300": "world.reward.k1: must be from -1e+06 to 1e+06, got -1e+300",
-}
-
-
-@pytest.mark.parametrize(
-    ("line", "told"),
-    [*WRONG.items(), *((f"+pair=high layers=3 {line}", told) for line, told in WRONG_VALUES.items())],
-)
-def test_wrong_values_are_refused(line: str, told: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        composed(*line.split())
-    message = str(caught.value)
-    assert message.startswith(told)
-    assert "\n" not in message
-
-
 def test_an_observation_chooses_its_network_unless_another_is_given() -> None:
     assert composed(*HIGH).observation is Observation.pixels
     config = composed(*HIGH, "observation=vector")
@@ -360,56 +189,3 @@ def test_large_values_are_accepted() -> None:
 @pytest.mark.parametrize("line", ["layers=1", "layers=2 learn.backend=dense", "layers=3 learn.backend=dense"])
 def test_a_replay_of_states_may_be_large_whatever_is_frozen(line: str) -> None:
     composed("+pair=high", "method=feature_extraction", *line.split(), "learn.replay_size=1000000")
-
-
-def test_it_is_refused_before_torch_is_imported(tmp_path: Path) -> None:
-    first = "import atexit, sys; atexit.register(lambda: print('torch' in sys.modules))"
-    line = ("target=1", "method=scratch", "learn.batch_size=100000", "learn.replay_size=100000")
-    assert ship_trl(*line, folder=tmp_path, code=1, first=first, new_process=True).stdout == "False\n"
-
-
-@pytest.mark.parametrize("logger", ["tensorboard", "all"])
-def test_tensorboard_is_refused_where_it_is_not_installed(
-    logger: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    composed(*HIGH, f"logger={logger}")
-    monkeypatch.setitem(sys.modules, "tensorboard", None)
-    composed(*HIGH, "logger=wandb")
-    message = r"^logger: tensorboard is not installed; run: pip install -e '.\[tensorboard\]'$"
-    with pytest.raises(ConfigError, match=message):
-        composed(*HIGH, f"logger={logger}")
-    with pytest.raises(ConfigError, match=message):
-        to_study([f"logger={logger}"])
-
-
-def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    for value in ("on", "off", ""):
-        monkeypatch.setenv(BFLOAT16, value)
-        composed(*HIGH)
-    monkeypatch.setenv(BFLOAT16, "no")
-    with pytest.raises(ConfigError, match=r"^SHIP_TRL_BFLOAT16: must be on or off, got no$"):
-        composed(*HIGH)
-
-
-UNRUNNABLE = {
-    "target=9 method=scratch": "target: no case or suite 9; allowed: 1, 2, 3, 4, 5, 6, imazu01 to imazu22,",
-    "source=9 target=1 layers=1": "source: no case or suite 9; allowed: 1,",
-    "target=1 method=scratch world.max_steps=35": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
-    "target=1 method=scratch world.dt=0.1": f"{conf_dir()}/case/1.yaml: goal: cannot be reached: 540 m",
-    "+pair=high layers=3 source_file=nowhere": "source_file: no file nowhere",
-}
-
-
-@pytest.mark.parametrize("line", UNRUNNABLE)
-def test_a_missing_case_or_file_is_refused(line: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        make_run(composed(*line.split()))
-    assert str(caught.value).startswith(UNRUNNABLE[line])
-
-
-def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
-    place = tmp_path / "taken"
-    place.write_text("mine")
-    with pytest.raises(ConfigError, match=r"output: .*taken is not a folder that can be written"):
-        make_run(composed(*HIGH, f"output={place}"))
-    assert place.read_text() == "mine"

@@ -49,7 +49,7 @@ def make_run(config: Config) -> Run:
     if not config.arm.is_scratch:
         origin = load_suite(str(config.source), world, "source")
         if config.arm.weights is SourceWeights.pretrained:
-            pretrained = find(PRETRAINED, origin, "source", config.observation.value)
+            pretrained = find(PRETRAINED, origin, "source", config.observation.name)
         elif config.source_file is None and config.arm.has_trained_source:
             source_config = dataclasses.replace(
                 config.with_arm(SCRATCH),

@@ -201,6 +201,12 @@ def test_pretrained_is_the_network_of_the_pair_or_of_the_most_similar_case() -> 
     assert alone.config_hash == run("target=4", "method=scratch").config_hash
 
 
+def test_a_bundled_source_of_random_encounters_sees_what_the_run_sees() -> None:
+    line = ("source=traffic", "source_weights=pretrained", "target=imazu", "layers=all")
+    numbers = run(*line, "observation=vector").pretrained
+    assert numbers is not None and numbers.name == "traffic"
+
+
 def test_the_same_case_by_another_name_has_other_streams_and_another_hash(tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
     copy.write_text((conf_dir() / "case" / "3.yaml").read_text())

@@ -136,6 +136,8 @@ def find(name: str, suite: Suite | None, key: str = "policy", observation: str |
             found += [one for one in suites() if observation in (None, one.observation)]
     if found:
         return found[0]
+    if observation:
+        of += f" for observation={observation}"
     allowed = ", ".join(one.name for one in every)
     raise ConfigError(f"{key}: no bundled network of {kind} {of}; allowed: {allowed}")
 

@@ -50,9 +50,9 @@ def check_layers(network: Network) -> None:
         ConfigError: it has not.
     """
     if network.linear:
-        if network.conv or network.hidden:
-            key, got = ("conv", network.conv) if network.conv else ("hidden", network.hidden)
-            raise ConfigError(f"network.{key}: must be left out beside network.linear, got {got}")
+        for key in ("conv", "hidden", "vector_time"):
+            if got := getattr(network, key):
+                raise ConfigError(f"network.{key}: must be left out beside network.linear, got {got}")
         if not network.ships:
             raise ConfigError("network.ships: must be at least 1 with network.linear, got 0")
         if network.per_ship >= len(network.linear):

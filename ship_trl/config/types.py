@@ -145,11 +145,6 @@ class Network:
     per_ship: Annotated[int, limit(0, MAX_UNITS)] = 0
     vector_time: Seconds = 0.0
 
-    def __post_init__(self) -> None:
-        """Set `vector_time` to 0 where it draws nothing, so that equal networks are described alike."""
-        if self.linear:
-            self.vector_time = 0.0
-
     @property
     def inputs(self) -> int:
         """How many numbers a vector has."""

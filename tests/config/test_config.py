@@ -112,6 +112,7 @@ def test_every_group_is_covered() -> None:
         "world",
         "algorithm",
         "tuned",
+        "picture",
         "replay",
         "exploration",
         "schedule",
@@ -158,11 +159,13 @@ def test_an_observation_chooses_its_network_unless_another_is_given() -> None:
         with pytest.raises(ConfigError, match="got vector"):
             composed(*HIGH, *line)
     assert composed(*HIGH, "observation=vector", "network.linear=[8,8,8]").network.depth == 3
+    # Pictures of random encounters show speeds and colours.
     pixels, numbers = (
-        composed("target=traffic", "method=scratch", "profile=traffic", *more).network
+        composed("target=traffic", "method=scratch", "profile=traffic", *more)
         for more in ((), ("observation=vector",))
     )
-    assert pixels.vector_time == 8 and numbers == load_network("vector")
+    assert (pixels.network.vector_time, pixels.colour) == (8, True)
+    assert (numbers.network, numbers.colour) == (load_network("vector"), False)
 
 
 def test_a_builder_of_ones_own_takes_any_keys() -> None:

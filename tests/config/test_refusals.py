@@ -133,6 +133,7 @@ WRONG_VALUES = {
     "observation=vector network.per_ship=4": "network.per_ship: must be less than the 4 layers of",
     "observation=vector network.linear=[0]": "network.linear[0]: must be from 1 to 4096, got 0",
     "observation=vector network.ships=0": "network.ships: must be at least 1 with network.linear, got 0",
+    "observation=vector +network.vector_time=8": "network.vector_time: must be left out beside network",
     "observation=vector +network.hidden=9": "network.hidden: must be left out beside network.linear, got 9",
     "observation=vector +network.conv=[[8,84,1]]": "network.conv: must be left out beside network.linear, g",
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",

@@ -77,7 +77,7 @@ def export(entry: Entry, path: Path) -> None:
     env = ShipEnv(entry.case, entry.world, colour=entry.colour)
     policy, network = load_with_network(entry.policy, env)
     # The exporter would treat a batch size of one as constant.
-    observation = env.observer(network.config)(env.reset()["state"].expand(2, -1))
+    observation = env.observer(network.config, network.colour)(env.reset()["state"].expand(2, -1))
     program = trace(network, observation)
     program.model.metadata_props.update(metadata_of(entry, network.config))
     kind, size = str(observation.dtype).removeprefix("torch."), ", ".join(map(str, observation.shape[1:]))
@@ -148,7 +148,7 @@ def onnx_policy(path: Path, env: ShipEnv, network: DuelingNetwork) -> Policy:
     options.intra_op_num_threads = 1
     session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
 
-    observe = env.observer(network.config)
+    observe = env.observer(network.config, network.colour)
 
     def policy(step: TensorDictBase) -> TensorDictBase:
         observed = observe(step["state"]).numpy()

@@ -78,10 +78,11 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
         _, network = load_with_network(entry.policy, env)
         if network.config.linear:
             raise ConfigError(f"policy: {entry.policy} sees numbers; allowed: networks that see pixels")
-        if found and network.config != found[0].network.config:
+        look = network.config, network.colour
+        if found and look != (found[0].network.config, found[0].network.colour):
             raise ConfigError(
                 f"policy: {entry.policy} has other layers than {entries[0].policy}; "
-                "allowed: networks with the same layers and vector_time"
+                "allowed: networks with the same layers, colours and vector_time"
             )
         result = result_of(entry)
         settings = (result.pair, result.arm, result.target) if result else None

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import math
 import sys
 import time
@@ -51,6 +52,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     first = entries[0]
     named = load_networks(entries)
     name, network = named[0].name, named[0].network
+    first = dataclasses.replace(first, colour=network.colour)
     # Fail before the long computation if the folder cannot be written.
     output.mkdir(parents=True, exist_ok=True)
     log(f"case {first.case.name}: {len(named)} networks, {name} is explained")

@@ -133,7 +133,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
 
     def kernels(network: DuelingNetwork) -> dict[str, Floats]:
         with torch.no_grad():
-            found = network.activations(env.observer(network.config)(states))
+            found = network.activations(env.observer(network.config, network.colour)(states))
         return {layer: gram(values) for layer, values in found.items()}
 
     of_arm = {arm: kernels(load(run / POLICY)) for arm, run in runs.items()}

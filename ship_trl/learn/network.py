@@ -66,6 +66,11 @@ class DuelingNetwork(nn.Module):
         return names, inputs, self.config.hidden
 
     @property
+    def colour(self) -> bool:
+        """Whether it sees pictures with colours."""
+        return bool(self.config.conv) and self.layers[0].in_channels == 3
+
+    @property
     def layers(self) -> list[Any]:
         """The layers of `layer_names`, counted from the input."""
         return [getattr(self, name) for name in self.layer_names]

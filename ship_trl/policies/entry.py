@@ -144,17 +144,20 @@ def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Polic
     """
     from ship_trl.policies.named import POLICIES, load_policy
     from ship_trl.sim.env import ShipEnv
-    from ship_trl.transfer.layers import saved_network
+    from ship_trl.transfer.layers import read_look
 
     # Networks draw their own pixels, and policies without training read only the state.
     is_network = entry.policy.endswith(".safetensors")
     pixels = entry.policy not in POLICIES and not is_network
-    seen = saved_network(Path(entry.policy), "policy").vector_time if is_network else 0.0
+    colour, vector_time = entry.colour, 0.0
+    if is_network:
+        network, colour = read_look(Path(entry.policy), "policy")
+        vector_time = network.vector_time
     env = ShipEnv(
         entry.suite,
         entry.world,
-        colour=entry.colour,
-        vector_time=seen,
+        colour=colour,
+        vector_time=vector_time,
         from_pixels=pixels,
         starts=starts,
     )

@@ -25,7 +25,7 @@ from ship_trl.policies.vo import vo
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP
-from ship_trl.transfer.layers import load_weights, saved_network
+from ship_trl.transfer.layers import load_weights, read_look
 
 
 def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
@@ -117,7 +117,7 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
         name = str(find(name, None if ":" in name else env.suite).file)
     if Path(name).suffix == ".safetensors":
         network = load_network(Path(name), env)
-        return greedy_policy(network, env.observer(network.config))
+        return greedy_policy(network, env.observer(network.config, network.colour))
     if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
     return refusing_invalid_actions(import_function(name, "policy")(env, seed), name, env)
@@ -127,10 +127,10 @@ def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwor
     """Load the network of a safetensors file for an environment; `key` is the setting that messages name.
 
     Raises:
-        ConfigError: the file is invalid, or its network has other actions or colours.
+        ConfigError: the file is invalid, or its network has other actions.
     """
-    colour = env.rasteriser.channels == 3
-    network = make_network(saved_network(path, key), len(env.world.actions), Generator(), colour=colour)
+    config, colour = read_look(path, key)
+    network = make_network(config, len(env.world.actions), Generator(), colour=colour)
     network.load_state_dict(dict(load_weights(path, network, key)))
     return network.to(env.device)
 

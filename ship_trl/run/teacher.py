@@ -99,13 +99,13 @@ def read_teacher(config: Config, env: ShipEnv) -> Teacher | None:
     """Return the teacher's Q-values in the run's scaled rewards, of states; None without a teacher.
 
     Raises:
-        ConfigError: the file is invalid, or its network has other actions or colours.
+        ConfigError: the file is invalid, or its network has other actions.
     """
     if (path := find_teacher(config)) is None:
         return None
     from ship_trl.policies.named import load_network
 
     network = load_network(path, env, KEY)
-    observe = env.observer(network.config)
+    observe = env.observer(network.config, network.colour)
     factor = teacher_factor(config)
     return lambda state: factor * network(observe(state))

@@ -81,8 +81,8 @@ class ShipEnv(EnvBase):
         self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
         self._starts, self._given = make_starts(self.suite, world), starts
         self._simulate = make_step(world, self.device, fast=fast)
-        self._draws = partial(Rasteriser, world, colour=colour, device=self.device, fast=fast)
-        self.rasteriser = self._draws(vector_time=vector_time)
+        self._draws = partial(Rasteriser, world, device=self.device, fast=fast)
+        self.rasteriser = self._draws(colour=colour, vector_time=vector_time)
         self.from_pixels, self.margin = from_pixels, margin or Margin()
         self._encoders = dict(encoders or {})
         self._make_specs()
@@ -96,12 +96,15 @@ class ShipEnv(EnvBase):
         """The case of a suite of one, see `Suite.case`."""
         return self.suite.case
 
-    def observer(self, network: Network) -> Rasteriser | VectorObservation:
-        """Return what maps states to the input of a network."""
+    def observer(self, network: Network, colour: bool | None = None) -> Rasteriser | VectorObservation:
+        """Return what maps states to a network's input; `colour` is by default that of `pixels`."""
         if network.linear:
             return VectorObservation(self.world, network.ships)
-        is_own = network.vector_time == self.rasteriser.vector_time
-        return self.rasteriser if is_own else self._draws(vector_time=network.vector_time)
+        own = self.rasteriser
+        colour = own.channels == 3 if colour is None else colour
+        if (colour, network.vector_time) == (own.channels == 3, own.vector_time):
+            return own
+        return self._draws(colour=colour, vector_time=network.vector_time)
 
     def _make_specs(self) -> None:
         """Set the specs of observation, state, action, reward and done."""

@@ -21,6 +21,8 @@ from ship_trl.files.disk import atomic_write, write_tensors
 from ship_trl.learn.network import DuelingNetwork
 
 Weights = Mapping[str, Tensor]
+# Channels of a picture with colours.
+COLOURS = 3
 
 
 def save_weights(
@@ -54,7 +56,14 @@ def open_safetensors(path: Path, key: str) -> Iterator[Any]:
 
 
 def saved_network(path: Path, key: str) -> Network:
-    """Read which layers the network in a file has; without a description in the header, the paper's.
+    """Read which layers the network in a file has; see `read_look`."""
+    return read_look(path, key)[0]
+
+
+def read_look(path: Path, key: str) -> tuple[Network, bool]:
+    """Read which layers the network in a file has, and whether its pictures have colours.
+
+    Without a description in the header, the layers are the paper's.
 
     Raises:
         ConfigError: not a safetensors file, or the header does not describe the file's network.
@@ -64,8 +73,9 @@ def saved_network(path: Path, key: str) -> Network:
         shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
     try:
         about = json.loads(header)
+        colour = shapes.get("conv1.weight", [0, 0])[1] == COLOURS
         if "network" not in about:
-            return load_network()
+            return load_network(), colour
         network = read_as(Network, about["network"], key="network", from_json=True)
         # Check shapes before allocating: a small file must not claim a large network.
         for name, shape in expected_shapes(network, shapes).items():
@@ -73,7 +83,7 @@ def saved_network(path: Path, key: str) -> Network:
                 raise ConfigError(f"{name} has another shape")
     except (ValueError, TypeError, RecursionError, ConfigError) as error:
         raise ConfigError(f"{key}: {path}: its header does not describe its network ({error})") from None
-    return network
+    return network, colour
 
 
 def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[str, list[int]]:

@@ -1,6 +1,7 @@
 """A policy acts on the scenes of the environment in which it acts, whatever it was made for."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -41,18 +42,23 @@ def test_a_network_of_case_4_sees_the_ships_of_case_6(world: World) -> None:
         current = env.step(current)["next"]
 
 
-def test_a_network_sees_its_own_speed_vectors_in_any_environment(world: World, tmp_path: Path) -> None:
+@pytest.mark.parametrize("colour", [False, True])
+def test_a_network_sees_its_own_pictures_in_any_environment(
+    colour: bool, world: World, tmp_path: Path
+) -> None:
     seeing = replace(load_network(), vector_time=8.0)
-    made = make_network(seeing, len(world.actions), Generator().manual_seed(0))
+    made = make_network(seeing, len(world.actions), Generator().manual_seed(0), colour=colour)
     save_weights(path := tmp_path / "seeing.safetensors", made, {})
     case = load_case("6", world)
-    env, other = (ShipEnv(case, world, from_pixels=True, vector_time=seconds) for seconds in (8.0, 0.0))
-    wanted, plain = made(env.reset()["pixels"]), made(other.reset()["pixels"])
-    assert not torch.equal(wanted, plain)
-    for acts in (env, other):
+    make_env = partial(ShipEnv, case, world, from_pixels=True)
+    env = make_env(colour=colour, vector_time=8.0)
+    wanted = made(env.reset()["pixels"])
+    assert not torch.equal(wanted, made(make_env(colour=colour).reset()["pixels"]))
+    for acts in (env, make_env(), make_env(colour=True)):
         assert torch.equal(load_policy(str(path), acts)(acts.reset())["action_value"], wanted)
     used, _, (episode,) = rollout_entry(Entry(str(path), "seeing", suite_of(case), world, colour=False))
-    assert used.rasteriser.vector_time == 8.0 and episode.q_values is not None
+    assert (used.rasteriser.vector_time, used.rasteriser.channels) == (8.0, 3 if colour else 1)
+    assert episode.q_values is not None
     assert torch.equal(episode.q_values[0], wanted[0])
 
 

@@ -21,8 +21,6 @@ TEACHERS = "a safetensors file, a result folder, or pretrained:NAME"
 TeacherName = Annotated[Any, Rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
 # Steps of each environment that are held in memory; pictures that are computed at once.
 MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
-# Draws for each state of a batch.
-MAX_CANDIDATES = 100
 # Steps of all environments in a rollout; with eight target ships they take 4 GB.
 MAX_ROLLOUT = 10_000_000
 
@@ -61,15 +59,13 @@ class Pupil:
     """Distillation of the network of a `teacher` (learn/pupil.py).
 
     `own_fraction` is the share of the episodes after which the pupil chooses all actions. The temperature is
-    in scaled rewards. Of `candidates` states that are drawn for each one of a batch, those are likelier to be
-    in it in which more depends on the action; 1 draws uniformly.
+    in scaled rewards.
     """
 
     teacher: TeacherName
     own_fraction: PositiveShare
     temperature: Annotated[float, limit(above=0)]
     huber_weight: Annotated[float, limit(0, 1000)]
-    candidates: Annotated[int, limit(1, MAX_CANDIDATES)]
 
 
 # The keys of each bundled algorithm beside `build`; a builder of one's own takes any.

@@ -98,13 +98,9 @@ class DoubleDQN:
         learn, losses = self._learn, []
         due = max(0, self.steps - learn.warmup_steps) // learn.update_every
         while self.updates < due:
-            losses.append(self.learn_from(self.draw_batch()))
+            losses.append(self.learn_from(self.replay.sample(learn.batch_size)))
             self.updates += 1
         return losses
-
-    def draw_batch(self) -> TensorDictBase:
-        """Draw a batch from the replay."""
-        return self.replay.sample(self._learn.batch_size)
 
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a batch, update the target network, and return the loss."""

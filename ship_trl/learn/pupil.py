@@ -97,26 +97,9 @@ class Pupil(DoubleDQN):
     Evaluations use the running average here too: the online network changes some choices in each update.
     """
 
-    def __init__(self, mixture: Mixture, teacher: Teacher, settings: config.Pupil, **parts: Any) -> None:
+    def __init__(self, mixture: Mixture, own_fraction: float, **parts: Any) -> None:
         super().__init__(**parts)
-        self._mixture, self._teacher = mixture, teacher
-        self._own_fraction, self._candidates = settings.own_fraction, settings.candidates
-
-    def draw_batch(self) -> TensorDictBase:
-        """Draw candidates, and of these a batch in proportion to what depends on the action.
-
-        In most states all actions are almost equally good: a uniform batch says little about the others.
-        """
-        size = self._learn.batch_size
-        drawn: TensorDictBase = self.replay.sample(self._candidates * size)
-        if self._candidates == 1:
-            return drawn
-        with torch.no_grad():
-            teacher_q = self._teacher(drawn["state"])
-        stakes = teacher_q.amax(-1) - teacher_q.amin(-1)
-        # Above zero: a row must be drawable where all actions are equal.
-        rows = torch.multinomial(stakes + 1e-6, size, generator=self.replay.generator)
-        return drawn[rows]
+        self._mixture, self._own_fraction = mixture, own_fraction
 
     def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
         """Write `action`, when `episode` training episodes have ended."""
@@ -139,8 +122,7 @@ def build(setup: Setup) -> Pupil:
     device = network.advantage.weight.device
     return Pupil(
         mixture,
-        teacher,
-        settings,
+        settings.own_fraction,
         loss=loss,
         target_update=ForeachSoftUpdate(loss, tau=learn.tau),
         optimiser=ChannelsLastAdam(learning_parameters(network), lr=learn.lr),

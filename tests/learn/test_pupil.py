@@ -15,7 +15,7 @@ from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
 from tests.learn.worlds import Corridor, draw, schedule
 
-OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3, "candidates": 4}
+OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3}
 LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
 # All places of the corridor where an action is taken.
 PLACES = torch.arange(-3.0, 4.0)[:, None] * torch.tensor([1.0, 0.0])
@@ -45,7 +45,6 @@ def make(
     seed: int = 0,
     method: Method | None = None,
     options: Any = OPTIONS,
-    teacher: Any = teacher,
     mirror: Any = None,
     **changes: Any,
 ) -> Pupil:
@@ -105,25 +104,6 @@ def test_it_learns_from_mirror_images_too() -> None:
 
     # Without, half of the last batch is told nothing of the other end.
     assert error_after(make(mirror=flip)) < 0.2 * error_after(make())
-
-
-@pytest.mark.parametrize(("candidates", "share"), [(1, 0.5), (2, 0.82), (100, 0.9)])
-def test_states_in_which_more_depends_on_the_action_are_drawn_more_often(
-    candidates: int, share: float
-) -> None:
-    def stakes(state: Tensor) -> Tensor:
-        return state[..., :1] * torch.tensor([1.0, 0.0, -1.0])
-
-    pupil = make(options=OPTIONS | {"candidates": candidates}, batch_size=100, teacher=stakes)
-    # Half of the states are at place 1, half at 9, where nine times as much depends on the action.
-    places = torch.tensor([1.0, 9.0]).repeat(500)
-    step = {"state": torch.stack((places, 0 * places), -1), "action": torch.zeros(1000, dtype=torch.int64)}
-    flags = torch.zeros(1000, 1, dtype=torch.bool)
-    following = {"state": step["state"], "reward": torch.zeros(1000, 1), "done": flags, "terminated": flags}
-    pupil.observe(TensorDict(step | {"next": TensorDict(following, [1000])}, [1000]))
-    batches = torch.cat([pupil.draw_batch()["state"][:, 0] for _ in range(40)])
-    # Without replacement; with two candidates for each state of a batch, exp(-9 t) + exp(-t) = 1, t = 0.19.
-    assert len(batches) == 4000 and float((batches == 9).float().mean()) == pytest.approx(share, abs=0.04)
 
 
 @pytest.mark.parametrize(("episode", "share"), [(0, 0.0), (10, 0.5), (20, 1.0), (39, 1.0)])

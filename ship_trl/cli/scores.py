@@ -67,10 +67,10 @@ class Evaluated:
         return suite.name + ", perturbed" * (not suite.perturbation.is_none)
 
     def scene_name(self, row: int) -> str:
-        """Return the name of an episode's case, or the number of its drawn scene."""
+        """Return the name of an episode's case, or the seed of its random encounter."""
         suite = self.entry.suite
         if not suite.cases:
-            return f"{suite.name} {row + 1}"
+            return f"{suite.name} seed {self.seed + row}"
         turn, case = divmod(row, len(suite.cases))
         return suite.cases[case].name + (f" ({turn + 1})" if suite.is_drawn else "")
 

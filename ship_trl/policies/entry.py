@@ -69,16 +69,27 @@ def split_suites(entries: Iterable[Entry], seed: int = 0) -> list[Entry]:
 
 def example_scenes(suite: Suite, world: World, first: int) -> list[Suite]:
     """Return a suite of one for each of the seeds from `first` on of a suite of random encounters."""
+    from ship_trl.sim.state import first_case
+
+    states = draw_starts(suite, world, EXAMPLES, first)
+    names = (f"{suite.name}_{seed}" for seed in range(first, first + EXAMPLES))
+    return [
+        suite_of(replace(first_case(suite, state), name=name))
+        for name, state in zip(names, states, strict=True)
+    ]
+
+
+def draw_starts(suite: Suite, world: World, count: int, seed: int) -> Tensor:
+    """Return states [count, S] at the start: of cases in turn, or of random encounters by seed."""
+    import torch
     from torch import Generator
 
     from ship_trl.sim.starts import make_starts
-    from ship_trl.sim.state import first_case
 
-    starts, found = make_starts(suite, world), []
-    for seed in range(first, first + EXAMPLES):
-        state = starts.sample(1, Generator().manual_seed(seed))[0]
-        found.append(suite_of(replace(first_case(suite, state), name=f"{suite.name}_{seed}")))
-    return found
+    starts = make_starts(suite, world)
+    if suite.cases:
+        return starts.balanced(count, Generator().manual_seed(seed + STARTS_SEED))
+    return torch.cat([starts.sample(1, Generator().manual_seed(seed + k)) for k in range(count)])
 
 
 def failures_first(entries: list[Entry], seed: int = 0) -> list[Entry]:
@@ -103,16 +114,12 @@ def rollout_entry(
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
     """
-    from torch import Generator
-
     from ship_trl.learn.rollout import rollout
-    from ship_trl.sim.starts import make_starts
 
     suite = entry.suite
     default = EPISODES if suite.is_drawn else 1
     count = suite.whole_rounds((entry.draws and episodes) or default)
-    generator = Generator().manual_seed(seed + STARTS_SEED)
-    env, policy = make_policy(entry, make_starts(suite, entry.world).balanced(count, generator), seed)
+    env, policy = make_policy(entry, draw_starts(suite, entry.world, count, seed), seed)
     return env, policy, rollout(env, policy)
 
 

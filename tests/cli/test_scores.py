@@ -1,12 +1,15 @@
 """Rows of many episodes: scenes by name, and the numbers of the rules."""
 
+from dataclasses import replace
+
 import pytest
 from torch import Tensor
 
 from ship_trl.cli import scores
 from ship_trl.cli.scores import HEADINGS, Evaluated
 from ship_trl.config.types import World
-from ship_trl.policies.entry import Entry, rollout_entry
+from ship_trl.policies.entry import Entry, example_scenes, rollout_entry
+from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import load_suite
 
 
@@ -19,8 +22,12 @@ def test_scenes_have_the_names_of_their_cases(world: World) -> None:
     fixed, drawn = evaluated(world, "paper"), evaluated(world, "paper_perturbed", 14)
     assert [fixed.scene_name(row) for row in (0, 6)] == ["1", "new"]
     assert [drawn.scene_name(row) for row in (0, 6, 7, 13)] == ["1 (1)", "new (1)", "1 (2)", "new (2)"]
+    # A scene can be watched by its seed.
     traffic = evaluated(world, "traffic", 3)
-    assert [traffic.scene_name(row) for row in range(3)] == ["traffic 1", "traffic 2", "traffic 3"]
+    scenes = example_scenes(traffic.entry.suite, world, 0)
+    for scene, episode in zip(scenes, traffic.episodes, strict=False):
+        assert scene.case == replace(first_case(traffic.entry.suite, episode.states[0]), name=scene.name)
+    assert [traffic.scene_name(row) for row in range(3)] == [f"traffic seed {seed}" for seed in range(3)]
 
 
 def test_every_row_has_the_cells_of_the_headings(world: World) -> None:

@@ -15,7 +15,7 @@ from ship_trl.config.types import Config, Learn, plain
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, find, is_pretrained
 from ship_trl.run.folder import flatten, read_settings
-from ship_trl.transfer.casebase import CONFIG, POLICY
+from ship_trl.transfer.casebase import CONFIG, POLICY, POLICY_LAST
 
 if TYPE_CHECKING:
     from ship_trl.learn.algorithm import Teacher
@@ -43,9 +43,12 @@ def find_teacher(config: Config) -> Path | None:
 
 
 def teacher_config(config: Config) -> Path | None:
-    """Return the configuration that a teacher was trained with; None where it is unknown."""
+    """Return the configuration that a teacher was trained with; None where it is unknown.
+
+    It is in the result folder. A file of another name may lie beside any other config.yaml.
+    """
     path = Path(str(config.algorithm.get("teacher")))
-    path = (path if path.is_dir() else path.parent) / CONFIG
+    path = (path.parent if path.name in (POLICY, POLICY_LAST) else path) / CONFIG
     return path if path.is_file() else None
 
 

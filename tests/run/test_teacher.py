@@ -86,6 +86,11 @@ def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_pat
         make_run(pupil(name, "learn.reward_scale=0.01")).config_hash for name in (tmp_path, tmp_path / POLICY)
     }
     assert len(hashes) == 1
+    # Beside a file of another name, config.yaml may be anybody's.
+    own = saved(tmp_path / "own.safetensors")
+    (tmp_path / "config.yaml").write_text("world: none")
+    assert make_run(pupil(own)).config_hash
+    OmegaConf.save(OmegaConf.structured(config), tmp_path / "config.yaml")
     with pytest.raises(ConfigError, match=r"of another world: world.turn_time=0.0; allowed: the same world"):
         make_run(pupil(tmp_path, "world.turn_time=4"))
 

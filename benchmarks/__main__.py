@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks import curves, encounters
+from benchmarks import curves, encounters, gpu
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -24,10 +24,11 @@ PARTS = {
     "memory": "Memory of a replay beside Stable-Baselines3's, and of a whole run",
     "checkpoints": "Checkpoints of a run of the paper's length, replay full",
 }
-# Not part of all: they measure policies, and have arguments of their own.
+# Not part of all: they have arguments of their own.
 ALONE = {
     "encounters": ("What policies do in suites of encounters", encounters.main),
     "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
+    "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }
 
 

@@ -34,11 +34,13 @@ class Ours:
 
     def __init__(self, run: Run) -> None:
         self.run, self.learn = run, run.config.learn
-        self.parts = make_parts(run, torch.device("cpu"), read_source(run))
+        self.parts = make_parts(run, torch.device(run.config.device), read_source(run))
         self.training = self.parts.training
         self.algorithm = cast(DoubleDQN, self.parts.algorithm)
         self.replay, encoders = self.algorithm.replay, self.algorithm.encoders
-        self.env = ShipEnv(run.target, run.config.world, self.learn.num_envs, encoders=encoders)
+        self.env = ShipEnv(
+            run.target, run.config.world, self.learn.num_envs, encoders=encoders, device=run.config.device
+        )
 
     def fill(self, steps: int) -> None:
         """Put at least `steps` transitions of random actions into the replay."""
@@ -46,7 +48,8 @@ class Ours:
         current, generator = self.env.reset(), Generator().manual_seed(4)
         for _ in range(-(-steps // num_envs)):
             action = torch.randint(num_actions, (num_envs,), generator=generator)
-            stepped, current = self.env.step_and_maybe_reset(current.set("action", action))
+            chosen = current.set("action", action.to(self.env.device))
+            stepped, current = self.env.step_and_maybe_reset(chosen)
             self.replay.extend(stepped)
 
     def sample(self) -> TensorDictBase:

@@ -35,7 +35,9 @@ class Sb3Loop:
     What `learn` leaves open keeps the library's default.
     """
 
-    def __init__(self, env: gymnasium.Env[Any, Any], learn: Learn, frozen: int = 0) -> None:
+    def __init__(
+        self, env: gymnasium.Env[Any, Any], learn: Learn, frozen: int = 0, device: str = "cpu"
+    ) -> None:
         self.model = DQN(
             "CnnPolicy",
             env,
@@ -49,7 +51,7 @@ class Sb3Loop:
             exploration_initial_eps=learn.epsilon_start,
             exploration_final_eps=learn.epsilon_end,
             policy_kwargs={"features_extractor_class": PaperFeatures, "net_arch": [200]},
-            device="cpu",
+            device=device,
             seed=0,
         )
         self.network: nn.Module = self.model.q_net

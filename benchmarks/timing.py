@@ -39,11 +39,13 @@ class Measurement:
         return statistics.median(self.values)
 
 
-def measure(probes: Sequence[Probe], rounds: int, seconds: float) -> list[Measurement]:
+def measure(
+    probes: Sequence[Probe], rounds: int, seconds: float, finish: Callable[[], object] = lambda: None
+) -> list[Measurement]:
     """Return the rate of every probe in every round, in the order of the probes.
 
     Each probe runs once untimed. Then, in each round, the probes take turns: each runs until `seconds`
-    have passed, at least once.
+    have passed, at least once. `finish` waits for what a probe has begun elsewhere, as on a GPU.
     """
     rates: list[list[float]] = [[] for _ in probes]
     for probe in probes:
@@ -53,6 +55,7 @@ def measure(probes: Sequence[Probe], rounds: int, seconds: float) -> list[Measur
             done, elapsed, start = 0, 0.0, time.perf_counter()
             while done == 0 or elapsed < seconds:
                 probe.run()
+                finish()
                 done, elapsed = done + probe.count, time.perf_counter() - start
             found.append(done / elapsed)
     return [

@@ -119,6 +119,7 @@ class Setup:
         options: the settings below `algorithm`.
         teacher: the network that `algorithm.teacher` names; None without one.
         mirror: maps states to those with port and starboard exchanged; None in a world without.
+        fast: whether to use CUDA graphs on a GPU.
     """
 
     network: DuelingNetwork
@@ -131,6 +132,7 @@ class Setup:
     options: Mapping[str, Any] = field(default_factory=dict)
     teacher: Teacher | None = None
     mirror: Callable[[Tensor], Tensor] | None = None
+    fast: bool = True
 
 
 def build_algorithm(setup: Setup) -> Algorithm:

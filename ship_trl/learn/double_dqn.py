@@ -6,11 +6,12 @@ import copy
 from collections.abc import Callable, Mapping
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 from torchrl.modules import QValueActor
 
 from ship_trl.config.types import Learn
+from ship_trl.graphs import Captured
 from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
@@ -20,7 +21,7 @@ from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.prefix import add_prefix, strip_prefix
-from ship_trl.learn.replay import DrawPixels, StateReplay
+from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
 from ship_trl.learn.rollout import Policy
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 
@@ -43,6 +44,7 @@ class DoubleDQN:
         learn: the schedule of updates, exploration and learning rate.
         method: what a transfer asks of learning.
         encoders: see `Algorithm`.
+        captures: whether a CUDA graph takes the gradient steps.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class DoubleDQN:
         learn: Learn,
         method: Method | None = None,
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
+        captures: bool = False,
     ) -> None:
         self.loss, self.target_update, self.optimiser = loss, target_update, optimiser
         self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
@@ -66,6 +69,9 @@ class DoubleDQN:
         self.backend = self.online_network.backend.name
         # Environment steps and updates so far.
         self.steps = self.updates = 0
+        # The graph of a gradient step; None without one.
+        self._graph: GradientStep | None = None
+        self._captures = captures and not loss.write_td_error
         self._judge()
 
     def _judge(self) -> None:
@@ -73,6 +79,8 @@ class DoubleDQN:
         self.network: DuelingNetwork = copy.copy(self.loss.target_network)
         self.network.backend = Dense()
         self.greedy: Policy = greedy_policy(self.network, self._draw)
+        # Freezing replaces the loss, which a graph keeps.
+        self._graph = GradientStep(self._learn_from) if self._captures else None
 
     @property
     def epsilon(self) -> float:
@@ -82,8 +90,7 @@ class DoubleDQN:
     def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
         """Write `action`, when `episode` training episodes have ended."""
         self.policy.epsilon = epsilon_at(episode, self._learn)
-        for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate_at(episode, self._learn)
+        self.optimiser.set_lr(learning_rate_at(episode, self._learn))
         if self._method.thaws:
             self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
         self.steps += step.batch_size[0]
@@ -104,6 +111,10 @@ class DoubleDQN:
 
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a batch, update the target network, and return the loss."""
+        return self._learn_from(batch) if self._graph is None else self._graph(batch)
+
+    def _learn_from(self, batch: TensorDictBase) -> Tensor:
+        """Do what `learn_from` says, one operation after the other."""
         loss = self.loss(batch)["loss"]
         if (penalty := self._method.penalty(self.online_network, batch)) is not None:
             loss = loss + penalty
@@ -166,6 +177,25 @@ class DoubleDQN:
         self.replay.load_compact_state_dict(strip_prefix("replay", state))
 
 
+class GradientStep:
+    """Replays a gradient step on batches as a CUDA graph: `step(batch)` returns the loss."""
+
+    def __init__(self, step: Callable[[TensorDictBase], Tensor]) -> None:
+        self._step = step
+        self._keys: list[NestedKey] = []
+        self._captured = Captured(self._from_tensors)
+
+    def _from_tensors(self, *tensors: Tensor) -> Tensor:
+        """Take the step on a batch of these tensors, in the order of its keys."""
+        return self._step(make_batch(dict(zip(self._keys, tensors, strict=True))))
+
+    def __call__(self, batch: TensorDictBase) -> Tensor:
+        """Take the step."""
+        self._keys = list(batch.keys(True, True))
+        loss: Tensor = self._captured(*(batch.get(key) for key in self._keys))
+        return loss
+
+
 def build(
     setup: Setup,
     make_replay: Callable[..., StateReplay] = StateReplay,
@@ -195,6 +225,9 @@ def build(
     def best_actions(observed: Tensor) -> Tensor:
         return network(observed if encoders else draw(observed)).argmax(-1)
 
+    captures = setup.fast and device.type == "cuda"
+    best = Captured(best_actions) if captures else best_actions
+
     return make(
         loss=loss,
         target_update=ForeachSoftUpdate(loss, tau=learn.tau),
@@ -208,9 +241,10 @@ def build(
             None if encoders else DrawPixels(draw),
             encode=encoders.get(FEATURES),
         ),
-        policy=EpsilonGreedy(best_actions, observation, setup.num_actions, setup.exploration),
+        policy=EpsilonGreedy(best, observation, setup.num_actions, setup.exploration),
         draw=draw,
         learn=learn,
         method=method,
         encoders=encoders,
+        captures=captures,
     )

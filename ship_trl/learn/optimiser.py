@@ -22,7 +22,22 @@ class ChannelsLastAdam(torch.optim.Optimizer):
         betas: tuple[float, float] = (0.9, 0.999),
         eps: float = 1e-8,
     ) -> None:
-        super().__init__(params, {"lr": lr, "betas": betas, "eps": eps})
+        given = list(params)
+        on_gpu = bool(given) and given[0].device.type == "cuda"
+        # A tensor on a GPU, because a CUDA graph keeps the value of a number.
+        rate = torch.tensor(lr, device=given[0].device) if on_gpu else lr
+        super().__init__(given, {"lr": rate, "betas": betas, "eps": eps})
+        self._lr = lr
+
+    @torch.no_grad()
+    def set_lr(self, lr: float) -> None:
+        """Set the learning rate of all groups."""
+        for group in self.param_groups:
+            if not isinstance(group["lr"], Tensor):
+                group["lr"] = lr
+            elif lr != self._lr:
+                group["lr"].fill_(lr)
+        self._lr = lr
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]

@@ -30,8 +30,8 @@ class EpsilonGreedy(TensorDictModuleBase):
     """Writes `action` int64 [N]: with probability `epsilon` a random one, else the best.
 
     TorchRL's `EGreedyModule` draws from torch's global generator, and computes Q-values for every row. This
-    module draws from the run's own generator, and computes Q-values only for rows that do not explore. The
-    number of draws does not depend on `epsilon`, which the training loop sets.
+    module draws from the run's own generator, and on a CPU computes Q-values only for rows that do not
+    explore. The number of draws does not depend on `epsilon`, which the training loop sets.
 
     `best` maps observations [N, ...], read from the key `observation`, to the best actions, int64 [N].
     """
@@ -51,6 +51,9 @@ class EpsilonGreedy(TensorDictModuleBase):
         count, device = observation.shape[0], observation.device
         explore = torch.rand(count, generator=self.generator, device=device) < self.epsilon
         action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
+        if device.type == "cuda":
+            # All rows, because a GPU would have to wait to know which ones explore.
+            return tensordict.set("action", torch.where(explore, action, self.best(observation)))
         explorers = sum(explore.tolist())
         if explorers == 0:
             action = self.best(observation)

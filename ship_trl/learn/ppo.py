@@ -111,8 +111,7 @@ class PPO:
         """Write `action`, when `episode` training episodes have ended."""
         if self._method.thaws:
             self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
-        for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate_at(episode, self._learn)
+        self.optimiser.set_lr(learning_rate_at(episode, self._learn))
         self._output = check_finite(self.online_network(self._draw(step["state"])))
         action = torch.multinomial(self._output.softmax(-1), 1, generator=self._exploration)
         return step.set("action", action.squeeze(-1))

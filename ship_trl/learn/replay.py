@@ -56,8 +56,11 @@ class TransitionStorage(Storage):
             for key, value in data.items(True, True):
                 shape = (self.max_size, *value.shape[data.batch_dims :])
                 self._rows[key] = value.new_zeros(shape, device=self.device)
+        # Neighbouring rows as a slice: a GPU would have to wait for a copy of their numbers.
+        is_run = isinstance(cursor, Tensor) and cursor.dim() == 1 and bool((cursor.diff() == 1).all())
+        where = slice(int(cursor[0]), int(cursor[-1]) + 1) if is_run and len(cursor) else cursor
         for key, rows in self._rows.items():
-            rows[cursor] = data.get(key)
+            rows[where] = data.get(key)
         if set_cursor:
             self._set_last_cursor(cursor)
             last = int(cursor.max()) if isinstance(cursor, Tensor) else int(cursor)

@@ -122,6 +122,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         options=config.algorithm,
         teacher=read_teacher(config, eval_env),
         mirror=mirrored_state,
+        fast=config.fast,
     )
     algorithm = build_algorithm(setup)
     starts = Generator().manual_seed(run.stream("starts"))

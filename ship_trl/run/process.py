@@ -29,6 +29,9 @@ def configure_process() -> None:
     os.environ["RUST_BACKTRACE"] = "0"
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
+    # On a GPU: algorithms and memory that give the same bits each time.
+    torch.backends.cudnn.deterministic = True
+    os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
     logging.getLogger("torchrl").setLevel(logging.WARNING)
     for option, value in ((M_MMAP_THRESHOLD, 1 << 30), (M_TRIM_THRESHOLD, 1 << 30), (M_TOP_PAD, 1 << 26)):
         call_glibc("mallopt", option, value)

@@ -76,7 +76,8 @@ def give_way(state: Tensor, rule: GiveWay, dt: float) -> Tensor:
     """
     behaviour = target_ships(state)[..., SHIP_BEHAVIOUR]
     reacts = behaviour != HOLDS_COURSE
-    if not bool(reacts.any()):
+    # Without a ship that reacts nothing changes. A GPU would have to wait for the answer.
+    if state.device.type == "cpu" and not bool(reacts.any()):
         return state
     motion = relative_motion(state)
     is_near = motion.dcpa < rule.dcpa
@@ -85,6 +86,6 @@ def give_way(state: Tensor, rule: GiveWay, dt: float) -> Tensor:
     after = state.clone()
     ships = target_ships(after)
     ships[..., SHIP_HEADING] -= rule.turn * dt * (is_giving & is_near)
-    now = torch.where(is_giving, GIVING_WAY, GIVES_WAY)
+    now = torch.full_like(behaviour, GIVES_WAY).masked_fill(is_giving, GIVING_WAY)
     ships[..., SHIP_BEHAVIOUR] = torch.where(reacts, now, behaviour)
     return after

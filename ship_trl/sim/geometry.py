@@ -36,7 +36,8 @@ def nearest_points(start: Tensor, end: Tensor) -> Tensor:
     """
     travel = end - start
     length2 = (travel * travel).sum(-1)
-    share = -(start * travel).sum(-1) / torch.where(length2 > 0, length2, 1.0)
+    # `masked_fill`, because `torch.where` would copy a number to the device.
+    share = -(start * travel).sum(-1) / length2.masked_fill(~(length2 > 0), 1.0)
     return start + share.clamp(0.0, 1.0).unsqueeze(-1) * travel
 
 
@@ -66,7 +67,7 @@ def predicted_approach(position: Tensor, velocity: Tensor) -> tuple[Tensor, Tens
     Shapes: position [..., 2] in metres, velocity [..., 2] in m/s.
     """
     speed2 = (velocity * velocity).sum(-1)
-    moving = speed2 > 0
-    time = -(position * velocity).sum(-1) / torch.where(moving, speed2, 1.0)
-    time = torch.where(moving, time, 0.0)
+    at_rest = ~(speed2 > 0)
+    time = -(position * velocity).sum(-1) / speed2.masked_fill(at_rest, 1.0)
+    time = time.masked_fill(at_rest, 0.0)
     return torch.linalg.vector_norm(position + time.unsqueeze(-1) * velocity, dim=-1), time

@@ -15,6 +15,7 @@ from torch import Tensor
 from torchrl.data import Bounded
 
 from ship_trl.config.types import World
+from ship_trl.graphs import Captured
 from ship_trl.sim import scene
 from ship_trl.sim.geometry import polygon_edges
 from ship_trl.sim.state import (
@@ -49,7 +50,8 @@ class Rasteriser:
     """Draws states as the network sees them; every row of a batch may be another case.
 
     `rasteriser(state)` takes float [..., S] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
-    else 1 (grey). A compiled loop draws on the CPU, torch on other devices or if not `fast`.
+    else 1 (grey). A compiled loop draws on the CPU, a CUDA graph of `reference` on a GPU, and torch
+    if not `fast`.
 
     Attributes:
         size: width and height of the picture in pixels.
@@ -57,6 +59,7 @@ class Rasteriser:
         vector_time: time (s) whose way a ship's speed vector shows; 0 draws none.
         background: the picture without line and target ships, uint8 [C, 84, 84].
         compiled: the compiled loop; None where torch draws.
+        draw: draws where no loop does.
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class Rasteriser:
         self._background = self._draw_background(world)
         self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
         self.compiled: CompiledDrawing | None = None
+        self.draw = Captured(self.reference) if fast and self.device.type == "cuda" else self.reference
         if fast and self.device.type == "cpu":
             # Imported here: without compiled loops nothing needs numba.
             from ship_trl.sim.fast.compiled import CompiledDrawing
@@ -131,7 +135,7 @@ class Rasteriser:
             ValueError: if compiled, a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
         """
         flat = state.reshape(-1, state.shape[-1])
-        pixels = self.compiled(flat) if self.compiled else self.reference(flat)
+        pixels: Tensor = self.compiled(flat) if self.compiled else self.draw(flat)
         return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
 
     def reference(self, flat: Tensor) -> Tensor:
@@ -158,7 +162,7 @@ class Rasteriser:
         dy = -(to_goal[:, 0] * rotate_y + to_goal[:, 1] * rotate_x)
         # At the goal the line has no direction; draw a very short one.
         at_goal = dx * dx + dy * dy < 1e-12
-        dx, dy = torch.where(at_goal, 1e-6, dx), torch.where(at_goal, 0.0, dy)
+        dx, dy = dx.masked_fill(at_goal, 1e-6), dy.masked_fill(at_goal, 0.0)
         length = torch.hypot(dx, dy)
         ux, uy = dx / length, dy / length
         # A strip along the longer axis holds the line: one row of four pixels for each pixel along the axis.

@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_seed(parser, "of starts and of policies that draw")
     add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
     add_output(parser, "--csv", (".csv",), "every metric of every episode, a row each")
-    add_output(parser, "--sheet", (".png",), "paths of all episodes of the last policy, failures first")
+    add_output(parser, "--sheet", (".png",), "paths of all episodes, failures first")
     parser.add_argument("--by", choices=["class"], help="also a row for each class of encounter at its onset")
     add_number(parser, "--head-on", HalfAngle, HEAD_ON_DEGREES, "half-angle of head-on in degrees (5)")
     keep = "where the episodes are kept as demonstrations"
@@ -95,28 +95,43 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
 
 
 def write_files(found: list[Evaluated], env: ShipEnv, policy: Policy, options: Namespace) -> None:
-    """Write the table of all episodes, and the pictures of the last policy."""
-    last, episodes = found[-1], found[-1].episodes
+    """Write the table and the paths of all episodes, and the film of the last policy."""
+    last = found[-1]
     if options.csv is not None:
         from ship_trl.study.report.tables import write_csv
 
         write_csv(options.csv, [row for one in found for row in one.csv_rows()])
     if options.sheet is not None:
-        from ship_trl.view.episode_page import write_episode_page
-
-        names = [last.scene_name(row) for row in range(len(episodes))]
-        title = f"{last.entry.label}, {last.suite_name}"
-        write_episode_page(options.sheet, title, names, episodes, last.entry.world)
+        write_sheet(options.sheet, found)
     if options.gif is not None:
         from ship_trl.policies.named import network_of
         from ship_trl.sim.state import first_case
         from ship_trl.view.film import write_gif
 
-        case = first_case(last.entry.suite, episodes[0].states[0])
+        first = last.episodes[0]
+        case = first_case(last.entry.suite, first.states[0])
         label, network = last.entry.label, network_of(policy)
-        write_gif(options.gif, case, last.entry.world, episodes[0], env.rasteriser, label, network)
+        write_gif(options.gif, case, last.entry.world, first, env.rasteriser, label, network)
     for path in filter(None, (options.csv, options.sheet, options.gif)):
         sys.stdout.write(f"{path}\n")
+
+
+def write_sheet(path: Path, found: list[Evaluated]) -> None:
+    """Write the paths of all episodes, of each policy in turn, so that the page shows failures of all."""
+    from ship_trl.view.episode_page import write_episode_page
+
+    worlds = [one.entry.world for one in found]
+    if any(world != worlds[0] for world in worlds):
+        raise ConfigError("--sheet: allowed for policies in one world")
+    policies, suites = {one.entry.label for one in found}, {one.suite_name for one in found}
+    names, episodes = [], []
+    for row in range(max(len(one.episodes) for one in found)):
+        for one in (each for each in found if row < len(each.episodes)):
+            lines = [one.entry.label] * (len(policies) > 1) + [one.suite_name] * (len(suites) > 1)
+            names.append("\n".join([*lines, one.scene_name(row)]))
+            episodes.append(one.episodes[row])
+    title = f"{', '.join(sorted(policies))}: {', '.join(sorted(suites))}"
+    write_episode_page(path, title, names, episodes, worlds[0])
 
 
 def print_table(found: list[Evaluated], options: Namespace) -> None:

@@ -83,6 +83,7 @@ def check_mp4(size: tuple[int, int]) -> None:
 
 def record_film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two side by side."""
+    from ship_trl.run import console
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode_view import view_entry
     from ship_trl.view.film import draw_film, write_film
@@ -96,7 +97,12 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     if options.saliency and any(view.sees_numbers for act in views for view in act):
         raise ConfigError("--saliency: allowed for networks that see pixels")
     look = Look(options.absolute, options.to_scale, options.saliency)
-    write_film(options.output, draw_film(views, look, options.size, options.fps, options.speed), options.fps)
+    frames = (
+        frame
+        for act in console.track("episode", views)
+        for frame in draw_film([act], look, options.size, options.fps, options.speed)
+    )
+    write_film(options.output, frames, options.fps)
     sys.stdout.write(f"{options.output}\n")
 
 

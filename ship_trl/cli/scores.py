@@ -70,7 +70,7 @@ class Evaluated:
         """Return the name of an episode's case, or the seed of its random encounter."""
         suite = self.entry.suite
         if not suite.cases:
-            return f"{suite.name} seed {self.seed + row}"
+            return f"seed {self.seed + row}"
         turn, case = divmod(row, len(suite.cases))
         return suite.cases[case].name + (f" ({turn + 1})" if suite.is_drawn else "")
 

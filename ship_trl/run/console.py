@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from filelock import FileLock, Timeout
 from rich.console import Console
@@ -18,12 +19,15 @@ from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.progress import Lines, format_duration
 
 console = Console()
+Thing = TypeVar("Thing")
 # Picture in a run's folder that compares a transfer with learning from scratch.
 TRANSFER = "transfer.png"
 # Share of a run's episodes between two progress lines, in a single run and in a run of a grid.
 SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
 # Seconds until the first message that this process waits for another one, and between further messages.
 SHORT_WAIT, LONG_WAIT = 1.0, 60.0
+# Least seconds between two lines of `track`.
+LINE_SECONDS = 5.0
 
 
 def say(text: str) -> None:
@@ -77,6 +81,17 @@ def progress(
                     # The next line's estimate uses the pace since this line.
                     is_measured = has_updates
             yield event
+
+
+def track(what: str, things: Sequence[Thing]) -> Iterator[Thing]:
+    """Yield the things, and show how many are done: a bar on a terminal, else lines, none of them for one."""
+    lines = Lines(SINGLE_INTERVAL, apart=LINE_SECONDS)
+    columns = TextColumn(what), BarColumn(bar_width=20), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        for done, thing in enumerate(bar.track(things)):
+            if not console.is_terminal and done and (left := lines.due(done / len(things))) is not None:
+                say(f"{what} {done + 1} of {len(things)}{left}")
+            yield thing
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
+from omegaconf import DictConfig, OmegaConf
+
 from ship_trl.config.bounds import Metres
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir, list_names
@@ -27,7 +29,8 @@ class SuiteFile:
     """What a suite's YAML file holds: names or paths of cases, or a distribution of scenes.
 
     A `unit` (metres) replaces that of the cases. `scenes` names a table of cases beside the file.
-    `profile` is that of its runs, unless `profile=` is given.
+    `profile` is that of its runs, unless `profile=` is given. What the file leaves out is taken from the
+    suite that it is `based_on`.
     """
 
     cases: list[str] = field(default_factory=list)
@@ -36,6 +39,7 @@ class SuiteFile:
     unit: Metres | None = None
     traffic: Traffic | None = None
     profile: str = ""
+    based_on: str = ""
 
 
 @dataclass(frozen=True)
@@ -125,8 +129,24 @@ def profile_of(name: str) -> str:
     """Return the profile that a suite asks for, empty if none or if `name` is no suite."""
     if not is_suite(name):
         return ""
-    path = suite_files()[name]
-    return read_as(SuiteFile, read_values(path), f"{path}: ").profile
+    return read_suite(suite_files()[name]).profile
+
+
+def read_suite(path: Path) -> SuiteFile:
+    """Read a suite's file.
+
+    Raises:
+        ConfigError: it is not readable as YAML, or has a wrong key or value.
+    """
+    values = read_values(path)
+    if isinstance(values, DictConfig) and "based_on" in values:
+        base, others = str(values.based_on), {k: other for k, other in suite_files().items() if other != path}
+        below = read_values(others[base]) if base in others else None
+        if below is None or "based_on" in below:
+            allowed = f"one of {', '.join(sorted(others))} that has none itself"
+            raise ConfigError(f"{path}: based_on: got {base}; allowed: {allowed}")
+        values = OmegaConf.merge(below, values)
+    return read_as(SuiteFile, values, f"{path}: ")
 
 
 def describe(name: str) -> str:
@@ -146,7 +166,7 @@ def load_suite(
     """
     if is_suite(name):
         path = suite_files()[name]
-        values = read_as(SuiteFile, read_values(path), f"{path}: ")
+        values = read_suite(path)
         cases = tuple(load_case(case, world, f"{path}: cases", values.unit) for case in values.cases)
         if values.scenes:
             table = path.parent / values.scenes

@@ -75,7 +75,7 @@ class Panel:
         """Draw what the network sees, and the saliency over it."""
         heat = self.view.salience(self.step) if self.has_saliency else None
         if self.view.sees_numbers:
-            self.head("seen as numbers")
+            self.head("the scene, which the network sees as numbers")
         elif not self.has_saliency:
             self.head(f"network's view, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}")
         else:

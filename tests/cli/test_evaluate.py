@@ -102,8 +102,11 @@ def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
     third = rows[2]
     assert (third["case"], third["outcome"], third["encounter"]) == ("3", "collision", "give way")
     assert third["rule_16"] == "0" and third["rule_17"] == third["path_ratio"] == third["dcpa"] == ""
-    with Image.open(files[1]) as sheet:
-        assert sheet.width == 1200
+    scores(capsys, "vo", "target=paper", "--sheet", str(tmp_path / "one.png"))
+    with Image.open(files[1]) as both, Image.open(tmp_path / "one.png") as one:
+        # A second row of pictures, and a line for the policy below each.
+        assert both.width == one.width == 1200 and both.height > 1.5 * one.height
+    (tmp_path / "one.png").unlink()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.png"]
 
 

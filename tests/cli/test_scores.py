@@ -27,7 +27,7 @@ def test_scenes_have_the_names_of_their_cases(world: World) -> None:
     scenes = example_scenes(traffic.entry.suite, world, 0)
     for scene, episode in zip(scenes, traffic.episodes, strict=False):
         assert scene.case == replace(first_case(traffic.entry.suite, episode.states[0]), name=scene.name)
-    assert [traffic.scene_name(row) for row in range(3)] == [f"traffic seed {seed}" for seed in range(3)]
+    assert [traffic.scene_name(row) for row in range(3)] == [f"seed {seed}" for seed in range(3)]
 
 
 def test_every_row_has_the_cells_of_the_headings(world: World) -> None:

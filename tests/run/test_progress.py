@@ -106,3 +106,14 @@ def test_a_study_without_a_terminal_prints_lines(
     job = jobs[0]
     assert second.startswith(f"0 of {len(jobs)} runs done, {0.5 / len(jobs):.0%} of all, about ")
     assert second.endswith(f"; now {job.label} {job.arm} {job.seed}")
+
+
+def test_things_in_turn_leave_a_line_each_where_there_is_no_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
+    assert list(console.track("episode", ["a", "b", "c"])) == ["a", "b", "c"]
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(",")[0] for line in lines] == ["episode 2 of 3", "episode 3 of 3"]
+    assert list(console.track("episode", ["a"])) == ["a"]
+    assert capsys.readouterr().out == ""

@@ -146,6 +146,22 @@ def test_a_suite_of_the_working_directory_comes_before_a_bundled_one(
     assert shadowing_file("suite", "two") is None
 
 
+def test_a_suite_takes_what_it_leaves_out_from_the_one_it_is_based_on(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "conf/suite").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "conf/suite/own.yaml"
+    own.write_text("based_on: traffic\ntraffic:\n  reacting: 0.5\n  ships: [0, 1]\n")
+    below, above = load_suite("traffic", world).traffic, load_suite("own", world).traffic
+    assert below is not None and above == replace(below, reacting=0.5, ships=[0, 1])
+    assert profile_of("own") == "traffic"
+    for base in ("nothing", "own", "traffic_dense", "[1, 2]"):
+        own.write_text(f"based_on: {base}\n")
+        with pytest.raises(ConfigError, match=r"^conf/suite/own.yaml: based_on: got .*allowed: one of imazu"):
+            load_suite("own", world)
+
+
 def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:
     suite = replace(suite_of(load_case("6", world)), perturbation=BOUNDS)
     starts = Starts(suite, world)

@@ -8,13 +8,12 @@ import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from ship_trl.config.types import BackendName, Learn, Loss, Network, Precision
+from ship_trl.config.types import Learn, Loss
 from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.fast.features import FEATURES
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
-from tests.learn import networks
 from tests.learn.worlds import draw, schedule
 
 
@@ -209,128 +208,6 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
     assert torch.equal(act(learner, state, 0.0), greedy.expand(4000))
     other = (act(learner, state, 0.5) != greedy).float().mean()
     assert abs(float(other) - 0.5 * 6 / 7) < 0.04
-
-
-@pytest.mark.parametrize("frozen", [3, 4])
-@pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
-def test_features_are_the_activations_of_the_frozen_layers(frozen: int, precision: Precision) -> None:
-    learner = made(frozen=frozen, precision=precision)
-    assert learner.encoders and learner.online_network.frozen == frozen
-    state = torch.rand(9, 2) * 8 - 4
-    kept = learner.encoders[FEATURES](state)
-    assert kept.shape == (9, {3: 3136, 4: 200}[frozen]) and kept.itemsize == 2
-    x = draw(state) / 255.0
-    for layer in learner.online_network.layers[:frozen]:
-        x = torch.relu(torch.nn.functional.conv2d(x, layer.weight, layer.bias, layer.stride))
-    wanted = x.permute(0, 2, 3, 1).flatten(1)
-    # Half a step of float16 and of bfloat16, and the error of sums in another order.
-    within = {Precision.fp32: 2**-11, Precision.bf16: 2**-8}[precision]
-    assert ((kept.float() - wanted).abs() <= within * wanted + 1e-5 * wanted.max()).all()
-
-
-def test_features_are_clamped_to_half_precision() -> None:
-    learner = made(frozen=3)
-    with torch.no_grad():
-        learner.online_network.layers[2].weight.mul_(1e6)
-    data = observed(learner, batch())
-    assert data["features"].max() == torch.finfo(torch.float16).max
-    assert learner.learn_from(data).isfinite() and all(
-        p.isfinite().all() for p in learner.online_network.parameters()
-    )
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("frozen", [3, 4])
-def test_q_values_and_gradients_on_features_equal_those_on_states(frozen: int, seed: int) -> None:
-    kept, dense = made(seed, frozen), made_on_states(seed, frozen)
-    assert (stored(kept), stored(dense)) == (FEATURES, "state")
-    found = []
-    for learner in (kept, dense):
-        data = observed(learner, batch(32))
-        (key,) = learner.loss.value_network_in_keys
-        q = learner.online_network(data[key]).detach()
-        learner.learn_from(data)
-        found.append((q, [p.grad for p in learner.online_network.parameters() if p.grad is not None]))
-    (got_q, got), (wanted_q, wanted) = found
-    # A feature is rounded by 2^-11 of itself at most; in bfloat16 it would be 2^-8, and Q-values fail.
-    assert (got_q - wanted_q).norm() < 2**-11 * wanted_q.norm()
-    # A gradient turns on errors that are smaller than Q-values, and on which side of zero a unit is.
-    assert len(got) == len(wanted) == 2 * (4 - frozen) + 6
-    for mine, other in zip(got, wanted, strict=True):
-        assert (mine - other).norm() < 0.02 * other.norm()
-
-
-@pytest.mark.parametrize(
-    ("name", "frozen"), [("paper", 0), ("five", 0), ("five", 3), ("five", 4), ("five", 5), ("wide", 3)]
-)
-def test_any_network_learns_the_same_with_both_backends(name: str, frozen: int) -> None:
-    found = []
-    for backend in (BackendName.incremental, BackendName.dense):
-        network, learn = networks.network(name), schedule(backend=backend)
-        learner = make(network, learn, 0, frozen)
-        keeps = backend is BackendName.incremental and frozen >= {"paper": 3, "five": 4, "wide": 2}[name]
-        assert bool(learner.encoders) == keeps
-        before = {name: p.clone() for name, p in network.named_parameters()}
-        found.append([float(learner.learn_from(observed(learner, batch()))) for _ in range(3)])
-        for key, parameter in network.named_parameters():
-            assert torch.equal(parameter, before[key]) == key.startswith(network.layer_names[:frozen]), key
-    # Features are rounded to half precision.
-    assert found[0] == pytest.approx(found[1], rel=2e-3)
-
-
-def test_freezing_conv1_leaves_conv10_trainable() -> None:
-    layers = Network([[4, 8, 4], *([2, 1, 1] for _ in range(9)), [8, 20, 1]], 8)
-    network = DuelingNetwork(1, 7, Generator().manual_seed(0), layers)
-    make(network, schedule(), frozen=1)
-    assert [conv.weight.requires_grad for conv in network.layers] == [False] + 10 * [True]
-
-
-class Thawing(Method):
-    """Freezes two layers for the first half of the episodes."""
-
-    thaws = True
-
-    def frozen_layers(self, progress: float) -> int:
-        return 2 if progress < 0.5 else 0
-
-
-def thawing(seed: int = 3) -> DoubleDQN:
-    network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
-    exploration, replay = (Generator().manual_seed(seed) for _ in range(2))
-    return build(Setup(network, draw, 7, schedule(), exploration, replay, Thawing()))
-
-
-def test_a_thawed_layer_learns_and_its_target_follows() -> None:
-    learner, step = thawing(), batch()
-    learner.act(step.clone(), 0)
-    for _ in range(3):
-        learner.learn_from(observed(learner, batch()))
-    frozen, slow = (net.layers[0].weight.clone() for net in (learner.online_network, learner.network))
-    deep = learner.network.layers[3].weight.clone()
-    learner.act(step.clone(), 20)
-    # Thawing moves nothing: the target keeps what it had learned.
-    assert torch.equal(learner.network.layers[3].weight, deep) and torch.equal(frozen, slow)
-    before = copy.deepcopy(learner.network)
-    learner.learn_from(observed(learner, batch()))
-    for online, target, was in zip(
-        learner.online_network.parameters(), learner.network.parameters(), before.parameters(), strict=True
-    ):
-        torch.testing.assert_close(target, was.lerp(online, 0.05), rtol=1e-6, atol=1e-8)
-    assert not torch.equal(learner.online_network.layers[0].weight, frozen)
-    assert not torch.equal(learner.network.layers[0].weight, slow)
-
-
-def test_a_checkpoint_after_a_thaw_goes_on_with_the_same_bits() -> None:
-    learner, other = thawing(), thawing(4)
-    for episode in (0, 20):
-        learner.act(batch(), episode)
-        learner.learn_from(observed(learner, batch()))
-    state = {key: value.clone() for key, value in learner.state_dict().items()}
-    other.load_state_dict(state)
-    losses = [one.learn_from(observed(one, batch())) for one in (learner, other) for _ in range(1)]
-    assert torch.equal(*losses)
-    pairs = zip(learner.network.parameters(), other.network.parameters(), strict=True)
-    assert all(torch.equal(mine, theirs) for mine, theirs in pairs)
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:

@@ -1,7 +1,8 @@
 """`python -m benchmarks gpu`: simulation, updates and training loops on a GPU, with Stable-Baselines3 beside.
 
 `operation by operation` is the same work without CUDA graphs (`fast=false`). Training loops are those of
-`python -m benchmarks loop`: case 4, batches of 32, an update every 4 steps.
+`python -m benchmarks loop`: case 4, batches of 32, an update every 4 steps. Both sides run with one CPU
+thread and deterministic cuDNN.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from benchmarks.work import CASE, STEPS_PER_CALL, WARMUP_STEPS, learn_config, require_peers
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_number, make_parser
+from ship_trl.config.bounds import Positive, PositiveShare
 from ship_trl.config.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -114,8 +116,8 @@ def main(words: list[str]) -> None:
     parser = make_parser("benchmarks", __doc__ or "")
     parser.prog = "python -m benchmarks gpu"
     parser.add_argument("--device", default="cuda", help="default cuda")
-    parser.add_argument("--rounds", type=int, default=3, help="passes over the probes of a part (default 3)")
-    parser.add_argument("--seconds", type=float, default=1.0, help="for a probe in a round (default 1)")
+    add_number(parser, "--rounds", Positive, 3, "passes over the probes of a part (default 3)")
+    add_number(parser, "--seconds", PositiveShare, 1.0, "for a probe in a round, at most 1 (default 1)")
     parser.add_argument("--only", choices=tuple(PROBES), action="append", help="a part; default: all")
     options = parser.parse_args(words)
     with refusals():

@@ -79,7 +79,14 @@ def advance(training: Training, steps: int) -> None:
 @pytest.mark.parametrize("words", [(), ("algorithm=n_step",), ("observation=vector",)])
 def test_graphs_learn_what_single_operations_learn(words: tuple[str, ...]) -> None:
     fast, slow = (
-        plan("learn.precision=fp32", f"fast={kind}", "learn.num_envs=4", "learn.replay_size=500", *words)
+        plan(
+            "learn.precision=fp32",
+            "learn.lr_end=1e-5",
+            f"fast={kind}",
+            "learn.num_envs=4",
+            "learn.replay_size=500",
+            *words,
+        )
         for kind in ("true", "false")
     )
     before = {key: value.clone() for key, value in fast.algorithm.network.state_dict().items()}
@@ -94,10 +101,11 @@ def test_graphs_learn_what_single_operations_learn(words: tuple[str, ...]) -> No
 
 
 def test_a_step_copies_nothing_to_the_gpu_and_reads_flags_alone() -> None:
-    parts = plan("learn.num_envs=4", "learn.warmup_steps=8", "learn.epsilon_start=0.5")
+    # Case 1: nothing to collide with ends an episode early.
+    parts = plan("target=1", "learn.num_envs=4", "learn.warmup_steps=8", "learn.epsilon_start=0.5")
     parts.training.begin()
-    advance(parts.training, 9)
-    steps, before = 5, parts.training.episode
+    advance(parts.training, EAGER_CALLS + 5)
+    steps, before = 3, parts.training.episode
     with torch.profiler.profile(acc_events=True) as profiled:
         advance(parts.training, steps)
     assert parts.training.episode == before, "an episode ended, whose figures are read"

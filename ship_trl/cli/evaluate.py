@@ -58,16 +58,27 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(1)
 
 
+def check(entries: list[Entry], options: Namespace) -> None:
+    """Check the options against the entries.
+
+    Raises:
+        ConfigError: an option does not fit them.
+    """
+    if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
+        raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
+    if options.sheet is not None and any(entry.world != entries[0].world for entry in entries):
+        raise ConfigError("--sheet: the policies act in several worlds; give those of one world")
+    if options.episodes is not None and not any(entry.draws for entry in entries):
+        raise ConfigError("--episodes: all would be alike; allowed with drawn starts or policies that draw")
+
+
 def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     """Roll out every entry and print a table; return a line for each that does not reach its claim."""
     from ship_trl.policies.demonstrations import write_demonstration
     from ship_trl.run.process import configure_process
 
     configure_process()
-    if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
-        raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
-    if options.episodes is not None and not any(entry.draws for entry in entries):
-        raise ConfigError("--episodes: all would be alike; allowed with drawn starts or policies that draw")
+    check(entries, options)
     found, wrong = [], []
     for entry in entries:
         try:
@@ -117,21 +128,21 @@ def write_files(found: list[Evaluated], env: ShipEnv, policy: Policy, options: N
 
 
 def write_sheet(path: Path, found: list[Evaluated]) -> None:
-    """Write the paths of all episodes, of each policy in turn, so that the page shows failures of all."""
+    """Write the paths of all episodes; policies take turns, so that the first does not fill the page."""
     from ship_trl.view.episode_page import write_episode_page
 
-    worlds = [one.entry.world for one in found]
-    if any(world != worlds[0] for world in worlds):
-        raise ConfigError("--sheet: allowed for policies in one world")
-    policies, suites = {one.entry.label for one in found}, {one.suite_name for one in found}
+    policies = list(dict.fromkeys(one.entry.label for one in found))
+    suites = list(dict.fromkeys(one.suite_name for one in found))
     names, episodes = [], []
     for row in range(max(len(one.episodes) for one in found)):
         for one in (each for each in found if row < len(each.episodes)):
-            lines = [one.entry.label] * (len(policies) > 1) + [one.suite_name] * (len(suites) > 1)
+            # A case is a suite of its own name.
+            names_suite = len(suites) > 1 and len(one.entry.suite.cases) != 1
+            lines = [one.entry.label] * (len(policies) > 1) + [one.suite_name] * names_suite
             names.append("\n".join([*lines, one.scene_name(row)]))
             episodes.append(one.episodes[row])
-    title = f"{', '.join(sorted(policies))}: {', '.join(sorted(suites))}"
-    write_episode_page(path, title, names, episodes, worlds[0])
+    title = f"{', '.join(policies)}: {', '.join(suites)}"
+    write_episode_page(path, title, names, episodes, found[0].entry.world)
 
 
 def print_table(found: list[Evaluated], options: Namespace) -> None:

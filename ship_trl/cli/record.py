@@ -21,6 +21,10 @@ from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry, split_suites
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pygame import Surface
+
     from ship_trl.learn.rollout import Episode
 
 FrameRate = Annotated[float, limit(1, 60)]
@@ -93,16 +97,16 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     if options.compare:
         first, second = distinct_policies(entries, True)[:2]
         acts = [[first, replace(second, suite=first.suite)]]
-    views = [[view_entry(entry, options.seed) for entry in act] for act in acts]
-    if options.saliency and any(view.sees_numbers for act in views for view in act):
-        raise ConfigError("--saliency: allowed for networks that see pixels")
     look = Look(options.absolute, options.to_scale, options.saliency)
-    frames = (
-        frame
-        for act in console.track("episode", views)
-        for frame in draw_film([act], look, options.size, options.fps, options.speed)
-    )
-    write_film(options.output, frames, options.fps)
+
+    def frames() -> Iterator[Surface]:
+        for act in console.track("episodes", acts):
+            views = [view_entry(entry, options.seed) for entry in act]
+            if options.saliency and any(view.sees_numbers for view in views):
+                raise ConfigError("--saliency: allowed for networks that see pixels")
+            yield from draw_film([views], look, options.size, options.fps, options.speed)
+
+    write_film(options.output, frames(), options.fps)
     sys.stdout.write(f"{options.output}\n")
 
 

@@ -44,7 +44,7 @@ class DoubleDQN:
         learn: the schedule of updates, exploration and learning rate.
         method: what a transfer asks of learning.
         encoders: see `Algorithm`.
-        captures: whether a CUDA graph takes the gradient steps.
+        captures: whether gradient steps are replayed as a CUDA graph.
     """
 
     def __init__(
@@ -69,17 +69,18 @@ class DoubleDQN:
         self.backend = self.online_network.backend.name
         # Environment steps and updates so far.
         self.steps = self.updates = 0
-        # The graph of a gradient step; None without one.
-        self._graph: GradientStep | None = None
-        self._captures = captures and not loss.write_td_error
-        self._judge()
+        # A loss of one's own may write into the batch or draw numbers.
+        self._captures = captures and not loss.write_td_error and type(loss).forward is DoubleDQNLoss.forward
+        self._renew()
 
-    def _judge(self) -> None:
-        """Make the network and the policy of evaluations, which compute whole frames in float32."""
+    def _renew(self) -> None:
+        """Make what depends on the loss: network and policy of evaluations, and the graph of gradient steps.
+
+        Evaluations compute whole frames in float32.
+        """
         self.network: DuelingNetwork = copy.copy(self.loss.target_network)
         self.network.backend = Dense()
         self.greedy: Policy = greedy_policy(self.network, self._draw)
-        # Freezing replaces the loss, which a graph keeps.
         self._graph = GradientStep(self._learn_from) if self._captures else None
 
     @property
@@ -90,9 +91,9 @@ class DoubleDQN:
     def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
         """Write `action`, when `episode` training episodes have ended."""
         self.policy.epsilon = epsilon_at(episode, self._learn)
-        self.optimiser.set_lr(learning_rate_at(episode, self._learn))
         if self._method.thaws:
             self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
+        self.optimiser.set_lr(learning_rate_at(episode, self._learn))
         self.steps += step.batch_size[0]
         return self.policy(step)
 
@@ -140,7 +141,7 @@ class DoubleDQN:
         self.loss.target_network.load_state_dict(averages)
         self.optimiser.add_thawed(self.online_network)
         count_untracked_write()
-        self._judge()
+        self._renew()
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return networks, Adam's averages, replay, generators and counters; tensors are not copied."""
@@ -181,17 +182,13 @@ class GradientStep:
     """Replays a gradient step on batches as a CUDA graph: `step(batch)` returns the loss."""
 
     def __init__(self, step: Callable[[TensorDictBase], Tensor]) -> None:
-        self._step = step
         self._keys: list[NestedKey] = []
-        self._captured = Captured(self._from_tensors)
-
-    def _from_tensors(self, *tensors: Tensor) -> Tensor:
-        """Take the step on a batch of these tensors, in the order of its keys."""
-        return self._step(make_batch(dict(zip(self._keys, tensors, strict=True))))
+        keys = self._keys
+        self._captured = Captured(lambda *values: step(make_batch(dict(zip(keys, values, strict=True)))))
 
     def __call__(self, batch: TensorDictBase) -> Tensor:
         """Take the step."""
-        self._keys = list(batch.keys(True, True))
+        self._keys[:] = batch.keys(True, True)
         loss: Tensor = self._captured(*(batch.get(key) for key in self._keys))
         return loss
 

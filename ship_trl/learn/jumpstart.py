@@ -51,8 +51,10 @@ def run_episodes(env: EnvBase, draw: Draw, networks: Sequence[DuelingNetwork]) -
     running = list(range(len(networks)))
     while running:
         action = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
-        for ship, observation in zip(running, draw(step["state"][running]).split(1), strict=True):
-            action[ship] = networks[ship](observation)[0].argmax()
+        # All rows: on a GPU each number of rows would be captured anew.
+        seen = draw(step["state"])
+        for ship in running:
+            action[ship] = networks[ship](seen[ship : ship + 1])[0].argmax()
         stepped, step = env.step_and_maybe_reset(step.set("action", action))
         after = stepped["next"]
         totals[running] += after["reward"][running, 0]

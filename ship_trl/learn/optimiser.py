@@ -22,22 +22,18 @@ class ChannelsLastAdam(torch.optim.Optimizer):
         betas: tuple[float, float] = (0.9, 0.999),
         eps: float = 1e-8,
     ) -> None:
-        given = list(params)
-        on_gpu = bool(given) and given[0].device.type == "cuda"
-        # A tensor on a GPU, because a CUDA graph keeps the value of a number.
-        rate = torch.tensor(lr, device=given[0].device) if on_gpu else lr
-        super().__init__(given, {"lr": rate, "betas": betas, "eps": eps})
-        self._lr = lr
+        params = list(params)
+        super().__init__(params, {"lr": lr, "betas": betas, "eps": eps})
+        if params[0].device.type == "cuda":
+            # A CUDA graph would keep a Python number. Groups that are added later share the tensor.
+            self.defaults["lr"] = torch.tensor(lr, device=params[0].device)
+            self.param_groups[0]["lr"] = self.defaults["lr"]
 
     @torch.no_grad()
     def set_lr(self, lr: float) -> None:
         """Set the learning rate of all groups."""
         for group in self.param_groups:
-            if not isinstance(group["lr"], Tensor):
-                group["lr"] = lr
-            elif lr != self._lr:
-                group["lr"].fill_(lr)
-        self._lr = lr
+            group["lr"] = group["lr"].fill_(lr) if isinstance(group["lr"], Tensor) else lr
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]

@@ -52,7 +52,7 @@ class EpsilonGreedy(TensorDictModuleBase):
         explore = torch.rand(count, generator=self.generator, device=device) < self.epsilon
         action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
         if device.type == "cuda":
-            # All rows, because a GPU would have to wait to know which ones explore.
+            # All rows: to know which ones explore would wait for all earlier operations.
             return tensordict.set("action", torch.where(explore, action, self.best(observation)))
         explorers = sum(explore.tolist())
         if explorers == 0:

@@ -56,9 +56,9 @@ class TransitionStorage(Storage):
             for key, value in data.items(True, True):
                 shape = (self.max_size, *value.shape[data.batch_dims :])
                 self._rows[key] = value.new_zeros(shape, device=self.device)
-        # Neighbouring rows as a slice: a GPU would have to wait for a copy of their numbers.
-        is_run = isinstance(cursor, Tensor) and cursor.dim() == 1 and bool((cursor.diff() == 1).all())
-        where = slice(int(cursor[0]), int(cursor[-1]) + 1) if is_run and len(cursor) else cursor
+        # Rows in a row as a slice, because their numbers would be copied to a GPU.
+        is_contiguous = isinstance(cursor, Tensor) and cursor.dim() == 1 and bool((cursor.diff() == 1).all())
+        where = slice(int(cursor[0]), int(cursor[-1]) + 1) if is_contiguous and len(cursor) else cursor
         for key, rows in self._rows.items():
             rows[where] = data.get(key)
         if set_cursor:

@@ -19,7 +19,9 @@ from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.progress import Lines, format_duration
 
 console = Console()
-Thing = TypeVar("Thing")
+# Apart from what a command prints, which may be piped.
+progress_console = Console(stderr=True)
+Item = TypeVar("Item")
 # Picture in a run's folder that compares a transfer with learning from scratch.
 TRANSFER = "transfer.png"
 # Share of a run's episodes between two progress lines, in a single run and in a run of a grid.
@@ -83,15 +85,15 @@ def progress(
             yield event
 
 
-def track(what: str, things: Sequence[Thing]) -> Iterator[Thing]:
-    """Yield the things, and show how many are done: a bar on a terminal, else lines, none of them for one."""
-    lines = Lines(SINGLE_INTERVAL, apart=LINE_SECONDS)
-    columns = TextColumn(what), BarColumn(bar_width=20), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        for done, thing in enumerate(bar.track(things)):
-            if not console.is_terminal and done and (left := lines.due(done / len(things))) is not None:
-                say(f"{what} {done + 1} of {len(things)}{left}")
-            yield thing
+def track(label: str, items: Sequence[Item]) -> Iterator[Item]:
+    """Yield the items, and show how many are done: a bar on a terminal, else lines on stderr."""
+    lines, plain = Lines(SINGLE_INTERVAL, apart=LINE_SECONDS), not progress_console.is_terminal
+    columns = TextColumn(label), BarColumn(bar_width=20), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=progress_console, disable=plain) as bar:
+        for done, item in enumerate(bar.track(items)):
+            if plain and done and (left := lines.due(done / len(items))) is not None:
+                progress_console.print(f"{label}: {done} of {len(items)} done{left}", highlight=False)
+            yield item
 
 
 @contextmanager

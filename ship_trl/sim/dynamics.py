@@ -76,7 +76,7 @@ def give_way(state: Tensor, rule: GiveWay, dt: float) -> Tensor:
     """
     behaviour = target_ships(state)[..., SHIP_BEHAVIOUR]
     reacts = behaviour != HOLDS_COURSE
-    # Without a ship that reacts nothing changes. A GPU would have to wait for the answer.
+    # Without a ship that reacts nothing changes. On a GPU the check would wait for all earlier operations.
     if state.device.type == "cpu" and not bool(reacts.any()):
         return state
     motion = relative_motion(state)

@@ -10,10 +10,11 @@ from functools import cached_property
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.bounds import Metres
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir, list_names
+from ship_trl.config.paths import conf_dir, is_name, list_names
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.sim.cases import Case, case_names, check_case, find_case, load_case, read_values
@@ -140,13 +141,24 @@ def read_suite(path: Path) -> SuiteFile:
     """
     values = read_values(path)
     if isinstance(values, DictConfig) and "based_on" in values:
-        base, others = str(values.based_on), {k: other for k, other in suite_files().items() if other != path}
-        below = read_values(others[base]) if base in others else None
-        if below is None or "based_on" in below:
-            allowed = f"one of {', '.join(sorted(others))} that has none itself"
-            raise ConfigError(f"{path}: based_on: got {base}; allowed: {allowed}")
-        values = OmegaConf.merge(below, values)
+        base = find_base(path, str(values.based_on))
+        base_values = read_values(base) if base is not None else None
+        if base is None or not isinstance(base_values, DictConfig) or "based_on" in base_values:
+            allowed = "the name of a suite that is based on no other"
+            raise ConfigError(f"{path}: based_on: got {values.based_on}; allowed: {allowed}")
+        if base_values.get("scenes"):
+            base_values.scenes = str(base.parent.absolute() / str(base_values.scenes))
+        try:
+            values = OmegaConf.merge(base_values, values)
+        except OmegaConfBaseException:
+            raise ConfigError(f"{path}: based_on: {base} has other kinds of values") from None
     return read_as(SuiteFile, values, f"{path}: ")
+
+
+def find_base(path: Path, name: str) -> Path | None:
+    """Return the file of the suite that another one's file names: one beside it, else a bundled one."""
+    files = [folder / f"{name}.yaml" for folder in (path.parent, conf_dir() / "suite")]
+    return next((file for file in files if is_name(name) and file.is_file() and file != path), None)
 
 
 def describe(name: str) -> str:

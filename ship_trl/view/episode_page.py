@@ -25,7 +25,7 @@ from ship_trl.view.words import circle_names, counted
 WIDTH, MARGIN, GAP, COLUMNS, MAX_PICTURES = 1200, 16, 10, 8, 48
 PICTURE = (WIDTH - 2 * MARGIN - (COLUMNS - 1) * GAP) // COLUMNS
 TITLE, CAPTION, LINE = 34, 36, 17
-NAME = 15
+NAME_LINE = 15
 # Seconds between marks on a path; metres of a hull, and around start and goal.
 MARK_TIME, LENGTH, AROUND = 10.0, 50.0, 40.0
 FAILURES = ("collision", "timeout", "goal")
@@ -47,7 +47,7 @@ def write_episode_page(
     ends = Counter(one.outcome for one in episodes)
     order = sorted(range(len(episodes)), key=lambda k: FAILURES.index(episodes[k].outcome))[:MAX_PICTURES]
     lines = 1 + max(name.count("\n") for name in names)
-    rows, height = math.ceil(len(order) / COLUMNS), PICTURE + CAPTION + (lines - 1) * NAME + GAP
+    rows, height = math.ceil(len(order) / COLUMNS), PICTURE + CAPTION + (lines - 1) * NAME_LINE + GAP
     bottom = MARGIN + TITLE + rows * height
     page = pen.new_surface(WIDTH, bottom + 2 * LINE + MARGIN)
     page.fill(BACKGROUND)
@@ -67,11 +67,11 @@ def write_episode_page(
         page.blit(draw_paths(one, world, PICTURE, 2 * reach), (left, top))
         near = f", {one.dcpa:.0f} m" if math.isfinite(one.dcpa) else ""
         caption = f"{one.outcome} {one.length * world.dt:.0f} s{near}"
-        down = top + PICTURE + 10
+        y = top + PICTURE + 10
         for name in names[index].split("\n"):
-            pen.write(page, pen.cut(name, PICTURE, 13, True), (left, down), TEXT, 13, True)
-            down += NAME
-        pen.write(page, pen.cut(caption, PICTURE, 12), (left, down + 1), OUTCOMES[one.outcome], 12)
+            pen.write(page, pen.cut(name, PICTURE, 13, True), (left, y), TEXT, 13, True)
+            y += NAME_LINE
+        pen.write(page, pen.cut(caption, PICTURE, 12), (left, y + 1), OUTCOMES[one.outcome], 12)
     expected, safe = circle_names(world)
     first = f"north up, width {2 * reach:.0f} m; a mark every {MARK_TIME:g} s; ships where the episode ends"
     second = f"captions: end, time, least distance; red: {expected}; around own ship: {safe}"

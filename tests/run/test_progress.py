@@ -112,8 +112,9 @@ def test_things_in_turn_leave_a_line_each_where_there_is_no_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
-    assert list(console.track("episode", ["a", "b", "c"])) == ["a", "b", "c"]
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split(",")[0] for line in lines] == ["episode 2 of 3", "episode 3 of 3"]
-    assert list(console.track("episode", ["a"])) == ["a"]
-    assert capsys.readouterr().out == ""
+    assert list(console.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
+    printed = capsys.readouterr()
+    lines = [line.split(",")[0] for line in printed.err.splitlines()]
+    assert lines == ["episodes: 1 of 3 done", "episodes: 2 of 3 done"] and printed.out == ""
+    assert list(console.track("episodes", ["a"])) == ["a"]
+    assert capsys.readouterr().err == ""

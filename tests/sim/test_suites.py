@@ -156,10 +156,16 @@ def test_a_suite_takes_what_it_leaves_out_from_the_one_it_is_based_on(
     below, above = load_suite("traffic", world).traffic, load_suite("own", world).traffic
     assert below is not None and above == replace(below, reacting=0.5, ships=[0, 1])
     assert profile_of("own") == "traffic"
-    for base in ("nothing", "own", "traffic_dense", "[1, 2]"):
-        own.write_text(f"based_on: {base}\n")
-        with pytest.raises(ConfigError, match=r"^conf/suite/own.yaml: based_on: got .*allowed: one of imazu"):
+    for wrong in ("nothing", "own", "traffic_dense", "[1, 2]", "../suite/traffic", "traffic\ntraffic: [1]"):
+        own.write_text(f"based_on: {wrong}\n")
+        with pytest.raises(ConfigError, match=r"^conf/suite/own.yaml: based_on: "):
             load_suite("own", world)
+    own.write_text("based_on: traffic_test\n")
+    assert len(load_suite("own", world).cases) == 500
+    # A bundled suite keeps its base, and a file may be based on the bundled one of its name.
+    (tmp_path / "conf/suite/traffic.yaml").write_text("based_on: traffic\ntraffic:\n  ships: [1]\n")
+    ours, theirs = load_suite("traffic", world).traffic, load_suite("traffic_reacting", world).traffic
+    assert ours == replace(below, ships=[1]) and theirs == replace(below, reacting=1)
 
 
 def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:

@@ -2,9 +2,10 @@
 
 Seeds 100 to 104 learn each case from scratch with profile=quick. The network with the highest greedy return
 is kept, on ties the one with the lower seed. It is written in half precision if its greedy episode stays the
-same. With `--suites` the networks of random encounters are trained instead, with seeds 0 to 4; the highest
-success rate of a run's best evaluation is kept, and all greedy episodes on the Imazu problems must stay the
-same. Finished runs are not repeated. In a manifest that FOLDER holds, the other networks stay.
+same. With `--suites` the networks of random encounters are trained instead: one of numbers, seeds 0 to 4, and
+one of pixels that learns from it, seeds 0 to 2. The highest success rate of a run's best evaluation is kept,
+and all greedy episodes on the Imazu problems must stay the same. Finished runs are not repeated. In a manifest
+that FOLDER holds, the other networks stay.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ SEEDS = range(100, 105)
 TRAFFIC = "traffic"
 SUITES = {
     "traffic": (range(5), ["observation=vector"]),
+    "traffic_pixels": (range(3), ["algorithm=pupil", "algorithm.teacher='{folder}/traffic.safetensors'"]),
 }
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")

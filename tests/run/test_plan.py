@@ -205,6 +205,8 @@ def test_a_bundled_source_of_random_encounters_sees_what_the_run_sees() -> None:
     line = ("source=traffic", "source_weights=pretrained", "target=imazu", "layers=all")
     numbers = run(*line, "observation=vector").pretrained
     assert numbers is not None and numbers.name == "traffic"
+    pixels = run(*line, "profile=traffic").pretrained
+    assert pixels is not None and pixels.name == "traffic_pixels"
 
 
 def test_the_same_case_by_another_name_has_other_streams_and_another_hash(tmp_path: Path) -> None:

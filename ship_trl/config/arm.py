@@ -7,22 +7,30 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import total_ordering
 from typing import Any
 
-# The value of `layers` that copies the whole network, its fully connected layers too.
-ALL_LAYERS = "all"
+# Values of `layers` that are no number: the whole network, its fully connected layers alone, or all but the
+# output layers (value and advantage).
+ALL_LAYERS, HEAD, BODY = "all", "head", "body"
 DEMONSTRATIONS = "demonstrations"
+OUTPUT = ("value", "advantage")
+FULLY_CONNECTED = ("shared", *OUTPUT)
 
 
 class Method(StrEnum):
-    """How the source's layers are used (section 3.5)."""
+    """How the source is used; `ship_trl.transfer.methods` has a file for each."""
 
     scratch = "scratch"
     feature_extraction = "feature_extraction"
     finetune = "finetune"
+    unfreeze = "unfreeze"
+    l2sp = "l2sp"
+    guide = "guide"
+    qdagger = "qdagger"
 
 
 class SourceWeights(StrEnum):
@@ -37,10 +45,32 @@ class SourceWeights(StrEnum):
     permuted = "permuted"
 
 
-PREFIXES = {Method.feature_extraction: "FE", Method.finetune: "FT"}
-METHODS = {prefix: method for method, prefix in PREFIXES.items()}
-# Only finetuning copies the whole network.
-NAME = re.compile(r"(FE(?!W)|FT)([1-9]\d*|W)(?:-(pretrained|random|permuted))?", re.ASCII)
+@dataclass(frozen=True)
+class Form:
+    """The arms of a method.
+
+    Attributes:
+        prefix: begins their names.
+        words: what `layers` may be besides a number.
+        bare: whether it may be left out, so that nothing is copied.
+    """
+
+    prefix: str
+    words: tuple[str, ...] = (ALL_LAYERS, HEAD, BODY)
+    bare: bool = False
+
+
+FORMS = {
+    Method.feature_extraction: Form("FE", (HEAD,)),
+    Method.finetune: Form("FT"),
+    Method.unfreeze: Form("GU", (ALL_LAYERS,)),
+    Method.l2sp: Form("SP"),
+    Method.guide: Form("G", bare=True),
+    Method.qdagger: Form("QD", bare=True),
+}
+METHODS = {form.prefix: method for method, form in FORMS.items()}
+LETTERS = {ALL_LAYERS: "W", HEAD: "H", BODY: "B"}
+NAME = re.compile(rf"({'|'.join(METHODS)})([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)
 
 
 @total_ordering
@@ -52,8 +82,8 @@ class Arm:
 
     Args:
         method: scratch copies nothing, feature extraction freezes what it copies, finetuning trains it.
-        layers: how many conv layers are copied, counted from the image; `all` is the whole network, which
-            only finetuning allows; None from scratch.
+        layers: how many conv layers are copied, counted from the image; or `all`, `head` or `body`; None if
+            nothing is copied.
         weights: what the source's layers hold.
 
     Raises:
@@ -66,12 +96,11 @@ class Arm:
 
     def __post_init__(self) -> None:
         counted = type(self.layers) is int and self.layers >= 1
-        possible = {
-            Method.scratch: self.layers is None and self.weights is SourceWeights.learned,
-            Method.feature_extraction: counted,
-            Method.finetune: counted or self.layers == ALL_LAYERS,
-        }
-        if not possible[self.method]:
+        if (form := FORMS.get(self.method)) is None:
+            possible = self.layers is None and self.weights is SourceWeights.learned
+        else:
+            possible = counted or self.layers in form.words or (self.layers is None and form.bare)
+        if not possible:
             raise ValueError(f"no arm has {self.method}, layers {self.layers}, {self.weights} weights")
 
     @classmethod
@@ -86,21 +115,25 @@ class Arm:
         if (found := NAME.fullmatch(name)) is None:
             raise ValueError(f"{name!r:.50} names no arm")
         prefix, layers, weights = found.groups()
-        count = ALL_LAYERS if layers == "W" else int(layers)
-        return Arm(METHODS[prefix], count, SourceWeights(weights or SourceWeights.learned))
+        words: dict[str | None, Any] = {letter: word for word, letter in LETTERS.items()} | {None: None}
+        count = words[layers] if layers in words else int(layers)
+        try:
+            return Arm(METHODS[prefix], count, SourceWeights(weights or SourceWeights.learned))
+        except ValueError:
+            raise ValueError(f"{name!r:.50} names no arm") from None
 
     @property
     def name(self) -> str:
         """The arm's name in figures, tables and folders."""
         if self.is_scratch:
             return Method.scratch.value
-        layers = "W" if self.copies_all else str(self.layers)
+        layers = LETTERS.get(str(self.layers), "" if self.layers is None else str(self.layers))
         suffix = "" if self.weights is SourceWeights.learned else f"-{self.weights.value}"
-        return f"{PREFIXES[self.method]}{layers}{suffix}"
+        return f"{FORMS[self.method].prefix}{layers}{suffix}"
 
     @property
     def is_scratch(self) -> bool:
-        """Whether nothing is copied."""
+        """Whether there is no source."""
         return self.method is Method.scratch
 
     @property
@@ -116,11 +149,18 @@ class Arm:
     @property
     def frozen_layers(self) -> int:
         """How many conv layers, counted from the image, never learn."""
-        return int(self.layers or 0) if self.method is Method.feature_extraction else 0
+        counted = self.method is Method.feature_extraction and self.layers != HEAD
+        return int(self.layers or 0) if counted else 0
 
-    def copied_layers(self, conv_layers: int) -> int:
-        """Count the copied conv layers of a network that has `conv_layers` of them."""
-        return conv_layers if self.copies_all else int(self.layers or 0)
+    def copied(self, layers: Sequence[str], counted: Sequence[str]) -> tuple[str, ...]:
+        """Return which of a network's layers are copied; `counted` are those that a number counts."""
+        if type(self.layers) is int:
+            return tuple(name for name in layers if name in counted[: self.layers])
+        if self.layers == HEAD:
+            return tuple(name for name in layers if name in FULLY_CONNECTED)
+        if self.layers == BODY:
+            return tuple(name for name in layers if name not in OUTPUT)
+        return tuple(layers) if self.copies_all else ()
 
     @property
     def keys(self) -> dict[str, Any]:
@@ -142,9 +182,11 @@ class Arm:
         return self._order < other._order
 
     @property
-    def _order(self) -> tuple[int, int, bool, int]:
+    def _order(self) -> tuple[int, int, int, int]:
         method, weights = list(Method).index(self.method), list(SourceWeights).index(self.weights)
-        return method, weights, self.copies_all, self.copied_layers(0)
+        words: list[Any] = [None, HEAD, BODY, ALL_LAYERS]
+        count = self.layers if isinstance(self.layers, int) else 0
+        return method, weights, 0 if count else words.index(self.layers), count
 
 
 SCRATCH = Arm(Method.scratch)

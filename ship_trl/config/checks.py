@@ -10,7 +10,7 @@ import importlib.util
 from omegaconf import DictConfig
 
 from ship_trl.config.algorithm import ON_POLICY, read_algorithm
-from ship_trl.config.arm import ALL_LAYERS, Method, SourceWeights
+from ship_trl.config.arm import FORMS, HEAD, Method, SourceWeights
 from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
@@ -41,6 +41,8 @@ def to_config(values: DictConfig) -> Config:
     if config.algorithm["build"] in ON_POLICY:
         allowed = "left out with algorithm=ppo, which learns from its own actions alone"
         require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
+        without = config.method not in (Method.guide, Method.qdagger)
+        require(without, "method", "another with algorithm=ppo, which has no Q-values", config.method.value)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
     check_observation(config)
@@ -184,13 +186,17 @@ def check_arm(config: Config) -> None:
         require(is_bundled, "source_weights", left_out, weights.value)
         require(config.source_file is None, "source_file", left_out, config.source_file)
     require(config.source is not None, "source", f"a case, for method={method.value}", "none")
-    counts = range(1, config.network.depth + 1)
-    numbers = ", ".join(map(str, counts)) + (" or all" if method is Method.finetune else "")
-    if layers is None:
+    form, counts = FORMS[method], range(1, config.network.depth + 1)
+    *others, last = [*map(str, counts), *form.words]
+    numbers = f"{', '.join(others)} or {last}"
+    if layers is None and not form.bare:
         raise ConfigError(
             f"layers: none given; give layers={numbers} with method={method.value}, "
             "or +arm=NAME, which sets both (see --help for the names)"
         )
-    known = type(layers) is int and layers in counts
-    whole = layers == ALL_LAYERS and method is Method.finetune
-    require(known or whole, "layers", f"{numbers} with method={method.value}", layers)
+    known = layers in form.words or (type(layers) is int and layers in counts) or layers is None
+    numbers += ", or left out" * form.bare
+    require(known, "layers", f"{numbers} with method={method.value}", layers)
+    if layers == HEAD and method is Method.feature_extraction:
+        # The layers of a network of numbers are all fully connected, and counted.
+        require(bool(config.network.conv), "layers", "a number with observation=vector", layers)

@@ -41,6 +41,7 @@ from ship_trl.config.bounds import (
 )
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import Rule, limit
+from ship_trl.config.transfer import Transfer
 from ship_trl.config.world import Reward as Reward
 from ship_trl.config.world import World
 
@@ -263,6 +264,7 @@ class Config:
     wandb: Wandb
     observation: Observation = Observation.pixels
     margin: Margin = field(default_factory=Margin)
+    transfer: Transfer = field(default_factory=Transfer)
 
     @property
     def arm(self) -> Arm:

@@ -147,8 +147,9 @@ def find_origin(entry: Entry, name: str) -> Origin:
     if not abs(reached - expected) < SHOWN:
         print_error(f"{left_out}: it should return {expected:.1f} and returns {reached:.1f}")
         return Origin(result, source)
-    copied = before.layer_names[: run.arm.copied_layers(len(before.layer_names))]
-    return Origin(result, source, before, (*copied, "shared") if run.arm.copies_all else copied)
+    shown = (*before.layer_names, "shared")
+    copied = [name for name in run.arm.copied(before.all_layers, before.layer_names) if name in shown]
+    return Origin(result, source, before, tuple(copied))
 
 
 def read_config(path: Path) -> Config:

@@ -103,6 +103,19 @@ class Method:
         """Return what is added to the loss of a batch, or None for nothing."""
         return None
 
+    def act(self, step: TensorDictBase, progress: float) -> None:
+        """Change `action` [N] of a step, which the exploring policy has chosen; `progress` as above."""
+
+    def observe(self, step: TensorDictBase) -> None:
+        """Take note of a step [N] of the environment, with `action` and `next`."""
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return what a checkpoint needs to go on with the same bits; tensors are not copied."""
+        return {}
+
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned."""
+
 
 @dataclass(frozen=True)
 class Setup:

@@ -95,10 +95,13 @@ class DoubleDQN:
             self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
         self.optimiser.set_lr(learning_rate_at(episode, self._learn))
         self.steps += step.batch_size[0]
-        return self.policy(step)
+        step = self.policy(step)
+        self._method.act(step, episode / self._learn.episodes)
+        return step
 
     def observe(self, step: TensorDictBase) -> None:
         """Store a step."""
+        self._method.observe(step)
         self.replay.extend(step)
 
     def update(self) -> list[Tensor]:
@@ -153,6 +156,7 @@ class DoubleDQN:
             | add_prefix("target", own)
             | add_prefix("adam", self.optimiser.averages(self.online_network))
             | add_prefix("replay", self.replay.compact_state_dict())
+            | add_prefix("method", self._method.state_dict())
             | {"exploration": self.policy.generator.get_state()}
             | {"counters": torch.tensor([self.steps, self.updates, self.online_network.frozen])}
         )
@@ -175,6 +179,7 @@ class DoubleDQN:
         count_untracked_write()
         self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
         self.policy.generator.set_state(state["exploration"].cpu())
+        self._method.load_state_dict(strip_prefix("method", state))
         self.replay.load_compact_state_dict(strip_prefix("replay", state))
 
 
@@ -222,7 +227,8 @@ def build(
     def best_actions(observed: Tensor) -> Tensor:
         return network(observed if encoders else draw(observed)).argmax(-1)
 
-    captures = setup.fast and device.type == "cuda"
+    # A graph keeps the numbers of its capture, such as a penalty's weight.
+    captures = setup.fast and device.type == "cuda" and type(method).penalty is Method.penalty
     best = Captured(best_actions) if captures else best_actions
 
     return make(

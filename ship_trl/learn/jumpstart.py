@@ -6,7 +6,7 @@ One draw tells little: an untrained network often repeats one action, and may re
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import torch
 from torch import Generator
@@ -20,16 +20,16 @@ def jumpstart(
     env: EnvBase,
     draw: Draw,
     network: DuelingNetwork,
-    copied: int,
+    kept: Collection[str],
     draws: int,
     generator: Generator,
 ) -> list[float]:
-    """Compute the greedy returns of `draws` networks, which copy the first `copied` conv layers of `network`.
+    """Compute the greedy returns of `draws` networks, which copy the layers `kept` of `network`.
 
     Their other layers are drawn anew; `network` stays as it is. The batch size of `env` limits how many
     episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU.
     """
-    kept, redrawn = network.layer_names[:copied], copy.deepcopy(network).cpu()
+    redrawn = copy.deepcopy(network).cpu()
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
     for each in networks:
         each.backend = Dense()

@@ -71,6 +71,11 @@ class DuelingNetwork(nn.Module):
         return bool(self.config.conv) and self.layers[0].in_channels == 3
 
     @property
+    def all_layers(self) -> list[str]:
+        """Names of all layers, also those that no number of layers counts."""
+        return [name for name, _ in self.named_children()]
+
+    @property
     def layers(self) -> list[Any]:
         """The layers of `layer_names`, counted from the input."""
         return [getattr(self, name) for name in self.layer_names]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 
@@ -25,6 +26,7 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import mirrored_state
 from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods.method import Origin, fixed_copy
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
@@ -108,8 +110,10 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     network = make_network(config.network, actions, streams["weights"], colour=config.colour)
     network.to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))
-    method = make_method(run.arm)
+    method = make_method(run.arm, config.transfer)
     if source is not None:
+        if method.needs_origin:
+            method.attach(make_origin(run, network, source, draw, eval_env, scratch))
         method.copy(network, source.weights)
     setup = Setup(
         network=network,
@@ -143,6 +147,26 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     )
 
 
+def make_origin(
+    run: Run,
+    network: DuelingNetwork,
+    source: Source,
+    draw: Draw,
+    eval_env: ShipEnv,
+    scratch: Sequence[Episode],
+) -> Origin:
+    """Make what methods need of the source's function; `scratch` are of the untrained network."""
+    fixed, device = fixed_copy(network, source.weights), eval_env.device
+    found = rollout(eval_env, greedy_policy(fixed, draw))
+    generator = Generator(device=device).manual_seed(run.stream("source's actions"))
+    return Origin(fixed, draw, generator, mean_return(found), mean_return(scratch))
+
+
+def mean_return(episodes: Sequence[Episode]) -> float:
+    """Return the mean return of episodes."""
+    return sum(one.episode_return for one in episodes) / len(episodes)
+
+
 def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:
     """Step through a run's demonstrations and let the algorithm observe the steps.
 
@@ -174,12 +198,13 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: Ship
     Of a suite, each draw has one episode, with a start of its own.
     """
     config = run.config
-    count, copied = config.learn.jumpstart_draws, run.arm.copied_layers(len(algorithm.network.layer_names))
+    count, network = config.learn.jumpstart_draws, algorithm.network
+    copied = run.arm.copied(network.all_layers, network.layer_names)
     if count == 0:
         return []
-    if run.arm.copies_all:
+    if len(copied) == len(network.all_layers):
         episodes = rollout(eval_env, algorithm.greedy)
-        return [sum(one.episode_return for one in episodes) / len(episodes)]
+        return [mean_return(episodes)]
     batch = min(count, JUMPSTART_BATCH)
     starts, generator = (Generator().manual_seed(run.stream(name)) for name in ("draw starts", "jumpstart"))
     place = {"colour": config.colour, "device": eval_env.device, "fast": config.fast}

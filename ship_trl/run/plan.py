@@ -143,6 +143,7 @@ def hash_of(
     # Left out where they are the default, so that older results keep their digest.
     algorithm = non_default_algorithm(config.algorithm)
     optional: dict[str, Any] = {
+        "transfer": plain(config.transfer).get(config.method.value),
         "margin": plain(config.margin) if config.margin.penalty else None,
         "network": non_default_network(config.network),
         "vector_version": VECTOR_VERSION if config.network.linear else None,

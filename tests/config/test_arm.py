@@ -6,7 +6,12 @@ from ship_trl.config.arm import SCRATCH, Arm, Method, SourceWeights
 from ship_trl.config.paths import conf_dir
 from tests.config.test_config import composed
 
-FIGURES = "scratch FE1 FE2 FE3 FE4 FE3-random FE3-permuted FT1 FT2 FT3 FT4 FTW FT3-pretrained FTW-permuted"
+FIGURES = (
+    "scratch FE1 FE2 FE3 FE4 FEH FE3-random FE3-permuted FT1 FT2 FT3 FT4 FTH FTB FTW FT3-pretrained "
+    "FTW-permuted GU3 GUW SP3 SPH SPW G G3 GW QD QD3 QDW"
+)
+CONVS = ("conv1", "conv2", "conv3", "conv4")
+LAYERS = (*CONVS, "shared", "value", "advantage")
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in (conf_dir() / "arm").glob("*.yaml")))
@@ -26,7 +31,8 @@ def test_arms_sort_as_figures_list_them() -> None:
     "name",
     [
         *("", "FE", "FE0", "FE-1", "FE03", "FE٣", "FEW", "FE1-", "FE1-learned", "FE1-other", "fe1", "FT1 "),
-        *("scratch-random", "FT", "FTall", "FE3-random-demonstrations", "XX3", "all", "-random"),
+        *("scratch-random", "FT", "FTall", "FE3-random-demonstrations", "XX3", "all", "-random", "GUH", "GU"),
+        *("FEB", "SP", "H", "GW3"),
     ],
 )
 def test_a_wrong_arm_name_is_refused(name: str) -> None:
@@ -54,17 +60,24 @@ def test_an_impossible_arm_is_not_made(method: Method, layers: int | str, weight
 @pytest.mark.parametrize(
     ("name", "copied", "frozen", "trained"),
     [
-        ("scratch", 0, 0, False),
-        ("FE3", 3, 3, True),
-        ("FE5-permuted", 5, 5, True),
-        ("FE2-random", 2, 2, False),
-        ("FT3", 3, 0, True),
-        ("FTW", 4, 0, True),
+        ("scratch", (), 0, False),
+        ("FE3", CONVS[:3], 3, True),
+        ("FE5-permuted", CONVS, 5, True),
+        ("FE2-random", CONVS[:2], 2, False),
+        ("FEH", LAYERS[4:], 0, True),
+        ("FT3", CONVS[:3], 0, True),
+        ("FTH", LAYERS[4:], 0, True),
+        ("FTB", LAYERS[:5], 0, True),
+        ("FTW", LAYERS, 0, True),
+        ("G", (), 0, True),
+        ("QD3", CONVS[:3], 0, True),
     ],
 )
-def test_an_arm_knows_what_is_copied_and_frozen(name: str, copied: int, frozen: int, trained: bool) -> None:
+def test_an_arm_knows_what_is_copied_and_frozen(
+    name: str, copied: tuple[str, ...], frozen: int, trained: bool
+) -> None:
     arm = Arm.parse(name)
-    assert (arm.copied_layers(4), arm.frozen_layers, arm.has_trained_source) == (copied, frozen, trained)
+    assert (arm.copied(LAYERS, CONVS), arm.frozen_layers, arm.has_trained_source) == (copied, frozen, trained)
 
 
 def test_a_control_is_the_arm_with_other_weights() -> None:

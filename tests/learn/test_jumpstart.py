@@ -26,7 +26,7 @@ def test_jumpstart_returns_equal_single_rollouts(name: str, copied: int, at_once
     network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1), layers) for _ in range(2))
     names = alone.layer_names[:copied]
     before = copy.deepcopy(network.state_dict())
-    found = jumpstart(Corridor(at_once), draw, network, copied, DRAWS, Generator().manual_seed(2))
+    found = jumpstart(Corridor(at_once), draw, network, names, DRAWS, Generator().manual_seed(2))
     generator, wanted = Generator().manual_seed(2), []
     for _ in range(DRAWS):
         alone.reset(generator, names)
@@ -40,4 +40,4 @@ def test_jumpstart_returns_equal_single_rollouts(name: str, copied: int, at_once
 
 def test_zero_draws_give_no_returns() -> None:
     network = DuelingNetwork(1, 3, Generator().manual_seed(1))
-    assert jumpstart(Corridor(2), draw, network, 0, 0, Generator()) == []
+    assert jumpstart(Corridor(2), draw, network, (), 0, Generator()) == []

@@ -101,6 +101,9 @@ ARMS = {
     "a rollout": (*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40", MINIBATCH),
     "a pupil": (*SCRATCH, "algorithm=pupil", "algorithm.teacher=pretrained:4"),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
+    "a guide": ("+pair=high", "+arm=G3"),
+    "a fading policy": ("+pair=high", "+arm=QD3"),
+    "thawing layers": ("+pair=high", "+arm=GU3"),
     "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),
 }
 
@@ -108,7 +111,14 @@ ARMS = {
 # They take longest and cover the least.
 SLOW = [
     pytest.param(arm, marks=pytest.mark.long)
-    for arm in ("a pupil", "some layers frozen", "features of three ships", "three ships at once")
+    for arm in (
+        "a pupil",
+        "some layers frozen",
+        "a fading policy",
+        "thawing layers",
+        "features of three ships",
+        "three ships at once",
+    )
 ]
 
 
@@ -118,7 +128,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
 
 
-@pytest.mark.parametrize("arm", ["states", "features", "perturbed suite", "vectors", "a rollout", *SLOW])
+@pytest.mark.parametrize(
+    "arm", ["states", "features", "perturbed suite", "vectors", "a rollout", "a guide", *SLOW]
+)
 def test_stopped_and_killed_it_ends_with_the_same_bytes(
     arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
 ) -> None:

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from ship_trl.config.arm import Arm, Method
+from ship_trl.config.transfer import Transfer
 from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
 from ship_trl.transfer.methods.finetune import Finetune
+from ship_trl.transfer.methods.guide import Guide
+from ship_trl.transfer.methods.l2sp import L2SP
 from ship_trl.transfer.methods.method import TransferMethod
+from ship_trl.transfer.methods.qdagger import QDagger
 from ship_trl.transfer.methods.scratch import Scratch
+from ship_trl.transfer.methods.unfreeze import Unfreeze
 
 METHODS: dict[Method, type[TransferMethod]] = {
     Method.scratch: Scratch,
     Method.feature_extraction: FeatureExtraction,
     Method.finetune: Finetune,
+    Method.unfreeze: Unfreeze,
+    Method.l2sp: L2SP,
+    Method.guide: Guide,
+    Method.qdagger: QDagger,
 }
 
 
-def make_method(arm: Arm) -> TransferMethod:
-    """Make the method of an arm."""
-    return METHODS[arm.method](arm)
+def make_method(arm: Arm, settings: Transfer | None = None) -> TransferMethod:
+    """Make the method of an arm, with its settings or the default ones."""
+    return METHODS[arm.method](arm, settings or Transfer())

@@ -2,10 +2,50 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import dataclass
+
+import torch
+from torch import Generator, Tensor
+
 from ship_trl.config.arm import Arm
+from ship_trl.config.transfer import Transfer
 from ship_trl.learn.algorithm import Method
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.backend import Draw
+from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.transfer.layers import Weights
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The source's whole function, for methods that use more than its weights.
+
+    Attributes:
+        network: the source's network, which does not learn.
+        draw: maps states to its input.
+        generator: random generator of the method, on the device.
+        episode_return: mean greedy return of the source's network on the target.
+        untrained_return: mean greedy return of the target's network before anything is copied.
+    """
+
+    network: DuelingNetwork
+    draw: Draw
+    generator: Generator
+    episode_return: float
+    untrained_return: float
+
+    @torch.no_grad()
+    def q_values(self, state: Tensor) -> Tensor:
+        """Compute the source's Q-values [N, A] of states [N, S]."""
+        return self.network(self.draw(state))
+
+
+def fixed_copy(network: DuelingNetwork, weights: Weights) -> DuelingNetwork:
+    """Return a network of the same layers that holds the weights and does not learn."""
+    other = copy.deepcopy(network).requires_grad_(False)
+    other.load_state_dict(dict(weights))
+    other.backend = Dense()
+    return other
 
 
 class TransferMethod(Method):
@@ -13,14 +53,23 @@ class TransferMethod(Method):
 
     Args:
         arm: which layers are copied.
+        settings: of all methods.
+
+    Attributes:
+        needs_origin: whether `attach` must be called before learning.
     """
 
-    def __init__(self, arm: Arm) -> None:
-        self.arm = arm
+    needs_origin = False
+
+    def __init__(self, arm: Arm, settings: Transfer) -> None:
+        self.arm, self.settings = arm, settings
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
         """Copy layers of the source into the network, without freezing them."""
-        copied = network.layer_names[: self.arm.copied_layers(len(network.layer_names))]
+        copied = self.arm.copied(network.all_layers, network.layer_names)
         for key, parameter in network.named_parameters():
-            if self.arm.copies_all or key.split(".")[0] in copied:
+            if key.split(".")[0] in copied:
                 parameter.data.copy_(weights[key])
+
+    def attach(self, origin: Origin) -> None:
+        """Take the source's whole function."""

@@ -1,0 +1,64 @@
+"""A guide: in training the source chooses some of the actions, and the target learns from what follows.
+
+Three schedules of its probability, over training and over an episode:
+
+- belief: after the belief-based transfer of Liu and Jin (2018 to 2020), whose schedule could not be had; a
+  straight fall over training is our reading, so this is no reproduction of theirs.
+- reuse: probabilistic policy reuse (Fernandez and Veloso, 2006) of one source.
+- jumpstart: the first steps of an episode (JSRL; Uchendu et al., 2023). There they become fewer as the agent
+  improves, here over training.
+
+Double DQN learns from any actions, so these steps enter the replay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from ship_trl.config.transfer import Guide as Settings
+from ship_trl.config.transfer import GuideSchedule
+from ship_trl.sim.state import STEP
+from ship_trl.transfer.methods.method import Origin, TransferMethod
+
+
+def probability(settings: Settings, progress: float, step: Tensor) -> Tensor:
+    """Return the probability [N] of the source's action in steps [N] of episodes, at a share of training."""
+    left = max(0.0, 1.0 - progress / settings.period)
+    if settings.schedule is GuideSchedule.belief:
+        return torch.full_like(step, settings.belief * left)
+    if settings.schedule is GuideSchedule.reuse:
+        return settings.belief * settings.decay**step * (left > 0)
+    return (step < settings.steps * left).to(step.dtype)
+
+
+class Guide(TransferMethod):
+    """Copies the arm's layers, if any, and lets the source choose some of the actions."""
+
+    needs_origin = True
+    _origin: Origin
+
+    def attach(self, origin: Origin) -> None:
+        """Take the source's whole function."""
+        self._origin = origin
+
+    @torch.no_grad()
+    def act(self, step: TensorDictBase, progress: float) -> None:
+        """Replace `action` [N] by the source's best one, with the probability of the schedule."""
+        state, generator = step.get("state"), self._origin.generator
+        chance = probability(self.settings.guide, progress, state[..., STEP])
+        guided = torch.rand(len(state), generator=generator, device=state.device) < chance
+        if bool(guided.any()):
+            best = self._origin.q_values(state).argmax(-1)
+            step.set("action", torch.where(guided, best, step.get("action")))
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return the state of the generator."""
+        return {"generator": self._origin.generator.get_state()}
+
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load the state of the generator."""
+        self._origin.generator.set_state(state["generator"].cpu())

@@ -1,0 +1,75 @@
+"""QDagger: the target's policy is pulled to the source's until it is as good (Agarwal et al., 2022).
+
+The loss gets weight * max(0, 1 - share) * KL(softmax(Q_source / t), softmax(Q / t)). The share is how far the
+last training episodes have come from the untrained network's return to the source's. In the paper it is the
+ratio of the two returns, which means nothing where returns are negative. There the target first learns
+offline from the source's episodes; here it does not.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor, nn
+
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.transfer.methods.method import Origin, TransferMethod
+
+# Training episodes whose mean return is compared with the source's.
+EPISODES = 10
+
+
+class QDagger(TransferMethod):
+    """Copies the arm's layers, if any, and adds the divergence from the source's policy to the loss."""
+
+    needs_origin = True
+    _origin: Origin
+
+    def attach(self, origin: Origin) -> None:
+        """Take the source's whole function."""
+        self._origin = origin
+        self._returns: deque[float] = deque(maxlen=EPISODES)
+        self._running: Tensor | None = None
+
+    @property
+    def weight(self) -> float:
+        """The weight of the divergence now; 0 if the source is no better than an untrained network."""
+        low, high = self._origin.untrained_return, self._origin.episode_return
+        if high <= low:
+            return 0.0
+        score = sum(self._returns) / len(self._returns) if self._returns else low
+        return self.settings.qdagger.weight * min(1.0, max(0.0, 1.0 - (score - low) / (high - low)))
+
+    def observe(self, step: TensorDictBase) -> None:
+        """Add rewards to the returns of the running episodes, and note those that end."""
+        following = step.get("next")
+        reward, done = following.get("reward").squeeze(-1), following.get("done").squeeze(-1)
+        running = torch.zeros_like(reward) if self._running is None else self._running
+        running = running + reward
+        self._returns.extend(running[done].tolist())
+        self._running = running.masked_fill(done, 0.0)
+
+    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
+        """Return the weighted divergence on a batch, or None while its weight is 0."""
+        if not (weight := self.weight):
+            return None
+        assert isinstance(network, DuelingNetwork)
+        seen, temperature = batch.get(network.observes), self.settings.qdagger.temperature
+        with torch.no_grad():
+            wanted = (self._origin.network(seen) / temperature).log_softmax(-1)
+        found = (network(seen) / temperature).log_softmax(-1)
+        return weight * nn.functional.kl_div(found, wanted, reduction="batchmean", log_target=True)
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return the returns of the last and of the running episodes."""
+        running = torch.empty(0) if self._running is None else self._running
+        return {"returns": torch.tensor(list(self._returns), dtype=torch.float64), "running": running}
+
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned."""
+        self._returns.clear()
+        self._returns.extend(state["returns"].tolist())
+        self._running = state["running"].clone() if len(state["running"]) else None

@@ -1,0 +1,202 @@
+"""Methods of transfer: each does what its definition says."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from safetensors.torch import load_file
+from tensordict import TensorDict
+from torch import Generator, Tensor
+
+from ship_trl.config.arm import Arm
+from ship_trl.config.transfer import L2SP, Guide, GuideSchedule, QDagger, Transfer, Unfreeze
+from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.double_dqn import build
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.run.experiment import run_experiment
+from ship_trl.run.plan import make_run
+from ship_trl.sim.state import STEP
+from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods.guide import probability
+from ship_trl.transfer.methods.method import Origin, TransferMethod, fixed_copy
+from tests.config.test_config import composed
+from tests.learn.test_double_dqn import batch, observed
+from tests.learn.worlds import draw, schedule
+
+SMOKE = ("profile=smoke", "learn.episodes=9", "learn.jumpstart_draws=0", "learn.replay_size=150")
+HEAD = ("shared", "value", "advantage")
+
+
+def network(seed: int) -> DuelingNetwork:
+    return DuelingNetwork(1, 7, Generator().manual_seed(seed))
+
+
+def make(arm: str, settings: Transfer | None = None) -> TransferMethod:
+    return make_method(Arm.parse(arm), settings)
+
+
+def origin(high: float = 1.0, low: float = 0.0) -> Origin:
+    source = network(1)
+    return Origin(fixed_copy(source, source.state_dict()), draw, Generator().manual_seed(0), high, low)
+
+
+def steps(reward: float, done: bool) -> TensorDict:
+    """Return a step of two environments; the second never ends."""
+    following = {"reward": torch.tensor([[reward], [7.0]]), "done": torch.tensor([[done], [False]])}
+    return TensorDict({"next": TensorDict(following, [2])}, [2])
+
+
+def train(folder: str, *words: str) -> dict[str, Tensor]:
+    """Train a run on pair high, with its source in the case base `shared`; return its last network."""
+    run = make_run(composed(*SMOKE, "+pair=high", f"output={folder}", "case_base=shared", *words))
+    run_experiment(run)
+    weights: dict[str, Tensor] = load_file(run.folder / "policy_last.safetensors")
+    return weights
+
+
+@pytest.mark.parametrize(
+    ("arm", "copied"),
+    [
+        ("FTH", HEAD),
+        ("FEH", HEAD),
+        ("FTB", ("conv1", "conv2", "conv3", "conv4", "shared")),
+        ("SP2", ("conv1", "conv2")),
+        ("G", ()),
+        ("QDW", ("conv1", "conv2", "conv3", "conv4", *HEAD)),
+    ],
+)
+def test_the_layers_of_the_arm_are_copied(arm: str, copied: tuple[str, ...]) -> None:
+    target, source = network(0), network(1)
+    before = {key: value.clone() for key, value in target.named_parameters()}
+    make(arm).copy(target, source.state_dict())
+    for key, value in target.named_parameters():
+        taken = source if key.split(".")[0] in copied else None
+        assert torch.equal(value, before[key] if taken is None else source.state_dict()[key]), key
+
+
+def test_a_frozen_head_keeps_its_bytes_while_conv_layers_learn() -> None:
+    run = make_run(composed(*SMOKE, "+pair=high", "+arm=FEH", "output=out", "case_base=shared"))
+    run_experiment(run)
+    last = load_file(run.folder / "policy_last.safetensors")
+    assert run.source is not None
+    for key, value in load_file(run.source.folder / "policy.safetensors").items():
+        assert torch.equal(last[key], value) == key.startswith(HEAD), key
+
+
+def test_without_a_pull_and_without_belief_it_is_finetuning() -> None:
+    numbers = "observation=vector", "learn.num_envs=4"
+    wanted = train("one", "+arm=FT3", *numbers)
+    for words in (
+        ("+arm=SP3", "transfer.l2sp.copied=0"),
+        ("+arm=G3", "transfer.guide.belief=0"),
+        ("+arm=QD3", "transfer.qdagger.weight=0"),
+    ):
+        found = train(words[0][5:], *words, *numbers)
+        assert all(torch.equal(found[key], value) for key, value in wanted.items()), words
+    pulled = train("pulled", "+arm=SP3", *numbers)
+    assert not torch.equal(pulled["linear1.weight"], wanted["linear1.weight"])
+
+
+def test_a_strong_pull_holds_copied_weights_and_no_others() -> None:
+    target, method = network(0), make("SP3", Transfer(l2sp=L2SP(copied=1e6)))
+    method.copy(target, network(1).state_dict())
+    exploration, replay = (Generator().manual_seed(seed) for seed in (1, 2))
+    learner = build(Setup(target, draw, 7, schedule(), exploration, replay, method))
+    start = {key: value.detach().clone() for key, value in target.named_parameters()}
+    for _ in range(30):
+        learner.learn_from(observed(learner, batch()))
+    # Adam's steps are about as long as the learning rate, 1e-3, whatever the pull.
+    for layer, parts in (("conv", ("conv1", "conv2", "conv3")), ("above", ("conv4", "shared", "advantage"))):
+        for name in parts:
+            change = getattr(target, name).weight.detach() - start[f"{name}.weight"]
+            assert (float(change.abs().max()) < 5e-3) == (layer == "conv"), name
+
+
+def test_the_pull_is_half_the_squared_change() -> None:
+    target, source = network(0), network(1)
+    method = make("SP1", Transfer(l2sp=L2SP(copied=0.5, fresh=0.25)))
+    method.copy(target, source.state_dict())
+    with torch.no_grad():
+        target.layers[0].bias += 2.0
+    fresh = [value for key, value in target.named_parameters() if not key.startswith("conv1")]
+    wanted = 0.25 * 4.0 * 32 + 0.125 * sum(float(value.square().sum()) for value in fresh)
+    found = method.penalty(target, batch())
+    assert found is not None and float(found) == pytest.approx(wanted, rel=1e-5)
+
+
+def test_the_probability_of_the_guide() -> None:
+    step = torch.tensor([0.0, 1.0, 9.0, 10.0])
+
+    def chances(progress: float, schedule: str) -> list[float]:
+        settings = Guide(GuideSchedule(schedule), belief=0.8, period=0.5, decay=0.5, steps=20)
+        return [round(chance, 4) for chance in probability(settings, progress, step).tolist()]
+
+    assert chances(0.0, "belief") == 4 * [0.8] and chances(0.25, "belief") == 4 * [0.4]
+    assert chances(0.0, "reuse") == [0.8, 0.4, 0.0016, 0.0008] == chances(0.49, "reuse")
+    assert chances(0.0, "jumpstart") == 4 * [1.0] and chances(0.25, "jumpstart") == [1.0, 1.0, 1.0, 0.0]
+    assert all(chances(0.5, one.value) == 4 * [0.0] for one in GuideSchedule)
+
+
+def test_the_source_chooses_as_often_as_it_is_believed() -> None:
+    method, count = make("G", Transfer(guide=Guide(belief=0.6, period=1.0))), 2000
+    method.attach(origin())
+    state = torch.rand(count, STEP + 1, generator=Generator().manual_seed(3)) * 8 - 4
+    step = TensorDict({"state": state, "action": torch.full((count,), -1)}, [count])
+    method.act(step, 0.5)
+    guided = step["action"] >= 0
+    assert float(guided.float().mean()) == pytest.approx(0.3, abs=4 * math.sqrt(0.3 * 0.7 / count))
+    best = network(1)(draw(state)).argmax(-1)
+    assert torch.equal(step["action"][guided], best[guided])
+
+
+def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:
+    method, target, data = (
+        make("QD", Transfer(qdagger=QDagger(weight=2.0, temperature=0.5))),
+        network(0),
+        batch(),
+    )
+    method.attach(origin(high=10.0, low=-10.0))
+    data["pixels"] = draw(data["state"])
+    p, q = ((net(data["pixels"]) / 0.5).softmax(-1) for net in (network(1), target))
+    wanted = float((p * (p / q).log()).sum(-1).mean())
+    found = method.penalty(target, data)
+    assert found is not None and float(found) == pytest.approx(2.0 * wanted, rel=1e-4)
+    # The first environment's returns are 5 and -5, so the mean is half way.
+    for reward, done in ((2.0, False), (3.0, True), (-5.0, True)):
+        method.observe(steps(reward, done))
+    found = method.penalty(target, data)
+    assert found is not None and float(found) == pytest.approx(wanted, rel=1e-4)
+    other = make("QD")
+    other.attach(origin(high=10.0, low=-10.0))
+    other.load_state_dict(method.state_dict())
+    other.observe(steps(25.0, True))
+    method.observe(steps(25.0, True))
+    for one in (method, other):
+        assert all(torch.equal(value, method.state_dict()[key]) for key, value in one.state_dict().items())
+    for _ in range(3):
+        method.observe(steps(100.0, True))
+    assert method.penalty(target, data) is None
+
+
+def test_a_source_that_is_worse_than_nothing_pulls_nothing() -> None:
+    method = make("QD")
+    method.attach(origin(high=-3.0, low=-2.0))
+    assert method.penalty(network(0), batch()) is None
+
+
+@pytest.mark.parametrize(("arm", "count"), [("GU3", 3), ("GUW", 4)])
+def test_copied_layers_thaw_from_the_last_one_down(arm: str, count: int) -> None:
+    method = make(arm, Transfer(unfreeze=Unfreeze(period=0.5)))
+    method.copy(network(0), network(1).state_dict())
+    found = [
+        method.frozen_layers(progress) for progress in (0.0, *((k + 0.01) / count / 2 for k in range(1, 6)))
+    ]
+    assert found == [count, *(max(0, count - k) for k in range(1, 6))]
+
+
+def test_a_network_of_numbers_takes_every_method() -> None:
+    for arm in ("FTH", "SP3", "G", "QD3", "GUW"):
+        weights = train(arm, f"+arm={arm}", "observation=vector", "learn.num_envs=4")
+        assert all(bool(value.isfinite().all()) for value in weights.values())

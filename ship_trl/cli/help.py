@@ -12,6 +12,7 @@ VERBS = {
     "play": "steer a ship yourself",
     "evaluate": "evaluate policies: networks, random, the planner, your own",
     "cases": "list the cases and their similarity, and recommend a source for a target",
+    "metrics": "metrics of transfer from learning curves, of other libraries too",
     "results": "list finished runs in a table, and draw their learning curves",
     "explain": "explain what a network has learned to see, on one page",
     "export": "export a network as an ONNX file",
@@ -35,8 +36,9 @@ What to run
   +pair=NAME            {pairs}; or any two cases:
   source=CASE           {cases}, or a YAML file
   target=CASE           the same; both may be a suite: {suites}
-  method=METHOD         scratch, feature_extraction, finetune (default)
-  layers=N              1 to 4 layers (as many as the network has), or all (finetune only)
+  method=METHOD         scratch, feature_extraction, finetune (default), unfreeze, l2sp, guide, qdagger
+                        (settings: transfer.guide.belief=0.6 and others)
+  layers=N              1 to 4 layers (as many as the network has), all, head or body
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file
   source=pretrained     the bundled network of the pair's source, or of the most similar case

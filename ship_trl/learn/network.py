@@ -291,13 +291,11 @@ class Dense:
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers."""
         with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            features = network.encode(pixels)
-        # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
-        return features.float()
+            # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
+            return network.encode(pixels).float()
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones."""
         device = frozen_features.device.type
         with torch.autocast(device, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            features = network.encode_from(frozen_features.float())
-        return features.float()
+            return network.encode_from(frozen_features.float()).float()

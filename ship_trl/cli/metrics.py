@@ -1,0 +1,124 @@
+"""`python -m ship_trl metrics scratch=FILE... FT3=FILE...`: metrics of transfer from curves of any library.
+
+    python -m ship_trl metrics scratch='logs/scratch/*/monitor.csv' FT3='logs/ft3/*/monitor.csv'
+    python -m ship_trl metrics scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
+
+FILE is Stable-Baselines3's monitor.csv, TensorBoard's event file or exported scalars, a curve.csv of ours, or
+a table with columns step, return and, for several runs, seed; with * it is several files. The first arm is
+the baseline. Returns are scaled to scores from --low to --high, by default the extremes of all runs.
+"""
+
+from __future__ import annotations
+
+import glob
+import math
+import sys
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import add_number, add_output, make_parser
+from ship_trl.cli.table import show
+from ship_trl.config.bounds import PositiveShare
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.schema import limit
+from ship_trl.files.logs import KINDS, LearningCurve, read_logs
+
+if TYPE_CHECKING:
+    from ship_trl.study.analysis.statistics import Estimate
+
+Return = Annotated[float, limit(-1e9, 1e9)]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print a row for each arm, and one for its difference from the baseline."""
+    parser = make_parser("metrics", __doc__)
+    parser.add_argument(
+        "arms", nargs="+", metavar="NAME=FILE", help="logs of an arm; the first is the baseline"
+    )
+    add_number(parser, "--low", Return, None, "return that scores 0")
+    add_number(parser, "--high", Return, None, "return that scores 1")
+    add_number(parser, "--threshold", PositiveShare, None, "score to reach; default: 0.65")
+    add_output(parser, "--csv", (".csv",), "metrics of every run, a row each")
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    options = parser.parse_args(arguments)
+    with refusals():
+        report(read_arms(options.arms), options)
+
+
+def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
+    """Read the curves of each arm.
+
+    Raises:
+        ConfigError: a word is not NAME=FILE, or a file cannot be used.
+    """
+    arms: dict[str, list[LearningCurve]] = {}
+    for word in words:
+        name, equals, pattern = word.partition("=")
+        if not name or not equals:
+            raise ConfigError(f"metrics: allowed: NAME=FILE, got {word}; FILE: {KINDS}")
+        # Path.glob takes no absolute pattern.
+        paths = sorted(glob.glob(pattern)) if glob.has_magic(pattern) else [pattern]  # noqa: PTH207
+        if not paths:
+            raise ConfigError(f"{name}: no file {pattern}; allowed: {KINDS}")
+        arms.setdefault(name, []).extend(curve for path in paths for curve in read_logs(Path(path), name))
+    return arms
+
+
+def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
+    """Measure the arms, and print and write what was found."""
+    import numpy as np
+
+    from ship_trl.study.analysis import transfer_metrics as metrics
+
+    steps = min(float(curve.steps[-1]) for curves in arms.values() for curve in curves)
+    found = metrics.find_scale(arms, steps)
+    low = found.low if options.low is None else options.low
+    high = found.high if options.high is None else options.high
+    if not high > low:
+        raise ConfigError(f"--high: must be above --low={low:g}, got {high:g}")
+    scale = metrics.Scale(low, high, options.threshold or found.threshold)
+    measured = {
+        name: metrics.measure(metrics.scores(curves, steps, scale), scale.threshold)
+        for name, curves in arms.items()
+    }
+    (baseline, base), rng = next(iter(measured.items())), np.random.default_rng(0)
+    rows = []
+    for name, values in measured.items():
+        cells = [describe(metrics.mean_estimate(one, rng)) for one in values.values()]
+        rows.append([name, str(len(arms[name])), *cells, ""])
+        if name != baseline:
+            cells = [describe(metrics.compare(one, base[key], rng), "+") for key, one in values.items()]
+            forward = metrics.forward_transfer(values["area"], base["area"])
+            rows.append(
+                [f"{name} - {baseline}", "", *cells, "-" if math.isnan(forward) else f"{forward:+.2f}"]
+            )
+    show(("arm", "runs", *base, "forward transfer"), rows, options.markdown)
+    sys.stdout.write(
+        f"scores: 0 is a return of {low:g}, 1 is {high:g}; the first {steps:,.0f} steps; time: share of them "
+        f"until a score of {scale.threshold:g}; 95 % intervals over runs\n"
+    )
+    if options.csv is not None:
+        from ship_trl.study.report.tables import write_csv
+
+        names = [(name, curve.name) for name, curves in arms.items() for curve in curves]
+        each = [
+            dict(zip(base, numbers, strict=True))
+            for values in measured.values()
+            for numbers in zip(*(one.tolist() for one in values.values()), strict=True)
+        ]
+        write_csv(
+            options.csv, [{"arm": arm, "run": run} | row for (arm, run), row in zip(names, each, strict=True)]
+        )
+        sys.stdout.write(f"{options.csv}\n")
+
+
+def describe(estimate: Estimate, sign: str = "") -> str:
+    """Format an estimate with its interval, without one where there is a single run."""
+    value = f"{estimate.value:{sign}.2f}"
+    return (
+        f"{value} ({estimate.low:{sign}.2f} to {estimate.high:{sign}.2f})"
+        if math.isfinite(estimate.low)
+        else value
+    )

@@ -1,0 +1,79 @@
+"""`metrics` compares learning curves of any library."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from ship_trl.cli.metrics import main
+from tests.command import refused
+
+
+def write(name: str, slope: float, seeds: int = 3) -> None:
+    """Write runs whose return rises by `slope` a step from their seed to 100 at most."""
+    lines = [
+        f"{seed},{step},{min(100.0, seed + slope * step)}"
+        for seed in range(seeds)
+        for step in range(0, 1001, 10)
+    ]
+    Path(name).write_text("\n".join(["seed,step,return", *lines]) + "\n")
+
+
+def table(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[dict[str, list[str]], str]:
+    main([*words, "--markdown"])
+    printed = capsys.readouterr().out
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if "|" in line
+    ]
+    return {row[0]: row[1:] for row in rows}, printed
+
+
+def test_a_steeper_curve_gains(capsys: pytest.CaptureFixture[str]) -> None:
+    write("slow.csv", 0.1)
+    write("fast.csv", 0.2)
+    rows, printed = table(capsys, "scratch=slow.csv", "FT3=fast.csv", "--low", "0", "--high", "100")
+    assert rows["arm"] == ["runs", "start", "early area", "area", "time", "asymptote", "forward transfer"]
+    value = {name: [cell.split(" ")[0] for cell in row] for name, row in rows.items()}
+    # Means over the seeds 0, 1 and 2: slow (1 + 0.1 t) / 100 gives an area of 0.51.
+    assert value["scratch"][:1] == ["3"] and value["scratch"][3:5] == ["0.51", "0.64"]
+    # Fast reaches 1 at half time, so its area is near 0.755; 0.65 is reached at about 0.32.
+    assert value["FT3"][3:6] == ["0.75", "0.32", "1.00"]
+    assert value["FT3 - scratch"][3:] == ["+0.24", "-0.32", "+0.04", "+0.50"]
+    assert "the first 1,000 steps" in printed and "a score of 0.65" in printed
+    assert "(" in rows["scratch"][3]
+
+
+def test_one_run_has_no_interval_and_every_run_its_row(capsys: pytest.CaptureFixture[str]) -> None:
+    write("one.csv", 0.1, seeds=1)
+    write("two.csv", 0.1, seeds=2)
+    rows, _ = table(capsys, "a=one.csv", "b=two.csv", "--csv", "all.csv")
+    assert "(" not in "".join(rows["a"]) and "(" in "".join(rows["b"])
+    with Path("all.csv").open() as file:
+        found = list(csv.DictReader(file))
+    assert [(row["arm"], row["run"]) for row in found] == [
+        ("a", "one.csv 0"),
+        ("b", "two.csv 0"),
+        ("b", "two.csv 1"),
+    ]
+    assert found[0]["area"] == found[1]["area"]
+
+
+def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("x1.csv", "x2.csv", "y.csv"):
+        write(name, 0.1, seeds=1)
+    rows, _ = table(capsys, "a=x*.csv", "b=y.csv")
+    assert (rows["a"][0], rows["b"][0]) == ("2", "1")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["slow.csv"], "metrics: allowed: NAME=FILE, got slow.csv"),
+        (["a=none*.csv"], "a: no file none*.csv"),
+        (["a=slow.csv", "--low", "5", "--high", "5"], "--high: must be above --low=5, got 5"),
+        (["a=slow.csv", "--threshold", "2"], "--threshold: must be"),
+    ],
+)
+def test_wrong_words_are_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    write("slow.csv", 0.1)
+    assert told in refused(capsys, main, *words)

@@ -296,6 +296,5 @@ class Dense:
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones."""
-        device = frozen_features.device.type
-        with torch.autocast(device, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
+        with torch.autocast(frozen_features.device.type, torch.bfloat16, self.dtype is torch.bfloat16):
             return network.encode_from(frozen_features.float()).float()

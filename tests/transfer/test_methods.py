@@ -160,7 +160,7 @@ def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:
     method.attach(origin(high=10.0, low=-10.0))
     data["pixels"] = draw(data["state"])
     p, q = ((net(data["pixels"]) / 0.5).softmax(-1) for net in (network(1), target))
-    wanted = float((p * (p / q).log()).sum(-1).mean())
+    wanted = float((p * (p / q).log()).sum(-1).mean().detach())
     found = method.penalty(target, data)
     assert found is not None and float(found.detach()) == pytest.approx(2.0 * wanted, rel=1e-4)
     # The first environment's returns are 5 and -5, so the mean is half way.

@@ -4,8 +4,9 @@
     python -m ship_trl metrics scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
 
 FILE is Stable-Baselines3's monitor.csv, TensorBoard's event file or exported scalars, a curve.csv of ours, or
-a table with columns step, return and, for several runs, seed; with * it is several files. The first arm is
-the baseline. Returns are scaled to scores from --low to --high, by default the extremes of all runs.
+a table with columns step, return and, for several runs, seed; with * it is several files, each of which is a
+run. The first arm is the baseline. Returns are scaled to scores from --low to --high, by default the extremes
+of all runs. Less time is better; the other metrics are better when larger.
 """
 
 from __future__ import annotations
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from ship_trl.study.analysis.statistics import Estimate
 
 Return = Annotated[float, limit(-1e9, 1e9)]
+# In the steps that all runs have.
+MIN_RETURNS = 10
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -54,42 +57,48 @@ def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
         ConfigError: a word is not NAME=FILE, or a file cannot be used.
     """
     arms: dict[str, list[LearningCurve]] = {}
+    read: set[str] = set()
     for word in words:
         name, equals, pattern = word.partition("=")
         if not name or not equals:
             raise ConfigError(f"metrics: allowed: NAME=FILE, got {word}; FILE: {KINDS}")
         # Path.glob takes no absolute pattern.
-        paths = sorted(glob.glob(pattern)) if glob.has_magic(pattern) else [pattern]  # noqa: PTH207
+        is_pattern = glob.has_magic(pattern) and not Path(pattern).is_file()
+        paths = sorted(glob.glob(pattern)) if is_pattern else [pattern]  # noqa: PTH207
         if not paths:
             raise ConfigError(f"{name}: no file {pattern}; allowed: {KINDS}")
-        arms.setdefault(name, []).extend(curve for path in paths for curve in read_logs(Path(path), name))
+        for path in paths:
+            if path in read:
+                raise ConfigError(f"{name}: {path} is given twice; allowed: each run once")
+            read.add(path)
+            arms.setdefault(name, []).extend(read_logs(Path(path), name))
     return arms
 
 
 def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
     """Measure the arms, and print and write what was found."""
-    import numpy as np
-
     from ship_trl.study.analysis import transfer_metrics as metrics
 
     steps = min(float(curve.steps[-1]) for curves in arms.values() for curve in curves)
+    check_steps(arms, steps)
     found = metrics.find_scale(arms, steps)
     low = found.low if options.low is None else options.low
     high = found.high if options.high is None else options.high
     if not high > low:
-        raise ConfigError(f"--high: must be above --low={low:g}, got {high:g}")
+        raise ConfigError(
+            f"--low: must be below --high, got {low:g} and {high:g}; the returns reach both by default"
+        )
     scale = metrics.Scale(low, high, options.threshold or found.threshold)
     measured = {
         name: metrics.measure(metrics.scores(curves, steps, scale), scale.threshold)
         for name, curves in arms.items()
     }
-    (baseline, base), rng = next(iter(measured.items())), np.random.default_rng(0)
-    rows = []
+    (baseline, base), rows = next(iter(measured.items())), []
     for name, values in measured.items():
-        cells = [describe(metrics.mean_estimate(one, rng)) for one in values.values()]
+        cells = [describe(metrics.mean_estimate(one)) for one in values.values()]
         rows.append([name, str(len(arms[name])), *cells, ""])
         if name != baseline:
-            cells = [describe(metrics.compare(one, base[key], rng), "+") for key, one in values.items()]
+            cells = [describe(metrics.compare(one, base[key]), "+") for key, one in values.items()]
             forward = metrics.forward_transfer(values["area"], base["area"])
             rows.append(
                 [f"{name} - {baseline}", "", *cells, "-" if math.isnan(forward) else f"{forward:+.2f}"]
@@ -112,6 +121,23 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
             options.csv, [{"arm": arm, "run": run} | row for (arm, run), row in zip(names, each, strict=True)]
         )
         sys.stdout.write(f"{options.csv}\n")
+
+
+def check_steps(arms: dict[str, list[LearningCurve]], steps: float) -> None:
+    """Check that every run has returns in the steps that all runs have.
+
+    Raises:
+        ConfigError: a run has none, or no steps.
+    """
+    for name, curves in arms.items():
+        for curve in curves:
+            if sum(curve.steps <= steps) < MIN_RETURNS or not steps > 0:
+                where = f"the first {steps:,.0f} steps, which are those that all runs have"
+                allowed = "runs of like lengths that begin at step 0"
+                raise ConfigError(
+                    f"{name}: {curve.name} has fewer than {MIN_RETURNS} returns in {where}; "
+                    f"allowed: {allowed}"
+                )
 
 
 def describe(estimate: Estimate, sign: str = "") -> str:

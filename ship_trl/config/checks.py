@@ -10,7 +10,7 @@ import importlib.util
 from omegaconf import DictConfig
 
 from ship_trl.config.algorithm import ON_POLICY, read_algorithm
-from ship_trl.config.arm import FORMS, HEAD, Method, SourceWeights
+from ship_trl.config.arm import BODY, FORMS, HEAD, Method, SourceWeights
 from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
@@ -42,7 +42,8 @@ def to_config(values: DictConfig) -> Config:
         allowed = "left out with algorithm=ppo, which learns from its own actions alone"
         require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
         without = config.method not in (Method.guide, Method.qdagger)
-        require(without, "method", "another with algorithm=ppo, which has no Q-values", config.method.value)
+        why = "which learns from its own actions and has no Q-values"
+        require(without, "method", f"another with algorithm=ppo, {why}", config.method.value)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
     check_observation(config)
@@ -197,6 +198,11 @@ def check_arm(config: Config) -> None:
     known = layers in form.words or (type(layers) is int and layers in counts) or layers is None
     numbers += ", or left out" * form.bare
     require(known, "layers", f"{numbers} with method={method.value}", layers)
-    if layers == HEAD and method is Method.feature_extraction:
+    if layers == BODY or (layers == HEAD and method is Method.feature_extraction):
         # The layers of a network of numbers are all fully connected, and counted.
-        require(bool(config.network.conv), "layers", "a number with observation=vector", layers)
+        require(bool(config.network.conv), "layers", "a number or all with observation=vector", layers)
+    if method in (Method.guide, Method.qdagger):
+        is_trained = weights in (SourceWeights.learned, SourceWeights.pretrained)
+        require(
+            is_trained, "source_weights", f"learned or pretrained with method={method.value}", weights.value
+        )

@@ -45,7 +45,7 @@ class QDagger:
     """How strongly the policy is pulled to the source's."""
 
     weight: Weight = 3.0
-    temperature: Annotated[float, limit(above=0, high=1e6)] = 0.1
+    temperature: Annotated[float, limit(above=0, high=1e6)] = 1.0
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ the CSV that TensorBoard exports), our `curve.csv`, and tables with a row for ea
 
 from __future__ import annotations
 
+import codecs
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ RUNS = ("seed", "run", "run_id")
 MONITOR = ("r", "l")
 # Tags of TensorBoard: CleanRL's, Stable-Baselines3's and ours.
 TAGS = ("charts/episodic_return", "rollout/ep_rew_mean", "train/return")
+MAX_RETURN = 1e9
 EVENTS = "events.out.tfevents"
 KINDS = "a monitor.csv, a TensorBoard file, a curve.csv, or a table with columns step and return"
 
@@ -48,10 +50,11 @@ def read_logs(path: Path, key: str) -> list[LearningCurve]:
         raise ConfigError(f"{key}: no file {path}; allowed: {KINDS}")
     found = read_events(path, key) if EVENTS in path.name else read_table(path, key)
     for curve in found:
-        whole = np.isfinite(curve.steps).all() and np.isfinite(curve.returns).all()
+        whole = np.isfinite(curve.steps).all() and (np.abs(curve.returns) <= MAX_RETURN).all()
         if len(curve.steps) < 2 or not whole or (np.diff(curve.steps) < 0).any():
             raise ConfigError(
-                f"{key}: {curve.name}: allowed: two returns or more, steps that rise, finite numbers"
+                f"{key}: {curve.name}: allowed: two returns or more, steps that rise, "
+                f"finite numbers up to {MAX_RETURN:g}"
             )
     return found
 
@@ -59,7 +62,7 @@ def read_logs(path: Path, key: str) -> list[LearningCurve]:
 def read_table(path: Path, key: str) -> list[LearningCurve]:
     """Read a CSV file; without a column of runs it is one run."""
     try:
-        data = read_file(path)
+        data = read_file(path).removeprefix(codecs.BOM_UTF8)
         # Stable-Baselines3's monitor begins with a line of JSON behind a #.
         start = data.partition(b"\n")[2] if data.startswith(b"#") else data
         table = rows(start, ())

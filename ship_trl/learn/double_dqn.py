@@ -101,7 +101,8 @@ class DoubleDQN:
 
     def observe(self, step: TensorDictBase) -> None:
         """Store a step."""
-        self._method.observe(step)
+        if self.steps:  # demonstrations come before
+            self._method.observe(step)
         self.replay.extend(step)
 
     def update(self) -> list[Tensor]:

@@ -10,6 +10,7 @@ from functools import cache, partial
 import torch
 from torch import Generator
 
+from ship_trl.config.arm import Method
 from ship_trl.config.errors import ConfigError
 from ship_trl.learn.algorithm import Algorithm, Setup, build_algorithm
 from ship_trl.learn.backend import Draw
@@ -18,6 +19,8 @@ from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.learn.train import Training
+from ship_trl.policies.pretrained import REWARD_SCALE
+from ship_trl.run import console
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
@@ -159,7 +162,15 @@ def make_origin(
     fixed, device = fixed_copy(network, source.weights), eval_env.device
     found = rollout(eval_env, greedy_policy(fixed, draw))
     generator = Generator(device=device).manual_seed(run.stream("source's actions"))
-    return Origin(fixed, draw, generator, mean_return(found), mean_return(scratch))
+    scale = run.config.learn.reward_scale
+    # A source that this run trains has the run's own scale; of a file it is unknown.
+    source_scale = scale if run.pretrained is None else REWARD_SCALE
+    reached, untrained = mean_return(found), mean_return(scratch)
+    if run.arm.method is Method.qdagger and reached <= untrained:
+        console.say(
+            f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: no pull to it"
+        )
+    return Origin(fixed, draw, generator, reached, untrained, source_scale, scale)
 
 
 def mean_return(episodes: Sequence[Episode]) -> float:

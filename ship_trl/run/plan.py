@@ -16,6 +16,7 @@ from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
+from ship_trl.config.transfer import Transfer
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
@@ -143,7 +144,7 @@ def hash_of(
     # Left out where they are the default, so that older results keep their digest.
     algorithm = non_default_algorithm(config.algorithm)
     optional: dict[str, Any] = {
-        "transfer": plain(config.transfer).get(config.method.value),
+        "transfer": non_default_transfer(config),
         "margin": plain(config.margin) if config.margin.penalty else None,
         "network": non_default_network(config.network),
         "vector_version": VECTOR_VERSION if config.network.linear else None,
@@ -152,6 +153,12 @@ def hash_of(
     }
     values |= {key: value for key, value in optional.items() if value}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def non_default_transfer(config: Config) -> dict[str, Any]:
+    """Return the settings of the run's method of transfer that are not the default."""
+    own, default = (plain(each).get(config.method.value, {}) for each in (config.transfer, Transfer()))
+    return {key: value for key, value in own.items() if value != default[key]}
 
 
 def digest_files(config: Config) -> dict[str, str]:

@@ -36,11 +36,21 @@ def test_a_steeper_curve_gains(capsys: pytest.CaptureFixture[str]) -> None:
     value = {name: [cell.split(" ")[0] for cell in row] for name, row in rows.items()}
     # Means over the seeds 0, 1 and 2: slow (1 + 0.1 t) / 100 gives an area of 0.51.
     assert value["scratch"][:1] == ["3"] and value["scratch"][3:5] == ["0.51", "0.64"]
-    # Fast reaches 1 at half time, so its area is near 0.755; 0.65 is reached at about 0.32.
-    assert value["FT3"][3:6] == ["0.75", "0.32", "1.00"]
-    assert value["FT3 - scratch"][3:] == ["+0.24", "-0.32", "+0.04", "+0.50"]
+    # Fast reaches 1 at half time, so its area is 0.755; 0.65 is reached at about 0.32.
+    assert value["FT3"][3:6] == ["0.76", "0.32", "1.00"]
+    assert value["FT3 - scratch"][3:] == ["+0.25", "-0.32", "+0.04", "+0.50"]
     assert "the first 1,000 steps" in printed and "a score of 0.65" in printed
-    assert "(" in rows["scratch"][3]
+    # Means of 0.50, 0.51 and 0.52, and 4.30 standard errors with two degrees of freedom.
+    assert rows["scratch"][3] == "0.51 (0.48 to 0.53)"
+
+
+def test_every_return_counts(capsys: pytest.CaptureFixture[str]) -> None:
+    # 50,000 episodes whose returns swing by 1 around 0 and 0.1.
+    for name, level in (("a.csv", 0.0), ("b.csv", 0.1)):
+        lines = [f"{step},{level + (-1) ** step}" for step in range(1, 50_001)]
+        Path(name).write_text("\n".join(["step,return", *lines]) + "\n")
+    rows, _ = table(capsys, "a=a.csv", "b=b.csv", "--low", "0", "--high", "1")
+    assert rows["a"][3] in ("0.00", "-0.00") and rows["b"][3] == "0.10"
 
 
 def test_one_run_has_no_interval_and_every_run_its_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -70,10 +80,13 @@ def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["slow.csv"], "metrics: allowed: NAME=FILE, got slow.csv"),
         (["a=none*.csv"], "a: no file none*.csv"),
-        (["a=slow.csv", "--low", "5", "--high", "5"], "--high: must be above --low=5, got 5"),
+        (["a=slow.csv", "--low", "5", "--high", "5"], "--low: must be below --high, got 5 and 5"),
+        (["a=slow.csv", "b=slow.csv"], "b: slow.csv is given twice; allowed: each run once"),
+        (["a=slow.csv", "b=late.csv"], "b: late.csv has fewer than 10 returns in the first 1,000 steps"),
         (["a=slow.csv", "--threshold", "2"], "--threshold: must be"),
     ],
 )
 def test_wrong_words_are_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     write("slow.csv", 0.1)
+    Path("late.csv").write_text("step,return\n5000,1\n6000,2\n")
     assert told in refused(capsys, main, *words)

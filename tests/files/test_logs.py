@@ -24,6 +24,7 @@ def read(text: str, name: str = "log.csv") -> list[tuple[list[float], list[float
     ("text", "wanted"),
     [
         (MONITOR, [([10, 40], [1.5, 2.5])]),
+        ("\ufeff" + MONITOR, [([10, 40], [1.5, 2.5])]),
         (SCALARS, [([100, 200], [-3, 4])]),
         (TABLE, [([0, 10], [1, 3]), ([0, 20], [2, 4])]),
         (CURVE, [([20, 50], [-4, 6])]),
@@ -51,6 +52,7 @@ def test_an_event_file_is_read() -> None:
         ("step,return\n1,2\n", "allowed: two returns or more"),
         ("step,return\n2,2\n1,2\n", "allowed: two returns or more, steps that rise"),
         ("step,return\n1,2\n2,nan\n", "allowed: two returns or more, steps that rise, finite numbers"),
+        ("step,return\n1,2\n2,1e300\n", "finite numbers up to 1e+09"),
         ("step,return\n1,2\n2,x\n", "log.csv has a row without numbers: ['2', 'x']"),
         ("step,return\n1\n", "log.csv cannot be read"),
         ("\x00", "log.csv"),

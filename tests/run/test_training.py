@@ -101,7 +101,7 @@ ARMS = {
     "a rollout": (*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40", MINIBATCH),
     "a pupil": (*SCRATCH, "algorithm=pupil", "algorithm.teacher=pretrained:4"),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
-    "a guide": ("+pair=high", "+arm=G3"),
+    "a guide": ("+pair=high", "+arm=G3", "transfer.guide.period=1"),
     "a fading policy": ("+pair=high", "+arm=QD3"),
     "thawing layers": ("+pair=high", "+arm=GU3"),
     "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),

@@ -37,9 +37,11 @@ def make(arm: str, settings: Transfer | None = None) -> TransferMethod:
     return make_method(Arm.parse(arm), settings)
 
 
-def origin(high: float = 1.0, low: float = 0.0) -> Origin:
+def origin(high: float = 1.0, low: float = 0.0, *scales: float) -> Origin:
     source = network(1)
-    return Origin(fixed_copy(source, source.state_dict()), draw, Generator().manual_seed(0), high, low)
+    return Origin(
+        fixed_copy(source, source.state_dict()), draw, Generator().manual_seed(0), high, low, *scales
+    )
 
 
 def steps(reward: float, done: bool) -> TensorDict:
@@ -157,9 +159,12 @@ def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:
         network(0),
         batch(),
     )
-    method.attach(origin(high=10.0, low=-10.0))
+    # Q-values in raw rewards: the source's rewards were scaled by a half, the target's are by a quarter.
+    method.attach(origin(10.0, -10.0, 0.5, 0.25))
     data["pixels"] = draw(data["state"])
-    p, q = ((net(data["pixels"]) / 0.5).softmax(-1) for net in (network(1), target))
+    p, q = (
+        (net(data["pixels"]) / scale / 0.5).softmax(-1) for net, scale in ((network(1), 0.5), (target, 0.25))
+    )
     wanted = float((p * (p / q).log()).sum(-1).mean().detach())
     found = method.penalty(target, data)
     assert found is not None and float(found.detach()) == pytest.approx(2.0 * wanted, rel=1e-4)

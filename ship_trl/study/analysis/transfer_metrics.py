@@ -11,21 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from ship_trl.files.logs import LearningCurve
 from ship_trl.study.analysis.metrics import EARLY, LAST, THRESHOLDS, WINDOW, first, last
-from ship_trl.study.analysis.statistics import Estimate, resample
+from ship_trl.study.analysis.statistics import Estimate
 
-# Points along a curve, evenly over the steps; more do not change its mean.
-POINTS = 1000
-RESAMPLES = 2000
+# Parts of the steps, in each of which returns are averaged.
+POINTS = 200
+LEVEL = 0.975
 
 Scores = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What scores 0 and 1, and the score to reach."""
+    """The returns that score 0 and 1, and the score to reach."""
 
     low: float
     high: float
@@ -34,15 +35,19 @@ class Scale:
 
 def scores(curves: Sequence[LearningCurve], steps: float, scale: Scale) -> Scores:
     """Return moving scores [runs, POINTS] of curves up to a number of steps."""
-    grid = np.linspace(0.0, steps, POINTS)
     width = max(1, round(WINDOW * POINTS))
-    # The mean of the points up to half a window to either side, fewer at the ends.
+    # The mean of the parts up to half a window to either side, fewer at the ends.
     weights = np.convolve(np.ones(POINTS), np.ones(width), "same")
-    found = [
-        np.convolve(np.interp(grid, one.steps, one.returns), np.ones(width), "same") / weights
-        for one in curves
-    ]
-    return (np.array(found) - scale.low) / (scale.high - scale.low)
+    moving = [np.convolve(means(one, steps), np.ones(width), "same") / weights for one in curves]
+    return (np.array(moving) - scale.low) / (scale.high - scale.low)
+
+
+def means(curve: LearningCurve, steps: float) -> NDArray[np.float64]:
+    """Return the mean return in each part of the steps, [POINTS]; a return holds for the steps before it."""
+    ends = np.concatenate(([0.0], curve.steps))
+    total = np.concatenate(([0.0], np.cumsum(np.diff(ends) * curve.returns)))
+    parts: NDArray[np.float64] = np.diff(np.interp(np.linspace(0.0, steps, POINTS + 1), ends, total))
+    return parts * POINTS / steps
 
 
 def measure(moving: Scores, threshold: float) -> dict[str, NDArray[np.float64]]:
@@ -55,7 +60,7 @@ def measure(moving: Scores, threshold: float) -> dict[str, NDArray[np.float64]]:
         "start": first(moving.T, WINDOW).mean(0),
         "early area": first(moving.T, EARLY).mean(0),
         "area": moving.mean(1),
-        "time": np.where(reached.any(1), reached.argmax(1) / (POINTS - 1), 1.0),
+        "time": np.where(reached.any(1), (reached.argmax(1) + 0.5) / POINTS, 1.0),
         "asymptote": last(moving.T, LAST).mean(0),
     }
 
@@ -67,22 +72,28 @@ def find_scale(arms: Mapping[str, Sequence[LearningCurve]], steps: float) -> Sca
     return Scale(low, high if high > low else low + 1.0)
 
 
-def mean_estimate(values: NDArray[np.float64], rng: np.random.Generator) -> Estimate:
-    """Return the mean over runs with its 95 % interval over resampled runs; unbounded for one run."""
-    if len(values) < 2:
-        return Estimate(float(values.mean()), -np.inf, np.inf)
-    low, high = resample([values], np.mean, rng, RESAMPLES)
-    return Estimate(float(values.mean()), float(low), float(high))
+def mean_estimate(values: NDArray[np.float64]) -> Estimate:
+    """Return the mean over runs with Student's 95 % interval; unbounded for one run."""
+    return estimate(float(values.mean()), [values])
 
 
-def compare(values: NDArray[np.float64], baseline: NDArray[np.float64], rng: np.random.Generator) -> Estimate:
-    """Return the difference of means of two arms, whose runs are resampled apart, with its 95 % interval."""
-    value = float(values.mean() - baseline.mean())
-    if min(len(values), len(baseline)) < 2:
+def compare(values: NDArray[np.float64], baseline: NDArray[np.float64]) -> Estimate:
+    """Return the difference of means of two arms with Welch's 95 % interval; unbounded for a single run."""
+    return estimate(float(values.mean() - baseline.mean()), [values, baseline])
+
+
+def estimate(value: float, samples: Sequence[NDArray[np.float64]]) -> Estimate:
+    """Return a number with the interval that the variances of independent samples give (Welch, 1947)."""
+    if any(len(one) < 2 for one in samples):
         return Estimate(value, -np.inf, np.inf)
-    draws = [rng.choice(one, (RESAMPLES, len(one))).mean(1) for one in (values, baseline)]
-    low, high = np.quantile(draws[0] - draws[1], (0.025, 0.975))
-    return Estimate(value, float(low), float(high))
+    parts = np.array([np.var(one, ddof=1) / len(one) for one in samples])
+    if not parts.sum():
+        return Estimate(value, value, value)
+    freedom = parts.sum() ** 2 / sum(
+        part**2 / (len(one) - 1) for part, one in zip(parts, samples, strict=True)
+    )
+    reach = float(special.stdtrit(freedom, LEVEL)) * float(np.sqrt(parts.sum()))
+    return Estimate(value, value - reach, value + reach)
 
 
 def forward_transfer(area: NDArray[np.float64], baseline: NDArray[np.float64]) -> float:

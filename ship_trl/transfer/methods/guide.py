@@ -2,11 +2,12 @@
 
 Three schedules of its probability, over training and over an episode:
 
-- belief: after the belief-based transfer of Liu and Jin (2018 to 2020), whose schedule could not be had; a
-  straight fall over training is our reading, so this is no reproduction of theirs.
-- reuse: probabilistic policy reuse (Fernandez and Veloso, 2006) of one source.
+- belief: after the belief-based transfer of Liu and Jin (2018 to 2020). Their schedule is not published; a
+  straight fall over training is our reading, so this is no reproduction.
+- reuse: probabilistic policy reuse (Fernandez and Veloso, 2006) of one source. There it begins with 1 and
+  goes on in all episodes (`belief=1 period=1`); here it ends after `period`.
 - jumpstart: the first steps of an episode (JSRL; Uchendu et al., 2023). There they become fewer as the agent
-  improves, here over training.
+  improves, here in a straight fall over training.
 
 Double DQN learns from any actions, so these steps enter the replay as they are.
 """
@@ -42,7 +43,7 @@ class Guide(TransferMethod):
     _origin: Origin
 
     def attach(self, origin: Origin) -> None:
-        """Take the source's whole function."""
+        """Take the source's function, which chooses actions."""
         self._origin = origin
 
     @torch.no_grad()

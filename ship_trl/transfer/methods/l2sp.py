@@ -1,6 +1,6 @@
-"""L2-SP: copied weights are pulled to where they began (Li, Grandvalet and Davoine, 2018; equation 7).
+"""L2-SP: copied weights are regularised towards the source's (Li, Grandvalet and Davoine, 2018).
 
-The weight of the pull is a dial: with 0 this is finetuning, and with a large one feature extraction.
+With a weight of 0 this is finetuning, and with a large one nearly feature extraction.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class L2SP(TransferMethod):
     _start: dict[str, Tensor]
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
-        """Copy layers of the source, and keep their weights as those to be pulled to."""
+        """Copy layers of the source, and keep their weights for the penalty."""
         super().copy(network, weights)
         copied = self.arm.copied(network.all_layers, network.layer_names)
         named = network.named_parameters()

@@ -18,7 +18,7 @@ from ship_trl.transfer.layers import Weights
 
 @dataclass(frozen=True)
 class Origin:
-    """The source's whole function, for methods that use more than its weights.
+    """The source as a function, for methods that use more than its weights.
 
     Attributes:
         network: the source's network, which does not learn.
@@ -26,6 +26,8 @@ class Origin:
         generator: random generator of the method, on the device.
         episode_return: mean greedy return of the source's network on the target.
         untrained_return: mean greedy return of the target's network before anything is copied.
+        source_scale: factor of the rewards that the source's Q-values sum.
+        reward_scale: the same of the target's.
     """
 
     network: DuelingNetwork
@@ -33,6 +35,8 @@ class Origin:
     generator: Generator
     episode_return: float
     untrained_return: float
+    source_scale: float = 1.0
+    reward_scale: float = 1.0
 
     @torch.no_grad()
     def q_values(self, state: Tensor) -> Tensor:
@@ -72,4 +76,4 @@ class TransferMethod(Method):
                 parameter.data.copy_(weights[key])
 
     def attach(self, origin: Origin) -> None:
-        """Take the source's whole function."""
+        """Take the source's function, if the method `needs_origin`."""

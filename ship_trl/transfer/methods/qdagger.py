@@ -1,9 +1,10 @@
-"""QDagger: the target's policy is pulled to the source's until it is as good (Agarwal et al., 2022).
+"""QDagger: the target's policy follows the source's until it is as good (Agarwal et al., 2022).
 
-The loss gets weight * max(0, 1 - share) * KL(softmax(Q_source / t), softmax(Q / t)). The share is how far the
-last training episodes have come from the untrained network's return to the source's. In the paper it is the
-ratio of the two returns, which means nothing where returns are negative. There the target first learns
-offline from the source's episodes; here it does not.
+The loss gets weight * max(0, 1 - share) * KL(softmax(Q_source / t), softmax(Q / t)), with Q-values in raw
+rewards. The share is how far the mean return of the last training episodes, which explore and pay the margin,
+has come from the untrained network's greedy return to the source's. In the paper it is the ratio of the two
+returns, which means nothing where returns are negative. There the target first learns offline from the
+source's episodes; here it does not.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class QDagger(TransferMethod):
     _origin: Origin
 
     def attach(self, origin: Origin) -> None:
-        """Take the source's whole function."""
+        """Take the source's function, whose returns are compared with the target's."""
         self._origin = origin
         self._returns: deque[float] = deque(maxlen=EPISODES)
         self._running: Tensor | None = None
@@ -47,8 +48,8 @@ class QDagger(TransferMethod):
         """Add rewards to the returns of the running episodes, and note those that end."""
         following = step.get("next")
         reward, done = following.get("reward").squeeze(-1), following.get("done").squeeze(-1)
-        running = torch.zeros_like(reward) if self._running is None else self._running
-        running = running + reward
+        # A checkpoint's is on the CPU.
+        running = reward if self._running is None else self._running.to(reward.device) + reward
         self._returns.extend(running[done].tolist())
         self._running = running.masked_fill(done, 0.0)
 
@@ -57,11 +58,12 @@ class QDagger(TransferMethod):
         if not (weight := self.weight):
             return None
         assert isinstance(network, DuelingNetwork)
-        seen, temperature = batch.get(network.observes), self.settings.qdagger.temperature
+        observation, temperature = batch.get(network.observes), self.settings.qdagger.temperature
         with torch.no_grad():
-            wanted = (self._origin.network(seen) / temperature).log_softmax(-1)
-        found = (network(seen) / temperature).log_softmax(-1)
-        return weight * nn.functional.kl_div(found, wanted, reduction="batchmean", log_target=True)
+            source_q = self._origin.network(observation) / self._origin.source_scale
+            source_policy = (source_q / temperature).log_softmax(-1)
+        policy = (network(observation) / self._origin.reward_scale / temperature).log_softmax(-1)
+        return weight * nn.functional.kl_div(policy, source_policy, reduction="batchmean", log_target=True)
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return the returns of the last and of the running episodes."""

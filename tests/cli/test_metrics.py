@@ -40,8 +40,8 @@ def test_a_steeper_curve_gains(capsys: pytest.CaptureFixture[str]) -> None:
     assert value["FT3"][3:6] == ["0.76", "0.32", "1.00"]
     assert value["FT3 - scratch"][3:] == ["+0.25", "-0.32", "+0.04", "+0.50"]
     assert "the first 1,000 steps" in printed and "a score of 0.65" in printed
-    # Means of 0.50, 0.51 and 0.52, and 4.30 standard errors with two degrees of freedom.
-    assert rows["scratch"][3] == "0.51 (0.48 to 0.53)"
+    # Areas of 0.505, 0.515 and 0.525: 4.30 standard errors with two degrees of freedom.
+    assert rows["scratch"][3] == "0.51 (0.49 to 0.54)"
 
 
 def test_every_return_counts(capsys: pytest.CaptureFixture[str]) -> None:

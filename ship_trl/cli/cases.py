@@ -38,7 +38,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("cases", __doc__)
     parser.add_argument("target", nargs="?", default="target=paper,ship", metavar="target=CASE|SUITE")
     parser.add_argument(
-        "--by", choices=MEASURES, default="similarity", help="rank by similarity (equation 8) or distance (7)"
+        "--by",
+        choices=MEASURES,
+        default="similarity",
+        help="rank by similarity (equation 8), distance (7) or side (of the ideal path)",
     )
     stored = "folder of trained networks; default: %(default)s"
     parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help=stored)

@@ -118,8 +118,19 @@ class Measure:
     nearer: bool = False
 
 
+def same_side(base: Case, target: Case) -> float:
+    """Return 1 if the ideal paths pass the ships on the same side, or both go straight, else 0.
+
+    A null for equation 8: finetuning does worse where paths pass an obstacle on different sides (Cao et al.,
+    2021, transfer across homotopy classes).
+    """
+    one, other = (case.ideal_path.partition("-")[0] for case in (base, target))
+    return float(one == other)
+
+
 # By their names on the command line.
 MEASURES = {
     "similarity": Measure(lambda base, target, _: similarity(base, target)),
     "distance": Measure(distance, nearer=True),
+    "side": Measure(lambda base, target, _: same_side(base, target)),
 }

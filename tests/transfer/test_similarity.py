@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ship_trl.sim.cases import Case, TargetShip, case_names, load_case, load_world
-from ship_trl.transfer.similarity import characteristics, compare, distance, similarity
+from ship_trl.transfer.similarity import MEASURES, characteristics, compare, distance, similarity
 
 WORLD = load_world()
 BUNDLED = {name: load_case(name, WORLD) for name in case_names()}
@@ -43,6 +43,14 @@ def test_comparisons_have_the_weights_of_section_4_1() -> None:
 def test_case_2_is_the_best_source_for_the_new_case() -> None:
     values = {name: similarity(BUNDLED[name], BUNDLED["new"]) for name in "123456"}
     assert max(values, key=lambda name: values[name]) == "2"
+
+
+@pytest.mark.parametrize(
+    ("base", "target", "alike"),
+    [("3", "4", True), ("5", "6", True), ("3", "5", False), ("1", "2", True), ("1", "3", False)],
+)
+def test_the_side_of_the_ideal_path(base: str, target: str, alike: bool) -> None:
+    assert MEASURES["side"].value(BUNDLED[base], BUNDLED[target], WORLD) == float(alike)
 
 
 @given(a=cases, b=cases)

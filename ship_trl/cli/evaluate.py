@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Print the table, write the files, and check the claims."""
     parser = make_parser("evaluate", __doc__)
     add_policies(parser, [PRETRAINED])
-    default = f"of each policy; default: each case once, {EPISODES} where starts are drawn"
+    default = f"where starts are drawn, of each policy; default: {EPISODES}; else each case has one"
     add_number(parser, "--episodes", Positive, None, default)
     add_seed(parser, "of starts and of policies that draw")
     add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
@@ -138,7 +138,8 @@ def write_sheet(path: Path, found: list[Evaluated]) -> None:
         for one in (each for each in found if row < len(each.episodes)):
             # A case is a suite of its own name.
             names_suite = len(suites) > 1 and len(one.entry.suite.cases) != 1
-            lines = [one.entry.label] * (len(policies) > 1) + [one.suite_name] * names_suite
+            label = one.entry.label.removeprefix(f"{PRETRAINED}:")
+            lines = [label] * (len(policies) > 1) + [one.suite_name] * names_suite
             names.append("\n".join([*lines, one.scene_name(row)]))
             episodes.append(one.episodes[row])
     title = f"{', '.join(policies)}: {', '.join(suites)}"

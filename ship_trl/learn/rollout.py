@@ -6,10 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
-from tensordict import TensorDictBase
+from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 from torchrl.envs import EnvBase
 
+# Steps for which memory is taken at first.
+STEPS = 64
+# What an episode is made of. Pictures are left out: those of 4,000 episodes take 10 GB.
+KEPT: tuple[NestedKey, ...] = (
+    *("state", "action", "action_value"),
+    *(("next", key) for key in ("state", "reward", "done", "goal", "collision", "dcpa")),
+)
 # Reads a tensordict with `state` and writes `action`, as every policy module of TorchRL does.
 Policy = Callable[[TensorDictBase], TensorDictBase]
 
@@ -59,31 +66,49 @@ def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
     The environment needs the keys `state`, `action`, `goal`, `collision` and `dcpa`. TorchRL's own `rollout`
     either stops when the first episode of a batch ends, or continues with new episodes.
     """
-    current = env.reset()
-    steps = []
+    current, kept, count = env.reset(), dict[NestedKey, Tensor](), 0
     running = torch.ones(env.batch_size, dtype=torch.bool, device=env.device)
+    lengths = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
     while bool(running.any()):
         stepped, current = env.step_and_maybe_reset(policy(current))
-        steps.append(stepped)
+        keep(kept, count, stepped)
+        count += 1
+        lengths += running
         running &= ~stepped["next", "done"].squeeze(-1)
-    done = torch.stack([step["next", "done"].squeeze(-1) for step in steps])
-    lengths = (done.to(torch.int8).argmax(0) + 1).tolist()
-    return [extract_episode(steps[:length], row) for row, length in enumerate(lengths)]
+    return [extract_episode(kept, row, length) for row, length in enumerate(lengths.tolist())]
 
 
-def extract_episode(steps: list[TensorDictBase], row: int) -> Episode:
-    """Extract the episode of one environment from the steps of a batch."""
+def keep(kept: dict[NestedKey, Tensor], count: int, step: TensorDictBase) -> None:
+    """Copy the step after `count` others into tensors [T, N, ...], which double when they are full.
 
-    def stack(key: str) -> Tensor:
-        return torch.stack([step[key][row] for step in steps]).cpu()
+    Small tensors allocated between the pictures of each step would keep the memory of all of them.
+    """
+    for key in KEPT:
+        value = step.get(key, None)
+        if value is None:
+            continue
+        if key not in kept:
+            kept[key] = value.new_empty((STEPS, *value.shape))
+        elif count == len(kept[key]):
+            kept[key] = torch.cat((kept[key], torch.empty_like(kept[key])))
+        kept[key][count] = value
 
-    last = steps[-1]["next"]
+
+def extract_episode(kept: dict[NestedKey, Tensor], row: int, length: int) -> Episode:
+    """Extract the first episode of one environment, of `length` steps."""
+
+    def steps(key: NestedKey) -> Tensor:
+        return kept[key][:length, row].cpu().clone()
+
+    def last(key: str) -> Tensor:
+        return kept["next", key][length - 1, row]
+
     return Episode(
-        states=torch.cat((stack("state"), last["state"][row : row + 1].cpu())),
-        actions=stack("action"),
-        rewards=torch.stack([step["next", "reward"][row, 0] for step in steps]).cpu(),
-        q_values=stack("action_value") if "action_value" in steps[0] else None,
-        goal=bool(last["goal"][row, 0]),
-        collision=bool(last["collision"][row, 0]),
-        dcpa=float(last["dcpa"][row, 0]),
+        states=torch.cat((steps("state"), last("state").cpu()[None])),
+        actions=steps("action"),
+        rewards=steps(("next", "reward")).squeeze(-1),
+        q_values=steps("action_value") if "action_value" in kept else None,
+        goal=bool(last("goal")),
+        collision=bool(last("collision")),
+        dcpa=float(last("dcpa")),
     )

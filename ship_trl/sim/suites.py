@@ -144,7 +144,7 @@ def read_suite(path: Path) -> SuiteFile:
         base = find_base(path, str(values.based_on))
         base_values = read_values(base) if base is not None else None
         if base is None or not isinstance(base_values, DictConfig) or "based_on" in base_values:
-            allowed = "the name of a suite that is based on no other"
+            allowed = f"one of {', '.join(sorted(suite_files()))} that is based on no other"
             raise ConfigError(f"{path}: based_on: got {values.based_on}; allowed: {allowed}")
         if base_values.get("scenes"):
             base_values.scenes = str(base.parent.absolute() / str(base_values.scenes))

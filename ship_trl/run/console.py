@@ -38,7 +38,12 @@ def say(text: str) -> None:
 
 
 def progress(
-    title: str, episodes: int, events: Iterable[Finished | Evaluated], place: str = "", done: int = 0
+    title: str,
+    episodes: int,
+    events: Iterable[Finished | Evaluated],
+    place: str = "",
+    done: int = 0,
+    greedy: str = "",
 ) -> Iterator[Finished | Evaluated]:
     """Yield the events, and show finished episodes, time left and the last returns.
 
@@ -47,7 +52,7 @@ def progress(
     the output. The estimate of the time left begins with the first update, because the warm-up is faster.
 
     `place` is the run's place in a grid, such as `3 of 40`; it is empty outside a grid. `done` episodes of
-    `episodes` were finished before the run was resumed.
+    `episodes` were finished before the run was resumed, and `greedy` is its last evaluation.
     """
     columns = (
         BarColumn(bar_width=20),
@@ -61,15 +66,13 @@ def progress(
         Lines(GRID_INTERVAL, share + GRID_INTERVAL, share) if place else Lines(SINGLE_INTERVAL, share, share)
     )
     prefix = f"{place}: {title}: " if place else ""
-    plain, greedy = bool(place) or not console.is_terminal, ""
+    plain = bool(place) or not console.is_terminal
     has_updates = is_measured = False
     with Progress(*columns, console=console, disable=plain) as bar:
-        task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy="")
+        task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy=greedy)
         for event in events:
             if isinstance(event, Evaluated):
-                greedy = f"{event.episode_return:.1f}"
-                if len(event.episodes) > 1:
-                    greedy += f" ({event.success_rate:.0%} goal)"
+                greedy = describe_greedy(event.episode_return, event.success_rate, len(event.episodes))
                 bar.update(task, greedy=greedy)
             else:
                 now = f"{event.episode_return:.1f}"
@@ -94,6 +97,11 @@ def track(label: str, items: Sequence[Item]) -> Iterator[Item]:
             if plain and done and (left := lines.due(done / len(items))) is not None:
                 progress_console.print(f"{label}: {done} of {len(items)} done{left}", highlight=False)
             yield item
+
+
+def describe_greedy(episode_return: float, success_rate: float, episodes: int) -> str:
+    """Return the mean return of an evaluation, of several episodes with their success rate."""
+    return f"{episode_return:.1f}" + (f" ({success_rate:.0%} goal)" if episodes > 1 else "")
 
 
 @contextmanager

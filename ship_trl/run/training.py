@@ -64,7 +64,8 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         save_best(run, history)
         with stop_on_signal() as stop:
             events = train_until_stopped(training, journal, stop)
-            for event in console.progress(run.title, episodes, events, place, training.episode):
+            last = [console.describe_greedy(*one) for one in history.greedy[-1:]]
+            for event in console.progress(run.title, episodes, events, place, training.episode, *last):
                 tracker.log(event)
                 if history.add(event, parts.algorithm.network):
                     save_best(run, history)

@@ -114,6 +114,7 @@ SLOW = [
     pytest.param(arm, marks=pytest.mark.long)
     for arm in (
         "a pupil",
+        "a guide",
         "some layers frozen",
         "a fading policy",
         "thawing layers",

@@ -1,6 +1,7 @@
-"""`python -m benchmarks gpu`: simulation, updates and training loops on a GPU, with Stable-Baselines3 beside.
+"""`python -m benchmarks gpu`: speed of simulation, updates and training loops on a GPU.
 
-`operation by operation` is the same work without CUDA graphs (`fast=false`). Training loops are those of
+Rows named "operation by operation" do the same work without CUDA graphs (`fast=false`). Training loops, and
+Stable-Baselines3's for comparison, are those of
 `python -m benchmarks loop`: case 4, batches of 32, an update every 4 steps. Both sides run with one CPU
 thread and deterministic cuDNN.
 """

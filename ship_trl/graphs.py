@@ -57,7 +57,10 @@ def side_stream(device: torch.device) -> torch.cuda.Stream:
 
 
 def run_aside(function: Callable[..., Any], inputs: tuple[Tensor, ...]) -> Any:
-    """Compute a function on the captures' stream, as autograd keeps that of a weight's first gradient."""
+    """Compute a function on the stream of captures.
+
+    Autograd remembers the stream of a weight's first gradient, and a capture must not meet another stream.
+    """
     device = inputs[0].device
     stream, current = side_stream(device), torch.cuda.current_stream(device)
     stream.wait_stream(current)

@@ -67,7 +67,7 @@ def check(entries: list[Entry], options: Namespace) -> None:
     if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
         raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
     if options.sheet is not None and any(entry.world != entries[0].world for entry in entries):
-        raise ConfigError("--sheet: the policies act in several worlds; give those of one world")
+        raise ConfigError("--sheet: the policies act in several worlds; allowed: policies of one world")
     if options.episodes is not None and not any(entry.draws for entry in entries):
         raise ConfigError("--episodes: all would be alike; allowed with drawn starts or policies that draw")
 

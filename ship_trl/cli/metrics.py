@@ -4,7 +4,7 @@
     python -m ship_trl metrics scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
 
 FILE is Stable-Baselines3's monitor.csv, TensorBoard's event file or exported scalars, a curve.csv of ours, or
-a table with columns step, return and, for several runs, seed; with * it is several files, each of which is a
+a table with columns step, return and, for several runs, seed. A FILE with * names several files; each is a
 run. The first arm is the baseline. Returns are scaled to scores from --low to --high, by default the extremes
 of all runs. Less time is better; the other metrics are better when larger.
 """

@@ -48,7 +48,7 @@ def read_logs(path: Path, key: str) -> list[LearningCurve]:
     """
     if not path.is_file():
         raise ConfigError(f"{key}: no file {path}; allowed: {KINDS}")
-    found = read_events(path, key) if EVENTS in path.name else read_table(path, key)
+    found = read_events(path, key) if EVENTS in path.name else read_csv(path, key)
     for curve in found:
         whole = np.isfinite(curve.steps).all() and (np.abs(curve.returns) <= MAX_RETURN).all()
         if len(curve.steps) < 2 or not whole or (np.diff(curve.steps) < 0).any():
@@ -59,7 +59,7 @@ def read_logs(path: Path, key: str) -> list[LearningCurve]:
     return found
 
 
-def read_table(path: Path, key: str) -> list[LearningCurve]:
+def read_csv(path: Path, key: str) -> list[LearningCurve]:
     """Read a CSV file; without a column of runs it is one run."""
     try:
         data = read_file(path).removeprefix(codecs.BOM_UTF8)

@@ -56,7 +56,7 @@ class TransitionStorage(Storage):
             for key, value in data.items(True, True):
                 shape = (self.max_size, *value.shape[data.batch_dims :])
                 self._rows[key] = value.new_zeros(shape, device=self.device)
-        # Rows in a row as a slice, because their numbers would be copied to a GPU.
+        # Neighbouring rows as a slice, because a tensor of their numbers would be copied to a GPU.
         is_contiguous = isinstance(cursor, Tensor) and cursor.dim() == 1 and bool((cursor.diff() == 1).all())
         where = slice(int(cursor[0]), int(cursor[-1]) + 1) if is_contiguous and len(cursor) else cursor
         for key, rows in self._rows.items():

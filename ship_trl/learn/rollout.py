@@ -75,6 +75,8 @@ def rollout(env: EnvBase, policy: Policy) -> list[Episode]:
         count += 1
         lengths += running
         running &= ~stepped["next", "done"].squeeze(-1)
+    # At once: each copy from a GPU waits for all earlier operations.
+    kept = {key: value[:count].cpu() for key, value in kept.items()}
     return [extract_episode(kept, row, length) for row, length in enumerate(lengths.tolist())]
 
 
@@ -98,13 +100,13 @@ def extract_episode(kept: dict[NestedKey, Tensor], row: int, length: int) -> Epi
     """Extract the first episode of one environment, of `length` steps."""
 
     def steps(key: NestedKey) -> Tensor:
-        return kept[key][:length, row].cpu().clone()
+        return kept[key][:length, row].clone()
 
     def last(key: str) -> Tensor:
         return kept["next", key][length - 1, row]
 
     return Episode(
-        states=torch.cat((steps("state"), last("state").cpu()[None])),
+        states=torch.cat((steps("state"), last("state")[None])),
         actions=steps("action"),
         rewards=steps(("next", "reward")).squeeze(-1),
         q_values=steps("action_value") if "action_value" in kept else None,

@@ -75,12 +75,6 @@ class History:
         ]
 
     @property
-    def greedy(self) -> list[tuple[float, float, int]]:
-        """Mean return, success rate and number of episodes of all greedy evaluations, in order."""
-        keys = "greedy_return", "greedy_success_rate", "greedy_episodes"
-        return [tuple(row[key] for key in keys) for row in self.rows if keys[0] in row]
-
-    @property
     def evaluated(self) -> list[Evaluation]:
         """All greedy evaluations, in order."""
         return [

@@ -64,7 +64,10 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         save_best(run, history)
         with stop_on_signal() as stop:
             events = train_until_stopped(training, journal, stop)
-            last = [console.describe_greedy(*one) for one in history.greedy[-1:]]
+            last = [
+                console.describe_greedy(one.episode_return, one.success_rate, one.episodes)
+                for one in history.evaluated[-1:]
+            ]
             for event in console.progress(run.title, episodes, events, place, training.episode, *last):
                 tracker.log(event)
                 if history.add(event, parts.algorithm.network):

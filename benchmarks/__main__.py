@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks import curves, encounters, gpu
+from benchmarks import curves, encounters, gpu, sources
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -28,6 +28,7 @@ PARTS = {
 ALONE = {
     "encounters": ("What policies do in suites of encounters", encounters.main),
     "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
+    "sources": ("What each case's network is worth on every other case", sources.main),
     "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }
 

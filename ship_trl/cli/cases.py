@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--by",
         choices=MEASURES,
         default="similarity",
-        help="rank by similarity (equation 8), distance (7) or side (of the ideal path)",
+        help="rank by similarity (equation 8), distance (7), side (of the ideal path) or number of ships",
     )
     stored = "folder of trained networks; default: %(default)s"
     parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help=stored)

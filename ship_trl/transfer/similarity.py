@@ -128,9 +128,15 @@ def same_side(base: Case, target: Case) -> float:
     return float(one == other)
 
 
+def ships_apart(base: Case, target: Case) -> float:
+    """Return by how much the numbers of target ships differ: another null for equation 8."""
+    return float(abs(len(base.target_ships) - len(target.target_ships)))
+
+
 # By their names on the command line.
 MEASURES = {
     "similarity": Measure(lambda base, target, _: similarity(base, target)),
     "distance": Measure(distance, nearer=True),
     "side": Measure(lambda base, target, _: same_side(base, target)),
+    "ships": Measure(lambda base, target, _: ships_apart(base, target), nearer=True),
 }

@@ -1,0 +1,150 @@
+"""How well a measure of similarity foretells gains: rank correlation, regret, and top-three hits.
+
+docs/sources.md has the rules. Gains are [seeds, targets, sources], values of measures [targets, sources],
+larger for more similar; both are NaN where source and target are one case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+DRAWS, LEVEL, TOP = 2000, 95.0, 3
+# An arm whose gains agree less than this between seeds is not judged.
+MIN_RELIABILITY = 0.3
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a measure is worth for an arm."""
+
+    correlation: Interval
+    regret: Interval
+    top: Interval
+    gain: Interval
+
+
+def spearman(one: Floats, other: Floats) -> float:
+    """Compute the rank correlation over the pairs without NaN; 0 if one of them is constant."""
+    known = np.isfinite(one) & np.isfinite(other)
+    a, b = rankdata(one[known]), rankdata(other[known])
+    a, b = a - a.mean(), b - b.mean()
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / scale if scale else 0.0
+
+
+def by_target(one: Floats, other: Floats) -> Floats:
+    """Return the rank correlation over sources within each target, [targets]."""
+    return np.array([spearman(a, b) for a, b in zip(one, other, strict=True)])
+
+
+def reliability(gains: Floats) -> tuple[float, float]:
+    """Return the mean correlation of two seeds within targets, and that of the mean of all seeds.
+
+    The second one is by Spearman and Brown: what the mean of k seeds would correlate with k others.
+    """
+    count = len(gains)
+    pairs = [by_target(gains[a], gains[b]).mean() for a in range(count) for b in range(a)]
+    one = float(np.mean(pairs))
+    return one, count * one / (1 + (count - 1) * one)
+
+
+def choice(values: Floats) -> Ints:
+    """Return the source that a measure ranks first for each target; ties go to the first."""
+    chosen: Ints = np.nanargmax(values, axis=1)
+    return chosen
+
+
+def regrets(values: Floats, gains: Floats) -> Floats:
+    """Return what the chosen source loses, [targets].
+
+    The best source is chosen by one seed and both gains are taken from the others, so that chance makes no
+    regret; that is done with each seed.
+    """
+    chosen, targets = choice(values), np.arange(len(values))
+    found = []
+    for seed in range(len(gains)):
+        best = np.nanargmax(gains[seed], axis=1)
+        others = np.delete(gains, seed, axis=0).mean(0)
+        found.append(others[targets, best] - others[targets, chosen])
+    return np.mean(found, axis=0)
+
+
+def hits(values: Floats, gains: Floats) -> Floats:
+    """Return whether the chosen source is among the `TOP` best by the mean of the seeds, [targets]."""
+    mean = gains.mean(0)
+    better = (mean > mean[np.arange(len(mean)), choice(values)][:, None]).sum(1)
+    return (better < TOP).astype(float)
+
+
+def elsewhere(gains: Floats) -> Floats:
+    """Return the mean gain of each source on all other targets, [targets, sources]."""
+    mean = gains.mean(0)
+    known = np.isfinite(mean)
+    total, count = np.where(known, mean, 0.0).sum(0), known.sum(0)
+    left = (total - np.where(known, mean, 0.0)) / (count - known)
+    return np.where(known, left, np.nan)
+
+
+def shares(values: Floats) -> Floats:
+    """Return ranks within each target, from 0 to 1."""
+    known = np.isfinite(values)
+    found = np.full(values.shape, np.nan)
+    for row, valid in enumerate(known):
+        ranks = rankdata(values[row, valid])
+        found[row, valid] = (ranks - 1) / max(1, len(ranks) - 1)
+    return found
+
+
+def regression(measures: Mapping[str, Floats], gains: Floats) -> Floats:
+    """Foretell the rank of gains by a linear regression on the ranks of measures, [targets, sources].
+
+    It is fitted for each target on all others.
+    """
+    wanted = shares(gains.mean(0))
+    inputs = np.stack([shares(values) for values in measures.values()] + [np.ones_like(wanted)], -1)
+    known, found = np.isfinite(wanted), np.full(wanted.shape, np.nan)
+    for target in range(len(wanted)):
+        others = known & (np.arange(len(wanted)) != target)[:, None]
+        weights, *_ = np.linalg.lstsq(inputs[others], wanted[others], rcond=None)
+        found[target, known[target]] = inputs[target, known[target]] @ weights
+    return found
+
+
+def interval(values: Floats, seed: int = 0) -> Interval:
+    """Return the mean over targets with a bootstrap interval; all measures get the same draws of targets."""
+    at = np.random.default_rng(seed).integers(len(values), size=(DRAWS, len(values)))
+    low, high = np.percentile(values[at].mean(1), [(100 - LEVEL) / 2, (100 + LEVEL) / 2])
+    return Interval(float(values.mean()), float(low), float(high))
+
+
+def judge(values: Floats, gains: Floats) -> Judgement:
+    """Judge a measure on an arm."""
+    mean = gains.mean(0)
+    return Judgement(
+        correlation=interval(by_target(values, mean)),
+        regret=interval(regrets(values, gains)),
+        top=interval(hits(values, gains)),
+        gain=interval(mean[np.arange(len(values)), choice(values)]),
+    )
+
+
+def difference(one: Floats, other: Floats, gains: Iterable[Floats]) -> Interval:
+    """Return by how much a measure's mean correlation over arms exceeds another's."""
+    pairs = [by_target(one, each.mean(0)) - by_target(other, each.mean(0)) for each in gains]
+    return interval(np.mean(pairs, axis=0))

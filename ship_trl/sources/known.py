@@ -1,0 +1,151 @@
+"""What is known of a case: the states that a planner meets in it, and a network that was trained on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import torch
+from tensordict import TensorDictBase
+from torch import Generator, Tensor
+
+from ship_trl.config.types import World
+from ship_trl.learn.network import DuelingNetwork, make_network
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import Episode, rollout
+from ship_trl.policies.random_policy import random_return
+from ship_trl.policies.reference import best_known
+from ship_trl.policies.vo import vo
+from ship_trl.sim.cases import Case
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.suites import Suite, load_suite
+from ship_trl.transfer.layers import load_weights, read_look
+
+# Episodes of the planner, and the share of random actions in them.
+EPISODES, EXPLORATION = 32, 0.3
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Transitions of a case: states and next states [N, S], actions [N], rewards [N], terminated [N].
+
+    `planned` [N] are the planner's actions in the states, which a part of the actions are.
+    """
+
+    states: Tensor
+    planned: Tensor
+    actions: Tensor
+    rewards: Tensor
+    next_states: Tensor
+    terminated: Tensor
+
+
+class Known:
+    """A case, and a network that was trained on it or None.
+
+    Measures ask for what they need; each thing is computed once.
+    """
+
+    def __init__(self, name: str, world: World, network: DuelingNetwork | None = None) -> None:
+        self.suite: Suite = load_suite(name, world)
+        self.case: Case = self.suite.case
+        self.world = world
+        self._network = network
+
+    @classmethod
+    def load(cls, name: str, world: World, path: Path) -> Known:
+        """Read the network from a safetensors file.
+
+        Raises:
+            ConfigError: the file holds no network for this world.
+        """
+        config, colour = read_look(path, "source_file")
+        network = make_network(config, len(world.actions), Generator(), colour=colour)
+        network.load_state_dict(dict(load_weights(path, network)))
+        return cls(name, world, network)
+
+    @property
+    def network(self) -> DuelingNetwork:
+        """The network, in evaluation.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self._network is None:
+            raise ValueError(f"case {self.case.name} has no network")
+        return self._network
+
+    @cached_property
+    def probe(self) -> Probe:
+        """The planner's transitions."""
+        return probe(self.suite, self.world)
+
+    def observer(self, network: DuelingNetwork) -> Callable[[Tensor], Tensor]:
+        """Return what maps states of the case to a network's input."""
+        return ShipEnv(self.suite, self.world).observer(network.config, network.colour)
+
+    def observe(self, network: DuelingNetwork) -> Tensor:
+        """Return what a network sees in the probe's states, [N, ...]."""
+        return self.observer(network)(self.probe.states)
+
+    def greedy_episode(self, network: DuelingNetwork) -> Episode:
+        """Return the greedy episode of a network in the case."""
+        env = ShipEnv(self.suite, self.world)
+        (episode,) = rollout(env, greedy_policy(network, self.observer(network)))
+        return episode
+
+    @cached_property
+    def own_episode(self) -> Episode:
+        """The greedy episode of the network that was trained on the case."""
+        return self.greedy_episode(self.network)
+
+    @cached_property
+    def planned_episode(self) -> Episode:
+        """The episode of the best known plan."""
+        actions = iter(best_known(self.case, self.world).actions)
+
+        def follow(step: TensorDictBase) -> TensorDictBase:
+            return step.set("action", torch.tensor([next(actions)]))
+
+        (episode,) = rollout(ShipEnv(self.suite, self.world), follow)
+        return episode
+
+    @cached_property
+    def bounds(self) -> tuple[float, float]:
+        """The mean return of random actions, and the best known return."""
+        return random_return(self.suite, self.world), best_known(self.case, self.world).episode_return
+
+    def score(self, episode: Episode) -> float:
+        """Return the score of an episode in the case: 0 is random or worse, 1 the best known."""
+        random, known = self.bounds
+        return max(0.0, (episode.episode_return - random) / (known - random))
+
+
+def probe(suite: Suite, world: World, episodes: int = EPISODES, seed: int = 0) -> Probe:
+    """Run the planner (velocity obstacles) in a case, with random actions among its own."""
+    env = ShipEnv(suite, world, episodes)
+    generator, planner = Generator().manual_seed(seed), vo(env)
+    planned: list[Tensor] = []
+
+    def explore(step: TensorDictBase) -> TensorDictBase:
+        best = planner(step).get("action").clone()
+        planned.append(best)
+        drawn = torch.randint(len(world.actions), best.shape, generator=generator)
+        is_random = torch.rand(len(best), generator=generator) < EXPLORATION
+        return step.set("action", torch.where(is_random, drawn, best))
+
+    found = rollout(env, explore)
+    chosen = torch.stack(planned)
+    terminated = [torch.zeros(one.length, dtype=torch.bool) for one in found]
+    for ends, one in zip(terminated, found, strict=True):
+        ends[-1] = one.goal or one.collision
+    return Probe(
+        states=torch.cat([one.states[:-1] for one in found]),
+        planned=torch.cat([chosen[: one.length, row] for row, one in enumerate(found)]),
+        actions=torch.cat([one.actions for one in found]),
+        rewards=torch.cat([one.rewards for one in found]),
+        next_states=torch.cat([one.states[1:] for one in found]),
+        terminated=torch.cat(terminated),
+    )

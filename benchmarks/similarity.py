@@ -1,0 +1,232 @@
+"""`python -m benchmarks similarity numbers|pixels`: which measure foretells what a source is worth?
+
+Measures similarity of all pairs of the benchmark of sources, and judges the measures by docs/sources.md. The
+networks are needed once; after that the table of measures is read.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.sources import FOLDER, PRICES, prepare, weights_path
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import add_number, make_parser
+from ship_trl.cli.table import show
+from ship_trl.config.bounds import Positive
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.table import read_table
+from ship_trl.sources import judge
+from ship_trl.sources.gains import KINDS, Gains, read_gains
+from ship_trl.sources.judgements import FITTED, ORACLE, PAPER, Judgement, winner
+from ship_trl.study.report.tables import write_csv
+
+if TYPE_CHECKING:
+    from ship_trl.sources.known import Known
+
+MAX_BYTES = 20_000_000
+Floats = judge.Floats
+
+
+def main(arguments: list[str]) -> None:
+    """Measure, judge, and write tables and a picture."""
+    files = "PRICE_measures.csv, PRICE_judgements.csv and PRICE.png"
+    parser = make_parser("similarity", f"{__doc__}\n\nWrites:\n    {FOLDER}/{files}")
+    parser.prog = "python -m benchmarks similarity"
+    parser.add_argument("price", choices=PRICES, help="what networks see")
+    add_number(parser, "--processes", Positive, 2, "at once (default 2)")
+    parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
+    options = parser.parse_args(arguments)
+    with refusals():
+        run(options)
+
+
+def run(options: Namespace) -> None:
+    """Judge all measures on all arms."""
+    folder = FOLDER / options.price
+    runs = next((path for path in tables(folder) if path.is_file()), folder.with_suffix(".csv"))
+    gains = read_gains(runs)
+    table = folder.with_name(f"{folder.name}_measures.csv")
+    if not table.is_file():
+        write_csv(table, measure_all(gains.cases, len(gains.of(gains.arms[0])), folder, options.processes))
+    values, seconds = read_measures(table, gains.cases)
+    judged = {
+        arm: one for arm in gains.arms if judge.reliability(one := gains.of(arm))[0] > judge.MIN_RELIABILITY
+    }
+    judgements = judge_all(values, seconds, judged)
+    show_arms(gains, options.markdown)
+    if not judgements:
+        sys.stdout.write("no arm is judged: seeds agree too little\n")
+        return
+    show_judgements(judgements, options.markdown)
+    best = winner(judgements)
+    apart = judge.difference(values[best.measure], values[PAPER], judged.values())
+    sys.stdout.write(
+        f"the winner is {best.measure}: mean correlation above that of equation 8 by {interval(apart, 2)}; "
+        f"its first sources gain most with {best.arm}, "
+        f"{interval(judge.Interval(best.gain, best.gain_low, best.gain_high))}\n"
+    )
+    written = folder.with_name(f"{folder.name}_judgements.csv")
+    write_csv(written, [asdict(one) for one in judgements])
+    picture = folder.with_suffix(".png")
+    draw(picture, gains, best.arm, {name: values[name] for name in dict.fromkeys((PAPER, best.measure))})
+    sys.stdout.write("".join(f"{path}\n" for path in (table, written, picture)))
+
+
+def tables(folder: Path) -> tuple[Path, Path]:
+    """Return where the table of runs may lie."""
+    return folder.with_suffix(".csv"), folder.with_suffix(".csv.xz")
+
+
+def measure_all(cases: tuple[str, ...], seeds: int, folder: Path, processes: int) -> list[dict[str, Any]]:
+    """Measure the similarity of each source to each target, a row for each pair and seed."""
+    jobs = [(cases, target, seed, folder) for seed in range(seeds) for target in cases]
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool:
+        return [row for rows in pool.map(measure, *zip(*jobs, strict=True)) for row in rows]
+
+
+def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> list[dict[str, Any]]:
+    """Measure the similarity of all sources to a target; `NAME seconds` is the processor time of each."""
+    from ship_trl.sources.measures import MEASURES
+
+    rows = []
+    for source in cases:
+        if source == target:
+            continue
+        row: dict[str, Any] = {"target": target, "source": source, "seed": seed}
+        pair = known(folder, source, seed), known(folder, target, seed)
+        # The first measures would pay for what later ones share.
+        _ = pair[0].probe, pair[1].probe, pair[0].own_episode, pair[1].planned_episode, pair[1].bounds
+        for name, one in MEASURES.items():
+            began = time.process_time()
+            row[name] = f"{one.value(*pair):.6g}"
+            row[f"{name} seconds"] = f"{time.process_time() - began:.4f}"
+        rows.append(row)
+    return rows
+
+
+@cache
+def known(folder: Path, case: str, seed: int) -> Known:
+    """Read a source's network, once a process."""
+    from ship_trl.sim.cases import load_world
+    from ship_trl.sources.known import Known
+
+    return Known.load(case, load_world(), weights_path(folder, case, seed))
+
+
+def read_measures(path: Path, cases: tuple[str, ...]) -> tuple[dict[str, Floats], dict[str, float]]:
+    """Read the mean over seeds of each measure, [targets, sources], larger for more similar, and its seconds.
+
+    Raises:
+        ConfigError: the table is not whole.
+    """
+    from ship_trl.sources.measures import MEASURES
+
+    rows = read_table(path, ("target", "source", "seed", *MEASURES), dict, MAX_BYTES, "sources", "measures")
+    pairs = len(cases) * (len(cases) - 1)
+    if not rows or len(rows) % pairs or {row["target"] for row in rows} != set(cases):
+        raise ConfigError(f"sources: {path} does not fit the runs; delete it to measure again")
+    values, seconds = {}, {}
+    for name, one in MEASURES.items():
+        total = np.zeros((len(cases), len(cases)))
+        np.fill_diagonal(total, np.nan)
+        for row in rows:
+            total[cases.index(row["target"]), cases.index(row["source"])] += float(row[name])
+        values[name] = (-1 if one.nearer else 1) * total * pairs / len(rows)
+        seconds[name] = float(np.mean([float(row[f"{name} seconds"]) for row in rows]))
+    return values, seconds
+
+
+def judge_all(
+    values: Mapping[str, Floats], seconds: Mapping[str, float], judged: Mapping[str, Floats]
+) -> list[Judgement]:
+    """Judge every measure, and what is fitted, on the arms that are judged."""
+    from ship_trl.sources.measures import MEASURES, Needs
+
+    kinds = {name: ORACLE if one.needs is Needs.target else one.needs.name for name, one in MEASURES.items()}
+    free = {name: value for name, value in values.items() if kinds[name] != ORACLE}
+    found = []
+    for arm, gains in judged.items():
+        fitted = {"elsewhere": judge.elsewhere(gains), "regression": judge.regression(free, gains)}
+        for name, value in {**values, **fitted}.items():
+            one = judge.judge(value, gains)
+            numbers = [
+                number
+                for each in (one.correlation, one.regret, one.top, one.gain)
+                for number in (each.value, each.low, each.high)
+            ]
+            rounded = [round(number, 4) for number in (*numbers, seconds.get(name, 0.0))]
+            found.append(Judgement(name, kinds.get(name, FITTED), arm, *rounded))
+    return found
+
+
+def show_arms(gains: Gains, markdown: bool) -> None:
+    """Print the mean gains of each arm, and how well seeds agree."""
+    rows = []
+    for arm in gains.arms:
+        one, both = judge.reliability(gains.of(arm))
+        cells = [interval(judge.interval(np.nanmean(gains.of(arm, kind), axis=(0, 2)))) for kind in KINDS]
+        best = judge.interval(np.nanmax(gains.of(arm).mean(0), axis=1)).value
+        share = float(np.mean(gains.of(arm).mean(0)[np.isfinite(gains.of(arm)[0])] > 0))
+        rows.append([arm, *cells, f"{share:.0%}", f"{best:+.3f}", f"{one:.2f}", f"{both:.2f}"])
+    headings = ("arm", *(f"gain: {kind}" for kind in KINDS), "pairs that gain", "of the best source")
+    show((*headings, "reliability of a seed", "of the mean"), rows, markdown)
+
+
+def interval(one: judge.Interval, digits: int = 3) -> str:
+    """Write a mean with its interval."""
+    value, low, high = (f"{number:+.{digits}f}" for number in (one.value, one.low, one.high))
+    return f"{value} ({low} to {high})"
+
+
+def show_judgements(judgements: list[Judgement], markdown: bool) -> None:
+    """Print a row for each measure, with the correlation, regret and hits of each arm."""
+    arms = list(dict.fromkeys(one.arm for one in judgements))
+    names = list(dict.fromkeys(one.measure for one in judgements))
+    rows = []
+    for name in names:
+        own = [one for one in judgements if one.measure == name]
+        spans = [judge.Interval(o.correlation, o.correlation_low, o.correlation_high) for o in own]
+        cells = [interval(span, 2) for span in spans]
+        cells += [f"{one.regret:.3f}" for one in own] + [f"{one.top:.0%}" for one in own]
+        rows.append([name, own[0].kind, *cells, f"{own[0].seconds:.3f}"])
+    groups = [f"{what}, {arm}" for what in ("correlation", "regret", "top 3") for arm in arms]
+    show(("measure", "knows", *groups, "seconds"), rows, markdown)
+
+
+def draw(path: Path, gains: Gains, arm: str, values: Mapping[str, Floats]) -> None:
+    """Write a PNG: gains of all pairs beside measures of similarity, as ranks within each target."""
+    from matplotlib.figure import Figure
+
+    from ship_trl.view.chart import save
+
+    mean = gains.of(arm).mean(0)
+    panels = {f"gain of {arm} over scratch": mean}
+    panels |= {
+        f"similarity by {name}, rank within target": judge.shares(value) for name, value in values.items()
+    }
+    figure = Figure(figsize=(6.2 * len(panels), 6.6), dpi=100, layout="constrained")
+    reach = float(np.nanpercentile(np.abs(mean), 98))
+    for number, (axes, (title, panel)) in enumerate(
+        zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True)
+    ):
+        limits = {"cmap": "RdBu", "vmin": -reach, "vmax": reach} if number == 0 else {"cmap": "Blues"}
+        image = axes.imshow(panel, **limits)
+        axes.set_xticks(range(len(gains.cases)), gains.cases, rotation=90, fontsize=8)
+        axes.set_yticks(range(len(gains.cases)), gains.cases, fontsize=8)
+        axes.set_xlabel("source", fontsize=11)
+        axes.set_ylabel("target", fontsize=11)
+        axes.set_title(title, fontsize=12, loc="left")
+        axes.set_facecolor("#D4D4D4")
+        figure.colorbar(image, ax=axes, shrink=0.6)
+    save(figure, path)

@@ -1,0 +1,135 @@
+"""The benchmark of sources: which runs it plans, that it goes on, and how measures are judged."""
+
+import csv
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import similarity, sources
+from benchmarks.sources import PRICES, Row, Task
+from ship_trl.sources.judgements import read_judgements, winner
+from ship_trl.sources.measures import MEASURES
+from ship_trl.study.report.tables import write_csv
+
+CASES = ("1", "2", "3", "4", "5", "6")
+
+
+@pytest.fixture
+def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sources.Price:
+    price = replace(
+        PRICES["numbers"],
+        cases=CASES,
+        arms=("FTW", "FTH"),
+        source_episodes=30,
+        target_episodes=15,
+        scratch_seeds=2,
+    )
+    for module in (sources, similarity):
+        monkeypatch.setattr(module, "FOLDER", tmp_path)
+        monkeypatch.setitem(module.PRICES, "numbers", price)
+    (tmp_path / "numbers").mkdir()
+    return price
+
+
+def row(task: Task, price: sources.Price, score: float) -> dict[str, object]:
+    """Return a run in which all evaluations but the first have a score."""
+    made = Row(
+        **{key: value for key, value in asdict(task).items() if key != "is_source"},
+        episodes=task.episodes(price),
+        random=-100,
+        best_known=100,
+        greedy=sources.join([-100.0] + [200 * score - 100] * 15),
+        reached="0" + "1" * 15,
+        source_greedy="",
+        training="",
+        seconds=1.0,
+    )
+    return asdict(made)
+
+
+def test_every_case_is_source_and_target_of_every_other() -> None:
+    for price in PRICES.values():
+        tasks = sources.plan_tasks(price)
+        count = len(price.cases)
+        assert len({task.key(price) for task in tasks}) == len(tasks)
+        transfers = [task for task in tasks if task.source]
+        assert len(transfers) == count * (count - 1) * len(price.arms) * price.seeds
+        assert {(task.target, task.seed) for task in tasks if task.is_source} == {
+            (case, seed) for case in price.cases for seed in range(price.seeds)
+        }
+
+
+def test_a_transfer_begins_as_its_source_ended(tiny: sources.Price, tmp_path: Path) -> None:
+    first = sources.train(Task("1", "", "scratch", 9001, is_source=True), tiny, tmp_path)
+    found = sources.train(Task("2", "1", "FTW", 9001), tiny, tmp_path)
+    assert len(found.greedy.split()) == len(found.reached) == 16
+    assert len(found.source_greedy.split()) == 6
+    # The whole network of the source's best evaluation.
+    assert float(found.source_greedy.split()[0]) == max(float(word) for word in first.greedy.split())
+    assert found.best_known > found.random
+
+
+def test_runs_of_the_table_are_not_made_again(tiny: sources.Price, tmp_path: Path) -> None:
+    table = tmp_path / "numbers.csv"
+    write_csv(table, [row(task, tiny, 0.5) for task in sources.plan_tasks(tiny)])
+    before = table.read_bytes()
+    with table.open("a") as file:
+        file.write("1,2,FTW,7")  # a kill cut it off
+    sources.main(["numbers"])
+    assert table.read_bytes() == before
+
+
+def test_the_measure_that_the_gains_follow_wins(
+    tiny: sources.Price, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    generator = np.random.default_rng(9001)
+    rows, measures = [], []
+    place = {case: number for number, case in enumerate(CASES)}
+    for task in sources.plan_tasks(tiny):
+        # Gains fall with the distance of two cases' places, and FTW gains more.
+        apart = abs(place[task.target] - place[task.source]) if task.source else 0
+        gain = (0.3 - 0.04 * apart + 0.1 * (task.arm == "FTW")) if task.source else 0.0
+        rows.append(row(task, tiny, 0.4 + gain + 0.01 * generator.normal()))
+    write_csv(tmp_path / "numbers.csv", rows)
+    for seed in range(tiny.seeds):
+        for target in CASES:
+            for source in (case for case in CASES if case != target):
+                values: dict[str, object] = {"target": target, "source": source, "seed": seed}
+                for name in MEASURES:
+                    values[name] = generator.normal()
+                    values[f"{name} seconds"] = 0.1
+                # An oracle is perfect, and cannot win; a larger distance is less similar.
+                values["cka"] = -abs(place[target] - place[source])
+                values["distance"] = abs(place[target] - place[source]) + 0.3 * generator.normal()
+                measures.append(values)
+    write_csv(tmp_path / "numbers_measures.csv", measures)
+    similarity.main(["numbers"])
+    printed = capsys.readouterr().out
+    assert "the winner is distance" in printed
+    table = read_judgements(tmp_path / "numbers_judgements.csv")
+    best = winner(table)
+    assert (best.measure, best.arm) == ("distance", "FTW")
+    assert 0.3 < best.gain_low < best.gain < 0.45
+    assert {one.measure for one in table} == {*MEASURES, "elsewhere", "regression"}
+    assert (tmp_path / "numbers.png").stat().st_size > 10_000
+
+
+def test_a_benchmark_that_has_not_ended_is_refused(
+    tiny: sources.Price, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [row(task, tiny, 0.5) for task in sources.plan_tasks(tiny)]
+    write_csv(tmp_path / "numbers.csv", rows[:-3])
+    with pytest.raises(SystemExit) as error:
+        similarity.main(["numbers"])
+    assert error.value.code == 1
+    assert "3 transfers are missing" in capsys.readouterr().err
+
+
+def test_the_table_is_what_csv_reads(tiny: sources.Price, tmp_path: Path) -> None:
+    task = sources.plan_tasks(tiny)[0]
+    write_csv(tmp_path / "x.csv", [row(task, tiny, 0.5)])
+    with (tmp_path / "x.csv").open() as file:
+        (read,) = csv.DictReader(file)
+    assert sources.key(read) == task.key(tiny)

@@ -36,6 +36,7 @@ ARGUMENTS = {
     "own_loss": ["200"],
     "stock_torchrl": ["--steps", "400"],
     "gymnasium_sb3": ["--steps", "300"],
+    "sb3_extractor": ["--steps", "4"],
     "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
 }
 # Builders of algorithms, which the command takes.
@@ -171,6 +172,12 @@ def test_large_errors_are_drawn_more_often_and_a_checkpoint_keeps_them(trees: No
     assert torch.equal(batch["index"], again["index"]) and torch.equal(batch["weight"], again["weight"])
     other.learn_from(again)
     assert float(cast(Any, other.replay).sampler._sum_tree[7]) != 1.0
+
+
+@pytest.mark.parametrize("words", [(), ("--freeze",)])
+def test_a_frozen_extractor_does_not_learn(words: tuple[str, ...], tmp_path: Path) -> None:
+    ended = run_script(ROOT / "examples/sb3_extractor.py", "--steps", "300", *words, folder=tmp_path)
+    assert f"{0 if words else 8} of 8 tensors of the extractor changed" in ended.out, ended
 
 
 def test_torchrl_alone_takes_few_lines() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -100,8 +100,12 @@ def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[s
     return found | {"shared.weight": [network.hidden, maps]}
 
 
-def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") -> Weights:
+def load_weights(
+    path: Path, network: DuelingNetwork, key: str = "source_file", free: Collection[str] = ()
+) -> Weights:
     """Read weights that fit `network`, as float32.
+
+    Layers in `free` may have other sizes, and are left out: nothing is copied from them.
 
     Raises:
         ConfigError: not a safetensors file, its network has other layers, or a weight is not finite.
@@ -116,10 +120,14 @@ def load_weights(path: Path, network: DuelingNetwork, key: str = "source_file") 
             layers = [describe_network(each).items() for each in (saved, network.config)]
             got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)
             raise ConfigError(f"{key}: {path} has other layers: {got}; allowed: {allowed}")
-        problem = describe_mismatch(shapes, {name: tuple(value.shape) for name, value in wanted.items()})
+        fixed = {name for name in wanted.keys() | names if name.split(".")[0] not in free}
+        problem = describe_mismatch(
+            {name: shape for name, shape in shapes.items() if name in fixed},
+            {name: tuple(value.shape) for name, value in wanted.items() if name in fixed},
+        )
         if problem:
             raise ConfigError(f"{key}: {path} does not fit the network: {problem}")
-        weights = {name: file.get_tensor(name) for name in sorted(names)}
+        weights = {name: file.get_tensor(name) for name in sorted(names & fixed)}
     for name, value in weights.items():
         if value.dtype not in (torch.float16, torch.float32) or not bool(value.isfinite().all()):
             raise ConfigError(

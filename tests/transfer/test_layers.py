@@ -181,3 +181,13 @@ def test_a_header_that_does_not_describe_its_network_is_refused(
     message = str(caught.value)
     assert message.startswith(f"policy: {path}: its header does not describe its network (")
     assert reason in message and "\n" not in message
+
+
+def test_a_layer_that_is_not_copied_may_have_another_size(saved: Path) -> None:
+    fewer = make_network(load_network(), 3, Generator().manual_seed(2))
+    with pytest.raises(ConfigError, match=r"advantage\.bias has shape \(7,\), allowed \(3,\)"):
+        load_weights(saved, fewer)
+    weights = load_weights(saved, fewer, free=("advantage",))
+    assert set(fewer.state_dict()) - set(weights) == {"advantage.weight", "advantage.bias"}
+    with pytest.raises(ConfigError, match=r"shared"):
+        load_weights(saved, make_network(FIVE, 3, Generator()), free=("advantage",))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
+
 from ship_trl.config import arm as arms
 from ship_trl.config.arm import ALL_LAYERS, Arm, Method, SourceWeights
 
@@ -17,6 +20,15 @@ CONTROL_KINDS = (RANDOM, PERMUTED)
 def control_arm(arm: str, kind: str) -> str:
     """Return the name of an arm's control."""
     return Arm.parse(arm).with_weights(SourceWeights(kind)).name
+
+
+def rivals(names: Iterable[str]) -> list[str]:
+    """Return the arms among some names that are neither the paper's nor controls, in their order."""
+    found = []
+    for name in set(names) - {SCRATCH, *TRANSFERS}:
+        with suppress(ValueError):  # networks on the new case have names of their own
+            found.append(Arm.parse(name))
+    return [arm.name for arm in sorted(found) if arm.weights is SourceWeights.learned]
 
 
 # Controls of every seed: arms that run on each pair, and pairs with their arms. Pair "self" transfers case 2

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from ship_trl.study.analysis.contrasts import Gain, gain
 from ship_trl.study.analysis.study import Study, pairs, places_of
 from ship_trl.study.margins import possible_gain
-from ship_trl.study.plan.arms import CONTROL_ARMS, FE, FT, SCRATCH, WHOLE
+from ship_trl.study.plan.arms import CONTROL_ARMS, FE, FT, SCRATCH, WHOLE, rivals
 from ship_trl.study.plan.config import NEW_CASE
 from ship_trl.study.plan.jobs import scratch_place
 from ship_trl.study.report.panels import REUSED_NAMES
@@ -43,7 +43,7 @@ class Map:
     def rows(self) -> list[str]:
         """The rows: arms in their order, or the networks on the new case; last what could be gained."""
         names = dict.fromkeys(row for column in self.columns.values() for row in column)
-        ordered = [arm for arm in ARMS if arm in names] or [*names]
+        ordered = [*(arm for arm in ARMS if arm in names), *rivals(names)] or [*names]
         return [*ordered, POSSIBLE] if self.possible else ordered
 
 
@@ -57,7 +57,7 @@ def measure_gains(study: Study, metric: str) -> dict[str, Column]:
             REUSED_NAMES.get(row, row): found
             for row, place in places.items()
             if place[2] != SCRATCH
-            and (name == NEW_CASE or row in ARMS)
+            and (name == NEW_CASE or row in ARMS or rivals([row]))
             and (found := gain(study, place, scratch_place(*place[:2]), metric))
         }
         if column:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ship_trl.study.analysis.study import FIGURES, SOURCES, Study, pairs, places_of
-from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_KINDS, FE, FT, WHOLE, control_arm
+from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_KINDS, FE, FT, WHOLE, control_arm, rivals
 from ship_trl.study.plan.config import NEW_CASE
 from ship_trl.study.plan.jobs import LOW_EPSILON, PAIRS, Place, scratch_place
 from ship_trl.study.report.style import DPI, FONT, NARROW, Look, look_of, style_axis
@@ -67,6 +67,7 @@ def pair_sections(study: Study, pair: str) -> Sections:
     groups: dict[str, list[tuple[str, ...]]] = {
         "feature extraction": [(arm, *(control_arm(arm, kind) for kind in CONTROL_KINDS)) for arm in FE],
         "finetuning": [(arm,) for arm in (*FT, WHOLE)],
+        "other methods": [(arm,) for arm in rivals(places_of(study).get(pair, {}))],
     }
     sections: dict[str, list[Panel]] = {}
     for kind, arms in groups.items():
@@ -80,7 +81,10 @@ def pair_sections(study: Study, pair: str) -> Sections:
 def grouped_sections(study: Study) -> Sections:
     """Return panels of two arms each: a section for each pair, and one for the new case."""
     groups = (FE[:2], FE[2:], FT[:2], FT[2:], (WHOLE,), CONTROL_ARMS)
-    sections = {pair_title(study, pair): make_panels(study, pair, groups) for pair in pairs(study)}
+    sections = {}
+    for pair in pairs(study):
+        others = [(arm,) for arm in rivals(places_of(study).get(pair, {}))]
+        sections[pair_title(study, pair)] = make_panels(study, pair, (*groups, *others))
     sections[REUSE_TITLE] = reuse_panels(study, sources_per_panel=2)
     return {heading: panels for heading, panels in sections.items() if panels}
 

@@ -63,9 +63,14 @@ LOOKS = {
 }
 
 
+# Other methods of transfer by the letters that their arms begin with.
+OTHER_LOOKS = {"FE": SKY, "FT": BROWN, "GU": BLUE, "SP": VERMILION, "G": GREEN, "QD": PINK, "QR": ORANGE}
+
+
 def look_of(arm: str) -> Look:
-    """Return the look of an arm; unknown arms are grey."""
-    return LOOKS.get(arm, Look(GREY, DASHED))
+    """Return the look of an arm; unknown ones are grey."""
+    colours = (colour for prefix, colour in OTHER_LOOKS.items() if arm.startswith(prefix))
+    return LOOKS.get(arm) or Look(next(colours, GREY), DOTTED)
 
 
 def points(count: int) -> NDArray[np.int64]:

@@ -7,6 +7,7 @@ import pytest
 
 from ship_trl.run.plan import make_run
 from ship_trl.study.launch.launch import write_jobs
+from ship_trl.study.plan.arms import rivals
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import Job, plan_jobs, scratch_place
 from tests.config.test_config import composed
@@ -165,3 +166,8 @@ def test_nothing_is_trained_twice(overrides: tuple[str, ...]) -> None:
         # What it copies from is one of the study's runs, of an earlier stage.
         if run.source is not None:
             assert hashes[run.source.config_hash].stage < job.stage
+
+
+def test_rivals_are_neither_the_papers_arms_nor_controls_nor_reused_networks() -> None:
+    names = ["scratch", "FE1-random", "SP3", "reused, low", "FT2", "FTW", "GUW", "FTH", "G", "SP3-permuted"]
+    assert rivals(names) == ["FTH", "GUW", "SP3", "G"]

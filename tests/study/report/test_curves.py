@@ -23,6 +23,7 @@ from ship_trl.study.report.curves import (
     draw_times,
     steps,
 )
+from ship_trl.study.report.gains import Map, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE, look_of
 from tests.study.report.seen import across, heights, named, outline
 from tests.study.synthetic import BEST, RANDOM, make_record, make_study
@@ -248,3 +249,17 @@ def test_the_panel_says_how_many_of_how_many() -> None:
     assert named(figure.axes[0]) == ["FE1 2/3"]
     (line,) = [line for line in figure.axes[0].lines if len(across(line))]
     assert line.get_drawstyle() == "steps-post"
+
+
+def test_other_methods_have_panels_of_their_own() -> None:
+    records = {}
+    for arm in ("scratch", "FT2", "SP3", "FTH", "G"):
+        for seed in range(3):
+            records[PAIRS, "high", arm, seed] = make_record(np.linspace(0, 1, 60), PAIRS, "high", arm, seed)
+    figure = drawn(Study(records))
+    names = [name for axis in figure.axes for name in named(axis)]
+    assert names == [f"{arm} (3)" for arm in ("FT2", "FTH", "SP3", "G")]
+    looks = {(look_of(arm).colour, str(look_of(arm).dashes)) for arm in ("scratch", "FT2", "FTH", "SP3", "G")}
+    assert len(looks) == 5
+    gains = measure_gains(Study(records), "area")
+    assert [list(Map({"": column}, {}).rows) for column in gains.values()] == [["FT2", "FTH", "SP3", "G"]]

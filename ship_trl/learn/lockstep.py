@@ -1,0 +1,240 @@
+"""Many agents that learn side by side: one operation serves them all.
+
+A small network spends most of its time on starting operations. Here the parameters of all agents are stacked,
+[K, ...]. Each has its own environments, replay and random streams, and learns what it would learn alone with
+double DQN and n-step targets, but for rounding. Budgets and schedules count environment steps, not episodes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from typing import Protocol
+
+import torch
+from torch import Generator, Tensor
+from torch.func import functional_call, stack_module_state, vmap
+
+from ship_trl.config.types import Learn
+from ship_trl.learn.loss import double_dqn_target, td_loss
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.schedule import epsilon_at, learning_rate_at
+
+# Random numbers that each generator draws at once.
+CHUNK = 64
+Parameters = dict[str, Tensor]
+
+
+class Outcome(Protocol):
+    """What follows a step of N environments: states [N, S], rewards [N], and how episodes end, bool [N]."""
+
+    @property
+    def state(self) -> Tensor: ...  # noqa: D102
+    @property
+    def reward(self) -> Tensor: ...  # noqa: D102
+    @property
+    def goal(self) -> Tensor: ...  # noqa: D102
+    @property
+    def collision(self) -> Tensor: ...  # noqa: D102
+    @property
+    def truncated(self) -> Tensor: ...  # noqa: D102
+
+
+class Draws:
+    """Uniform numbers from 0 to 1 of K generators, which do not depend on one another: [K, ...]."""
+
+    def __init__(self, generators: Sequence[Generator], *shape: int) -> None:
+        self._generators, self._shape, self._next = generators, (CHUNK, *shape), CHUNK
+        self._drawn = torch.empty(0)
+
+    def __call__(self) -> Tensor:
+        """Return the next ones."""
+        if self._next == CHUNK:
+            drawn = [torch.rand(self._shape, generator=generator) for generator in self._generators]
+            self._drawn, self._next = torch.stack(drawn, 1), 0
+        self._next += 1
+        return self._drawn[self._next - 1]
+
+
+class Lockstep:
+    """K agents; agent k begins each episode in the state `begin[k]`.
+
+    Args:
+        networks: of each agent, with its initial weights; all of the same layers.
+        frozen: names of the layers of each agent that do not learn.
+        begin: [K, S].
+        step: maps states [N, S] and actions int64 [N] to an `Outcome`.
+        observe: maps states [..., S] to what a network sees [..., F].
+        learn: settings; `episodes` only scales its schedules.
+        n: rewards before a target bootstraps.
+        total: environment steps of each agent.
+        exploration: a generator for each agent.
+        replay: likewise.
+    """
+
+    def __init__(
+        self,
+        networks: Sequence[DuelingNetwork],
+        frozen: Sequence[Collection[str]],
+        begin: Tensor,
+        step: Callable[[Tensor, Tensor], Outcome],
+        observe: Callable[[Tensor], Tensor],
+        learn: Learn,
+        n: int,
+        total: int,
+        exploration: Sequence[Generator],
+        replay: Sequence[Generator],
+    ) -> None:
+        self._step, self._observe, self.learn, self.n, self.total = step, observe, learn, n, total
+        self._network, count = networks[0], len(networks)
+        self.num_actions = self._network.advantage.out_features
+        stacked, _ = stack_module_state(list(networks))
+        self.online: Parameters = {name: value.requires_grad_() for name, value in stacked.items()}
+        self.target: Parameters = {name: value.detach().clone() for name, value in stacked.items()}
+        self._learns: Parameters = {
+            name: torch.tensor([float(name.split(".")[0] not in one) for one in frozen]) for name in stacked
+        }
+        self._q = vmap(lambda parameters, seen: functional_call(self._network, parameters, (seen,)))
+        self._optimiser = ChannelsLastAdam(self.online.values(), lr=learn.lr)
+        envs, batch = learn.num_envs, learn.batch_size
+        self._begin = begin[:, None].expand(count, envs, -1)
+        self.state = self._begin.clone()
+        self.steps = self.updates = 0
+        # The last `size` steps of each environment: [size, K, E, ...].
+        self._size = min(learn.replay_size, total) // envs
+        shape = (self._size, count, envs)
+        self._before, self._after = (torch.empty(*shape, begin.shape[-1]) for _ in range(2))
+        self._action = torch.empty(shape, dtype=torch.int64)
+        self._reward = torch.empty(shape)
+        self._ends, self._terminated = (torch.empty(shape, dtype=torch.bool) for _ in range(2))
+        self._explore = Draws(exploration, 2, envs)
+        self._sample = Draws(replay, 2, batch)
+        self._returns = torch.zeros(count, envs, dtype=torch.float64)
+        # Returns of the episodes that ended since `take_returns`: sums and counts, [2, K].
+        self._ended = torch.zeros(2, count, dtype=torch.float64)
+
+    def train(self, steps: int) -> None:
+        """Take at least `steps` environment steps with each agent, and make the updates that are due."""
+        end = self.steps + steps
+        while self.steps < end:
+            self._act()
+            due = max(0, self.steps - self.learn.warmup_steps) // self.learn.update_every
+            while self.updates < due:
+                self._update()
+
+    def _share(self) -> float:
+        """Return the episodes that correspond to the steps taken."""
+        return self.steps / self.total * self.learn.episodes
+
+    @torch.no_grad()
+    def _act(self) -> None:
+        """Step all environments once, and store the step."""
+        explore, chosen = self._explore().unbind(1)
+        best = self._q(self.online, self._observe(self.state)).argmax(-1)
+        is_random = explore < epsilon_at(self._share(), self.learn)
+        action = torch.where(is_random, (chosen * self.num_actions).long(), best)
+        after = self._step(self.state.flatten(0, 1), action.flatten())
+        shape = self.state.shape[:2]
+        terminated = (after.goal | after.collision).view(shape)
+        ends = terminated | after.truncated.view(shape)
+        reward, following = after.reward.view(shape), after.state.view(self.state.shape)
+        row = self.steps // self.learn.num_envs % self._size
+        self._before[row], self._after[row], self._action[row] = self.state, following, action
+        self._reward[row], self._ends[row], self._terminated[row] = reward, ends, terminated
+        self.state = torch.where(ends[..., None], self._begin, following)
+        self._returns += reward
+        self._ended[0] += (self._returns * ends).sum(1)
+        self._ended[1] += ends.sum(1)
+        self._returns *= ~ends
+        self.steps += self.learn.num_envs
+
+    def sample(self) -> tuple[Tensor, ...]:
+        """Draw a batch of each agent: states, actions, reward sums, next states, terminated, and steps.
+
+        Shapes: [K, B, S], [K, B], [K, B, 1], [K, B, S], [K, B, 1], [K, B, 1].
+        """
+        count, kept = len(self.state), self.steps // self.learn.num_envs
+        held = min(kept, self._size)
+        age, place = self._sample().unbind(1)
+        agent = torch.arange(count)[:, None]
+        env = (place * self.learn.num_envs).long()
+        # Counted from the oldest row.
+        number = (age * held).long()
+        oldest = kept - held
+        row = (oldest + number) % self._size
+        reward, last, goes_on = self._reward[row, agent, env].clone(), number, ~self._ends[row, agent, env]
+        length = torch.ones_like(number)
+        for later in range(1, self.n):
+            # Rows that are not stored yet are left out: the target bootstraps earlier.
+            goes_on = goes_on & (last + 1 < held)
+            last = last + goes_on
+            at = (oldest + last) % self._size
+            reward = reward + self.learn.gamma**later * self._reward[at, agent, env] * goes_on
+            length, goes_on = length + goes_on, goes_on & ~self._ends[at, agent, env]
+        at = (oldest + last) % self._size
+        return (
+            self._before[row, agent, env],
+            self._action[row, agent, env],
+            reward[..., None],
+            self._after[at, agent, env],
+            self._terminated[at, agent, env][..., None],
+            length[..., None],
+        )
+
+    def _update(self) -> None:
+        """Take one gradient step of each agent, and move its target network."""
+        learn = self.learn
+        states, action, reward, following, terminated, length = self.sample()
+        with torch.no_grad():
+            seen = self._observe(following)
+            td_target = double_dqn_target(
+                self._q(self.online, seen),
+                self._q(self.target, seen),
+                reward * learn.reward_scale,
+                terminated,
+                learn.gamma**length,
+            )
+        q = self._q(self.online, self._observe(states)).gather(-1, action[..., None])
+        # The mean over the agents times their number: the sum of their losses.
+        loss = len(q) * td_loss(q, td_target, learn.loss, learn.huber_delta)
+        gradients = torch.autograd.grad(loss, list(self.online.values()))
+        for (name, parameter), gradient in zip(self.online.items(), gradients, strict=True):
+            learns = self._learns[name]
+            parameter.grad = gradient * learns.view(-1, *[1] * (gradient.dim() - 1))
+        self._optimiser.set_lr(learning_rate_at(self._share(), learn))
+        self._optimiser.step()
+        torch._foreach_lerp_(
+            list(self.target.values()), [value.detach() for value in self.online.values()], learn.tau
+        )
+        self.updates += 1
+
+    @torch.no_grad()
+    def evaluate(self, begin: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the greedy return, float64 [K], of an episode of each agent, and whether it reaches the goal.
+
+        Agent k begins in `begin[k]` [S]. Actions are those of the target networks, as in a run.
+        """
+        state = begin
+        returns = torch.zeros(len(begin), dtype=torch.float64)
+        running = torch.ones(len(begin), dtype=torch.bool)
+        reached = torch.zeros_like(running)
+        while bool(running.any()):
+            action = self._q(self.target, self._observe(state)[:, None]).argmax(-1).squeeze(1)
+            after = self._step(state, action)
+            returns += after.reward * running
+            reached |= after.goal & running
+            running &= ~(after.goal | after.collision | after.truncated)
+            state = after.state
+        return returns, reached
+
+    def take_returns(self) -> Tensor:
+        """Return the mean return of the training episodes that ended since the last call, [K]; else NaN."""
+        total, count = self._ended
+        found = torch.where(count > 0, total / count, math.nan)
+        self._ended = torch.zeros_like(self._ended)
+        return found
+
+    def weights(self, agent: int) -> Parameters:
+        """Return a copy of an agent's target network, which evaluations use."""
+        return {name: value[agent].clone() for name, value in self.target.items()}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import sys
-import time
 from argparse import Namespace
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -29,7 +28,7 @@ from ship_trl.config.types import Config
 from ship_trl.study.report.tables import write_csv
 
 if TYPE_CHECKING:
-    from benchmarks.ours import Ours
+    from ship_trl.run.run import Run
 
 FOLDER = Path("outputs/sources")
 PAPER = ("1", "2", "3", "4", "5", "6", "new")
@@ -40,37 +39,44 @@ EVALUATIONS, ON_SOURCE = 15, 5
 
 @dataclass(frozen=True)
 class Price:
-    """What is trained: cases, arms, and how long; `scratch_seeds` is for the baselines alone."""
+    """What is trained: cases, arms, and how long: episodes, or environment steps where runs go in lockstep.
+
+    `scratch_seeds` is for the baselines alone.
+    """
 
     overrides: tuple[str, ...]
     cases: tuple[str, ...]
     arms: tuple[str, ...]
-    source_episodes: int
-    target_episodes: int
-    seeds: int = 2
+    source_length: int
+    target_length: int
+    seeds: int
     scratch_seeds: int = 10
+    in_lockstep: bool = False
 
 
 PRICES = {
-    # Small, and many environments and episodes at once, so that a run takes seconds.
+    # Small, so that all runs of a target are trained at once, in seconds of a core each.
     "numbers": Price(
         (
             *("observation=vector", "algorithm=n_step", "network.linear=[64,64,128,128]"),
-            *("learn.num_envs=32", "learn.batch_size=128", "learn.update_every=16"),
+            *("learn.num_envs=32", "learn.batch_size=64", "learn.update_every=16"),
             *("learn.lr=1e-3", "learn.warmup_steps=500"),
         ),
         PAPER + IMAZU,
         ("FE2", "FTW", "FTH"),
-        source_episodes=1200,
-        target_episodes=300,
+        source_length=48_000,
+        target_length=12_000,
+        seeds=3,
+        in_lockstep=True,
     ),
     # Profile quick. The Imazu problems with one, two and three ships whose best known return is lowest.
     "pixels": Price(
         ("observation=pixels",),
         (*PAPER, "imazu03", "imazu07", "imazu17"),
         ("FE3", "FTW", "FTH"),
-        source_episodes=600,
-        target_episodes=300,
+        source_length=600,
+        target_length=300,
+        seeds=2,
     ),
 }
 
@@ -85,13 +91,22 @@ class Task:
     seed: int
     is_source: bool = False
 
-    def episodes(self, price: Price) -> int:
+    def length(self, price: Price) -> int:
         """Return how long the run is."""
-        return price.source_episodes if self.is_source else price.target_episodes
+        return price.source_length if self.is_source else price.target_length
 
     def key(self, price: Price) -> tuple[str, ...]:
         """Return what tells the run from others in the table."""
-        return key(asdict(self) | {"episodes": self.episodes(price)})
+        return key(asdict(self) | {"length": self.length(price)})
+
+    def plan(self, price: Price, folder: Path) -> Run:
+        """Plan the run; its source lies in the folder."""
+        from ship_trl.run.plan import make_run
+
+        config, arm = shared_config(price.overrides), Arm.parse(self.arm)
+        source_file = None if arm.is_scratch else str(weights_path(folder, self.source, self.seed))
+        config = replace(config, target=self.target, source=self.source or None, source_file=source_file)
+        return make_run(replace(config, method=arm.method, layers=arm.layers, seed=self.seed))
 
 
 @dataclass(frozen=True)
@@ -99,21 +114,20 @@ class Row:
     """A finished run.
 
     `greedy` are greedy returns at equal distances, the first before training; `reached` has a 1 where the
-    goal was reached; `source_greedy` are returns on the source's case; `training` are mean returns of the
-    training episodes, in tenths. Lists are written with spaces. `seconds` is processor time.
+    goal was reached; `source_greedy` are returns on the source's case. Lists are written with spaces.
+    `seconds` is processor time.
     """
 
     target: str
     source: str
     arm: str
     seed: int
-    episodes: int
+    length: int
     random: float
     best_known: float
     greedy: str
     reached: str
     source_greedy: str
-    training: str
     seconds: float
 
 
@@ -139,65 +153,33 @@ def weights_path(folder: Path, case: str, seed: int) -> Path:
     return folder / f"{case}-{seed}.safetensors"
 
 
-def train(task: Task, price: Price, folder: Path) -> Row:
-    """Train one run; a source's best network is written into the folder."""
-    from benchmarks.ours import Ours
-    from ship_trl.learn.train import Evaluated
-    from ship_trl.run.plan import make_run
-    from ship_trl.transfer.layers import save_weights
+def is_on_source(evaluation: int) -> bool:
+    """Return whether an evaluation, 0 before training, is made on the source's case too."""
+    return evaluation % (EVALUATIONS // ON_SOURCE) == 0
 
-    began, arm = time.process_time(), Arm.parse(task.arm)
-    config = shared_config(price.overrides)
-    episodes = task.episodes(price)
-    learn = replace(config.learn, episodes=episodes, evaluate_every=episodes // EVALUATIONS)
-    source_file = None if arm.is_scratch else str(weights_path(folder, task.source, task.seed))
-    run = make_run(
-        replace(
-            config,
-            target=task.target,
-            source=task.source or None,
-            source_file=source_file,
-            method=arm.method,
-            layers=arm.layers,
-            seed=task.seed,
-            learn=learn,
-        )
-    )
-    ours = Ours(run)
-    training, greedy, returns = ours.training, list[Evaluated](), list[float]()
-    on_source = [] if arm.is_scratch else [source_return(ours, task.source)]
 
-    def evaluated(event: Evaluated) -> None:
-        greedy.append(event)
-        if task.is_source and event.episode_return >= max(one.episode_return for one in greedy):
-            about = {"config_hash": run.config_hash, "episode": event.episode}
-            save_weights(weights_path(folder, task.target, task.seed), ours.algorithm.network, about)
-        if on_source and event.episode and len(greedy) % (EVALUATIONS // ON_SOURCE) == 1:
-            on_source.append(source_return(ours, task.source))
-
-    evaluated(training.begin())
-    while not training.is_finished:
-        for event in training.advance():
-            if isinstance(event, Evaluated):
-                evaluated(event)
-            else:
-                returns.append(event.episode_return)
-    tenth = len(returns) // 10
-    means = [sum(returns[at : at + tenth]) / tenth for at in range(0, tenth * 10, tenth)]
+def make_row(
+    task: Task,
+    price: Price,
+    greedy: Iterable[float],
+    reached: Iterable[float],
+    on_source: Iterable[float],
+    seconds: float,
+) -> Row:
+    """Make the row of a run."""
     random, known = bounds(task.target)
     return Row(
         target=task.target,
         source=task.source,
         arm=task.arm,
         seed=task.seed,
-        episodes=episodes,
+        length=task.length(price),
         random=round(random, 2),
         best_known=round(known, 2),
-        greedy=join(one.episode_return for one in greedy),
-        reached="".join(str(int(one.success_rate)) for one in greedy),
+        greedy=join(greedy),
+        reached="".join(str(int(one)) for one in reached),
         source_greedy=join(on_source),
-        training=join(means),
-        seconds=round(time.process_time() - began, 2),
+        seconds=round(seconds, 2),
     )
 
 
@@ -216,17 +198,6 @@ def bounds(case: str) -> tuple[float, float]:
     return random_return(suite, world), known
 
 
-def source_return(ours: Ours, case: str) -> float:
-    """Return the greedy return on another case of the network that is being trained."""
-    from ship_trl.learn.rollout import rollout
-    from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.suites import load_suite
-
-    world = ours.run.config.world
-    (episode,) = rollout(ShipEnv(load_suite(case, world), world), ours.algorithm.greedy)
-    return episode.episode_return
-
-
 def join(values: Iterable[float]) -> str:
     """Write numbers with spaces between them."""
     return " ".join(f"{value:.2f}" for value in values)
@@ -242,7 +213,7 @@ def read_done(table: Path) -> list[dict[str, str]]:
 
 def key(row: Mapping[str, object]) -> tuple[str, ...]:
     """Return what tells a run from others."""
-    return tuple(str(row[name]) for name in ("target", "source", "arm", "seed", "episodes"))
+    return tuple(str(row[name]) for name in ("target", "source", "arm", "seed", "length"))
 
 
 def main(arguments: list[str]) -> None:
@@ -251,7 +222,6 @@ def main(arguments: list[str]) -> None:
     parser.prog = "python -m benchmarks sources"
     parser.add_argument("price", choices=PRICES, help="what networks see")
     add_number(parser, "--processes", Positive, 2, "at once (default 2)")
-    add_number(parser, "--runs", Positive, None, "stop after so many")
     options = parser.parse_args(arguments)
     with refusals():
         run(options)
@@ -259,13 +229,16 @@ def main(arguments: list[str]) -> None:
 
 def run(options: Namespace) -> None:
     """Train sources first; then everything else."""
+    from benchmarks.source_runs import train
+
     price, folder = PRICES[options.price], FOLDER / options.price
     folder.mkdir(parents=True, exist_ok=True)
     table = folder.with_suffix(".csv")
     rows: list[Mapping[str, object]] = list(read_done(table))
     done = {key(row) for row in rows}
     write_csv(table, rows)
-    tasks = [task for task in plan_tasks(price) if task.key(price) not in done][: options.runs]
+    tasks = [task for task in plan_tasks(price) if task.key(price) not in done]
+    count = 0
     with (
         ProcessPoolExecutor(options.processes, get_context("spawn"), initializer=prepare) as pool,
         table.open("a", newline="") as file,
@@ -274,14 +247,26 @@ def run(options: Namespace) -> None:
         if not rows:
             writer.writeheader()
         for stage in (True, False):
-            jobs = [pool.submit(train, task, price, folder) for task in tasks if task.is_source is stage]
-            for count, job in enumerate(as_completed(jobs), 1):
-                row = job.result()
-                writer.writerow(asdict(row))
+            groups = group([task for task in tasks if task.is_source is stage], price)
+            for job in as_completed([pool.submit(train, one, price, folder) for one in groups]):
+                writer.writerows(asdict(row) for row in job.result())
                 file.flush()
-                where = f"{row.source or 'nothing'} to {row.target}, {row.arm}, seed {row.seed}"
-                sys.stdout.write(f"{count} of {len(jobs)}: {where}, {row.seconds} s\n")
+                count += len(job.result())
+                seconds = sum(row.seconds for row in job.result())
+                where = f"to {job.result()[-1].target}"
+                sys.stdout.write(f"{count} of {len(tasks)} runs: {where}, {seconds:.1f} s of a core\n")
+                sys.stdout.flush()
     sys.stdout.write(f"{table}\n")
+
+
+def group(tasks: list[Task], price: Price) -> list[list[Task]]:
+    """Group the runs that are trained at once: those of a target, or the sources of a seed."""
+    if not price.in_lockstep:
+        return [[task] for task in tasks]
+    found: dict[object, list[Task]] = {}
+    for task in tasks:
+        found.setdefault(task.seed if task.is_source else task.target, []).append(task)
+    return list(found.values())
 
 
 def prepare() -> None:

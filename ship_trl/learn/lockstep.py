@@ -211,7 +211,7 @@ class Lockstep:
 
     @torch.no_grad()
     def evaluate(self, begin: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the greedy return, float64 [K], of an episode of each agent, and whether it reaches the goal.
+        """Run a greedy episode of each agent; return its return, float64 [K], and if it reaches the goal.
 
         Agent k begins in `begin[k]` [S]. Actions are those of the target networks, as in a run.
         """

@@ -17,7 +17,7 @@ from ship_trl.files.table import Cells, rows
 Floats = NDArray[np.float64]
 # Of the greedy evaluations after the first, those that count as the end.
 LAST = 3
-COLUMNS = ("target", "source", "arm", "seed", "episodes", "random", "best_known", "greedy", "reached")
+COLUMNS = ("target", "source", "arm", "seed", "length", "random", "best_known", "greedy", "reached")
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,10 @@ def make_gains(table: Sequence[Cells]) -> Gains:
     transfers = [row for row in table if row["source"]]
     if not transfers:
         raise ValueError("it has no transfers")
-    episodes = transfers[0]["episodes"]
+    length = transfers[0]["length"]
     baselines: dict[str, list[Outcome]] = {}
     for row in table:
-        if row["arm"] == SCRATCH.name and row["episodes"] == episodes:
+        if row["arm"] == SCRATCH.name and row["length"] == length:
             baselines.setdefault(row["target"], []).append(read_outcome(row))
     cases = tuple(dict.fromkeys(row["target"] for row in transfers))
     arms = tuple(dict.fromkeys(row["arm"] for row in transfers))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import similarity, sources
+from benchmarks.source_runs import train
 from benchmarks.sources import PRICES, Row, Task
 from ship_trl.sources.judgements import read_judgements, winner
 from ship_trl.sources.measures import MEASURES
@@ -22,8 +23,7 @@ def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sources.Price:
         PRICES["numbers"],
         cases=CASES,
         arms=("FTW", "FTH"),
-        source_episodes=30,
-        target_episodes=15,
+        seeds=2,
         scratch_seeds=2,
     )
     for module in (sources, similarity):
@@ -37,13 +37,12 @@ def row(task: Task, price: sources.Price, score: float) -> dict[str, object]:
     """Return a run in which all evaluations but the first have a score."""
     made = Row(
         **{key: value for key, value in asdict(task).items() if key != "is_source"},
-        episodes=task.episodes(price),
+        length=task.length(price),
         random=-100,
         best_known=100,
         greedy=sources.join([-100.0] + [200 * score - 100] * 15),
         reached="0" + "1" * 15,
         source_greedy="",
-        training="",
         seconds=1.0,
     )
     return asdict(made)
@@ -61,14 +60,23 @@ def test_every_case_is_source_and_target_of_every_other() -> None:
         }
 
 
-def test_a_transfer_begins_as_its_source_ended(tiny: sources.Price, tmp_path: Path) -> None:
-    first = sources.train(Task("1", "", "scratch", 9001, is_source=True), tiny, tmp_path)
-    found = sources.train(Task("2", "1", "FTW", 9001), tiny, tmp_path)
-    assert len(found.greedy.split()) == len(found.reached) == 16
-    assert len(found.source_greedy.split()) == 6
+@pytest.mark.parametrize("in_lockstep", [True, False])
+def test_a_transfer_begins_as_its_source_ended(in_lockstep: bool, tmp_path: Path) -> None:
+    lengths = (960, 480) if in_lockstep else (30, 15)
+    price = replace(
+        PRICES["numbers"], source_length=lengths[0], target_length=lengths[1], in_lockstep=in_lockstep
+    )
+    (first,) = train([Task("1", "", "scratch", 9001, is_source=True)], price, tmp_path)
+    tasks = [Task("2", "1", "FTW", 9001), Task("2", "1", "FE2", 9001), Task("2", "", "scratch", 9001)]
+    whole, frozen, scratch = train(tasks, price, tmp_path)
+    for row in (whole, frozen, scratch):
+        assert len(row.greedy.split()) == len(row.reached) == 16
+        assert row.best_known > row.random
+    assert len(whole.source_greedy.split()) == 6 and not scratch.source_greedy
     # The whole network of the source's best evaluation.
-    assert float(found.source_greedy.split()[0]) == max(float(word) for word in first.greedy.split())
-    assert found.best_known > found.random
+    best = max(float(word) for word in first.greedy.split())
+    assert float(whole.source_greedy.split()[0]) == pytest.approx(best, abs=0.02)
+    assert whole.greedy.split()[0] != scratch.greedy.split()[0]
 
 
 def test_runs_of_the_table_are_not_made_again(tiny: sources.Price, tmp_path: Path) -> None:

@@ -9,12 +9,12 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.sources.gains import KINDS, read_gains
 
-HEADING = "target,source,arm,seed,episodes,random,best_known,greedy,reached\n"
+HEADING = "target,source,arm,seed,length,random,best_known,greedy,reached\n"
 CASES = ("1", "2", "3")
 
 
-def row(target: str, source: str, arm: str, seed: int, greedy: str, episodes: int = 30) -> str:
-    return f"{target},{source},{arm},{seed},{episodes},-100,100,{greedy},00011\n"
+def row(target: str, source: str, arm: str, seed: int, greedy: str, length: int = 30) -> str:
+    return f"{target},{source},{arm},{seed},{length},-100,100,{greedy},00011\n"
 
 
 def table() -> list[str]:

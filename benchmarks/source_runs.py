@@ -1,0 +1,127 @@
+"""Train runs of the benchmark of sources: one alone, or many of a target in lockstep."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from torch import Generator, Tensor
+
+from benchmarks.sources import EVALUATIONS, Price, Row, Task, is_on_source, make_row, weights_path
+from ship_trl.learn.lockstep import Lockstep
+from ship_trl.learn.network import DuelingNetwork, make_network
+from ship_trl.learn.rollout import rollout
+from ship_trl.learn.train import Evaluated
+from ship_trl.run.parts import make_parts
+from ship_trl.run.run import Run
+from ship_trl.run.source import read_source
+from ship_trl.sim.cases import load_case
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.state import initial_state
+from ship_trl.sim.suites import load_suite
+from ship_trl.sim.transition import make_step
+from ship_trl.sim.vector import VectorObservation
+from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.methods import make_method
+
+# Places for target ships; no case has more.
+PLACES = 3
+
+
+def train(tasks: list[Task], price: Price, folder: Path) -> list[Row]:
+    """Train a group of runs."""
+    if price.in_lockstep:
+        return train_together(tasks, price, folder)
+    return [train_alone(task, price, folder) for task in tasks]
+
+
+def train_alone(task: Task, price: Price, folder: Path) -> Row:
+    """Train one run; a source's best network is written into the folder."""
+    began, run, episodes = time.process_time(), task.plan(price, folder), task.length(price)
+    learn = replace(run.config.learn, episodes=episodes, evaluate_every=episodes // EVALUATIONS)
+    run = replace(run, config=replace(run.config, learn=learn))
+    parts, world = make_parts(run, torch.device("cpu"), read_source(run)), run.config.world
+    home = ShipEnv(load_suite(task.source, world), world) if task.source else None
+    greedy, on_source = list[Evaluated](), list[float]()
+
+    def note(event: Evaluated) -> None:
+        greedy.append(event)
+        if task.is_source and event.episode_return >= max(one.episode_return for one in greedy):
+            save_weights(weights_path(folder, task.target, task.seed), parts.algorithm.network, {})
+        if home is not None and is_on_source(len(greedy) - 1):
+            (episode,) = rollout(home, parts.algorithm.greedy)
+            on_source.append(episode.episode_return)
+
+    note(parts.training.begin())
+    while not parts.training.is_finished:
+        for event in parts.training.advance():
+            if isinstance(event, Evaluated):
+                note(event)
+    returns, reached = zip(*((one.episode_return, one.success_rate) for one in greedy), strict=True)
+    return make_row(task, price, returns, reached, on_source, time.process_time() - began)
+
+
+def train_together(tasks: list[Task], price: Price, folder: Path) -> list[Row]:
+    """Train runs of one length at once; the best networks of sources are written into the folder."""
+    began = time.process_time()
+    runs = [task.plan(price, folder) for task in tasks]
+    config, length = runs[0].config, tasks[0].length(price)
+    begin = starts(runs, [task.target for task in tasks])
+    homes = starts(runs, [task.source or task.target for task in tasks])
+    networks, frozen = zip(*map(start_network, runs), strict=True)
+    lockstep = Lockstep(
+        networks,
+        frozen,
+        begin,
+        make_step(config.world),
+        VectorObservation(config.world, config.network.ships),
+        config.learn,
+        config.algorithm["steps"],
+        length,
+        *([Generator().manual_seed(run.stream(name)) for run in runs] for name in ("exploration", "replay")),
+    )
+    greedy, reached, on_source = list[Tensor](), list[Tensor](), list[Tensor]()
+    best = torch.full((len(tasks),), -torch.inf, dtype=torch.float64)
+    for evaluation in range(EVALUATIONS + 1):
+        lockstep.train(evaluation * length // EVALUATIONS - lockstep.steps)
+        returns, goals = lockstep.evaluate(begin)
+        greedy.append(returns)
+        reached.append(goals)
+        if is_on_source(evaluation):
+            on_source.append(lockstep.evaluate(homes)[0])
+        for agent in (returns >= best).nonzero().flatten().tolist():
+            if tasks[agent].is_source:
+                network, task = networks[agent], tasks[agent]
+                network.load_state_dict(lockstep.weights(agent))
+                save_weights(weights_path(folder, task.target, task.seed), network, {})
+        best = torch.maximum(best, returns)
+    seconds = (time.process_time() - began) / len(tasks)
+    shown = [torch.stack(one, 1).tolist() for one in (greedy, reached, on_source)]
+    return [
+        make_row(task, price, returns, goals, kept if task.source else (), seconds)
+        for task, returns, goals, kept in zip(tasks, *shown, strict=True)
+    ]
+
+
+def starts(runs: list[Run], cases: list[str]) -> Tensor:
+    """Return the initial state of a case for each run, [K, S]."""
+    worlds = [run.config.world for run in runs]
+    states = [
+        initial_state(load_case(case, world, "target"), world, PLACES)
+        for case, world in zip(cases, worlds, strict=True)
+    ]
+    return torch.stack(states)
+
+
+def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
+    """Make the network of a run as it is before training, and name the layers that do not learn."""
+    weights = Generator().manual_seed(run.stream("weights"))
+    network = make_network(run.config.network, len(run.config.world.actions), weights)
+    method, source = make_method(run.arm, run.config.transfer), read_source(run)
+    if method.thaws or method.needs_origin:
+        raise ValueError(f"arm {run.arm} cannot be trained in lockstep")
+    if source is not None:
+        method.copy(network, source.weights)
+    return network, network.layer_names[: method.frozen_layers(0.0)]

@@ -1,0 +1,170 @@
+"""Agents in lockstep learn what they learn alone."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import pytest
+import torch
+from tensordict import TensorDict
+from torch import Generator, Tensor
+
+from ship_trl.config.network import load_network
+from ship_trl.config.types import BackendName, Learn
+from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.double_dqn import build
+from ship_trl.learn.lockstep import Draws, Lockstep
+from ship_trl.learn.loss import STEPS
+from ship_trl.learn.network import DuelingNetwork, VectorNetwork
+from tests.learn.worlds import schedule
+
+PLACES, ACTIONS, INPUTS = 4, 2, 3
+CONFIG = replace(load_network("vector"), linear=[16, 8, 8], per_ship=0)
+
+
+class After(NamedTuple):
+    state: Tensor
+    reward: Tensor
+    goal: Tensor
+    collision: Tensor
+    truncated: Tensor
+
+
+class Fixed(Method):
+    """Freezes some layers."""
+
+    def __init__(self, layers: int) -> None:
+        self._layers = layers
+
+    def frozen_layers(self, progress: float) -> int:
+        return self._layers
+
+
+def step(state: Tensor, action: Tensor) -> After:
+    """Walk a corridor, by 1 or by -1, from the state (place, time): the goal is at 4, a wall at -2."""
+    place, time = state[:, 0] + 2.0 * action - 1.0, state[:, 1] + 1
+    goal, collision = place >= PLACES, place <= -2
+    truncated = (time >= 12) & ~goal & ~collision
+    reward = -1.0 + 10.0 * goal - 5.0 * collision
+    return After(torch.stack((place, time), 1), reward, goal, collision, truncated)
+
+
+def observe(state: Tensor) -> Tensor:
+    place, time = state.unbind(-1)
+    return torch.stack((place / PLACES, place.square() / 10, 0.0 * time + 1.0), -1)
+
+
+def networks(count: int) -> list[DuelingNetwork]:
+    return [VectorNetwork(INPUTS, ACTIONS, Generator().manual_seed(seed), CONFIG) for seed in range(count)]
+
+
+def learn_config(**changes: object) -> Learn:
+    values = {"num_envs": 4, "batch_size": 16, "update_every": 4, "warmup_steps": 64, "replay_size": 400}
+    return schedule(**(values | {"lr": 1e-3, "tau": 0.05, "backend": BackendName.dense} | changes))
+
+
+def lockstep(
+    seeds: Sequence[int], frozen: Sequence[Sequence[str]] | None = None, n: int = 3, **changes: object
+) -> Lockstep:
+    everyone = networks(max(seeds) + 1)
+    streams = [[Generator().manual_seed(10 * seed + k) for seed in seeds] for k in (1, 2)]
+    begin = torch.zeros(len(seeds), 2)
+    chosen = [everyone[seed] for seed in seeds]
+    return Lockstep(
+        chosen, frozen or [()] * len(seeds), begin, step, observe, learn_config(**changes), n, 4000, *streams
+    )
+
+
+def test_an_agent_learns_with_others_what_it_learns_alone() -> None:
+    together, alone = lockstep((0, 1, 2)), lockstep((1,))
+    for one in (together, alone):
+        one.train(600)
+    assert together.updates == alone.updates > 100
+    for name, value in alone.weights(0).items():
+        torch.testing.assert_close(together.weights(1)[name], value, rtol=1e-4, atol=1e-5)
+        assert not torch.allclose(together.weights(0)[name], value, atol=1e-3)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_an_update_is_that_of_double_dqn(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    agents, frozen = (0, 1, 2), [(), ("linear1",), ()]
+    many = lockstep(agents, frozen, n, lr_end=1e-3)
+    learn = many.learn
+    alone = []
+    for network, names in zip(networks(3), frozen, strict=True):
+        alone.append(
+            build(Setup(network, observe, ACTIONS, learn, Generator(), Generator(), method=Fixed(len(names))))
+        )
+    drawn: list[tuple[Tensor, ...]] = []
+    sample = many.sample
+
+    def note() -> tuple[Tensor, ...]:
+        drawn.append(sample())
+        return drawn[-1]
+
+    monkeypatch.setattr(many, "sample", note)
+    many.train(200)
+    assert len(drawn) == many.updates > 20
+    for states, action, reward, following, terminated, steps in drawn:
+        for k, agent in enumerate(alone):
+            after = {
+                "vector": observe(following[k]),
+                "reward": reward[k] * learn.reward_scale,
+                "terminated": terminated[k],
+            }
+            batch = {"vector": observe(states[k]), "action": action[k], STEPS: steps[k], "next": after}
+            agent.learn_from(TensorDict(batch, batch_size=[learn.batch_size]))
+    for k, agent in enumerate(alone):
+        for name, value in agent.network.state_dict().items():
+            torch.testing.assert_close(many.weights(k)[name], value, rtol=1e-4, atol=1e-5)
+
+
+def test_frozen_layers_keep_their_weights() -> None:
+    begin = networks(2)
+    many = lockstep((0, 1), [("linear1", "linear2"), ()])
+    many.train(400)
+    for name, value in begin[0].state_dict().items():
+        assert torch.equal(many.weights(0)[name], value) == name.startswith("linear"), name
+    assert not torch.equal(many.weights(1)["linear1.weight"], begin[1].state_dict()["linear1.weight"])
+
+
+def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
+    many = lockstep((0, 1), epsilon_start=1.0, epsilon_end=1.0)
+    # More than the replay holds, so that it has begun anew.
+    many.train(600)
+    gamma = many.learn.gamma
+    seen = set()
+    for _ in range(20):
+        states, action, reward, following, terminated, length = (one[0] for one in many.sample())
+        for row in range(len(states)):
+            count, (place, time) = int(length[row]), states[row].tolist()
+            after, last = following[row].tolist()
+            assert last == time + count
+            first = place + 2 * int(action[row]) - 1
+            # Each step costs 1; the last may reach the goal, or hit the wall.
+            bonus = 10 * (after >= PLACES) - 5 * (after <= -2)
+            wanted = sum(-(gamma**k) for k in range(count)) + gamma ** (count - 1) * bonus
+            assert float(reward[row]) == pytest.approx(wanted, abs=1e-5)
+            assert bool(terminated[row]) == (after >= PLACES or after <= -2)
+            assert count == 1 or -2 < first < PLACES
+            seen.add((count, bool(terminated[row])))
+    assert {1, 2, 3} <= {count for count, _ in seen} and {True, False} == {ended for _, ended in seen}
+
+
+def test_agents_learn_to_reach_the_goal() -> None:
+    many = lockstep((0, 1, 2), epsilon_fraction=0.5)
+    begin = torch.zeros(3, 2)
+    many.train(4000)
+    returns, reached = many.evaluate(begin)
+    assert reached.all() and returns.tolist() == [6.0] * 3
+    # Four steps, each of which costs 1, and the goal.
+    assert bool((many.take_returns() < 6).all())
+    assert bool(many.take_returns().isnan().all())
+
+
+def test_a_stream_does_not_depend_on_the_others() -> None:
+    make = lambda seed: Generator().manual_seed(seed)  # noqa: E731
+    both, one = Draws([make(1), make(2)], 3), Draws([make(2)], 3)
+    for _ in range(100):
+        drawn = both()
+        assert torch.equal(drawn[1], one()[0]) and not torch.equal(drawn[0], drawn[1])

@@ -86,7 +86,7 @@ class Lockstep:
         exploration: Sequence[Generator],
         replay: Sequence[Generator],
     ) -> None:
-        self._step, self._observe, self.learn, self.n, self.total = step, observe, learn, n, total
+        self._step, self.observe, self.learn, self.n, self.total = step, observe, learn, n, total
         self._network, count = networks[0], len(networks)
         self.num_actions = self._network.advantage.out_features
         stacked, _ = stack_module_state(list(networks))
@@ -131,7 +131,7 @@ class Lockstep:
     def _act(self) -> None:
         """Step all environments once, and store the step."""
         explore, chosen = self._explore().unbind(1)
-        best = self._q(self.online, self._observe(self.state)).argmax(-1)
+        best = self._q(self.online, self.observe(self.state)).argmax(-1)
         is_random = explore < epsilon_at(self._share(), self.learn)
         action = torch.where(is_random, (chosen * self.num_actions).long(), best)
         after = self._step(self.state.flatten(0, 1), action.flatten())
@@ -187,7 +187,7 @@ class Lockstep:
         learn = self.learn
         states, action, reward, following, terminated, length = self.sample()
         with torch.no_grad():
-            seen = self._observe(following)
+            seen = self.observe(following)
             td_target = double_dqn_target(
                 self._q(self.online, seen),
                 self._q(self.target, seen),
@@ -195,7 +195,7 @@ class Lockstep:
                 terminated,
                 learn.gamma**length,
             )
-        q = self._q(self.online, self._observe(states)).gather(-1, action[..., None])
+        q = self._q(self.online, self.observe(states)).gather(-1, action[..., None])
         # The mean over the agents times their number: the sum of their losses.
         loss = len(q) * td_loss(q, td_target, learn.loss, learn.huber_delta)
         gradients = torch.autograd.grad(loss, list(self.online.values()))
@@ -220,7 +220,7 @@ class Lockstep:
         running = torch.ones(len(begin), dtype=torch.bool)
         reached = torch.zeros_like(running)
         while bool(running.any()):
-            action = self._q(self.target, self._observe(state)[:, None]).argmax(-1).squeeze(1)
+            action = self._q(self.target, self.observe(state)[:, None]).argmax(-1).squeeze(1)
             after = self._step(state, action)
             returns += after.reward * running
             reached |= after.goal & running

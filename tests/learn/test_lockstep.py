@@ -1,93 +1,197 @@
-"""Several agents learn in step as one: network, loss, optimiser and target are functions of parameters."""
+"""Agents in lockstep learn what they learn alone."""
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
+import pytest
 import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
-from torch.func import functional_call, grad, stack_module_state, vmap
 
+from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
-from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.loss import double_dqn_target, td_loss
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.lockstep import Draws, Lockstep
+from ship_trl.learn.loss import STEPS
+from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.state import initial_state
+from ship_trl.sim.transition import make_step
 from tests.learn.worlds import schedule
 
-AGENTS, BATCH, UPDATES = 3, 16, 5
-# Adam divides a gradient by its size: where it is near zero, a larger rate would show the rounding.
-LEARNING_RATE = 1e-4
-Parameters = dict[str, Tensor]
+PLACES, ACTIONS, INPUTS = 4, 2, 3
+CONFIG = replace(load_network("vector"), linear=[16, 8, 8], per_ship=0)
 
 
-def batches(world: World, draw: Rasteriser) -> TensorDict:
-    """Return transitions of every agent, [AGENTS, BATCH], whose pixels one rasteriser draws in one call."""
-    chance, steps = Generator().manual_seed(1), []
-    env = ShipEnv(load_case("4", world), world, AGENTS)
-    current = env.reset()
-    for _ in range(BATCH):
-        action = torch.randint(7, (AGENTS,), generator=chance)
-        stepped, current = env.step_and_maybe_reset(current.set("action", action))
-        steps.append(stepped.clone())
-    batch: Any = torch.stack(steps, 1)
-    batch.set("pixels", draw(batch.get("state")))
-    batch.set(("next", "pixels"), draw(batch.get(("next", "state"))))
-    return batch.set(("next", "reward"), batch.get(("next", "reward")) * 0.01)
+class After(NamedTuple):
+    state: Tensor
+    reward: Tensor
+    goal: Tensor
+    collision: Tensor
+    truncated: Tensor
 
 
-def stacked(networks: list[DuelingNetwork]) -> Parameters:
-    """Return the parameters of several networks, each [AGENTS, ...]."""
-    return {name: value.detach().clone() for name, value in stack_module_state(networks)[0].items()}
+class Fixed(Method):
+    """Freezes some layers."""
+
+    def __init__(self, layers: int) -> None:
+        self._layers = layers
+
+    def frozen_layers(self, progress: float) -> int:
+        return self._layers
 
 
-def lockstep(agents: list[DoubleDQN], learn: Learn, batch: TensorDict) -> tuple[Parameters, ...]:
-    """Update all agents at once; return the first gradients, and online and target parameters at the end."""
-    network = DuelingNetwork(1, 7, Generator())
-    online = stacked([agent.online_network for agent in agents])
-    target = stacked([agent.network for agent in agents])
-    optimiser = ChannelsLastAdam(online.values(), lr=learn.lr)
-    first: Parameters = {}
-
-    def loss(online: Parameters, target: Parameters, *data: Tensor) -> Tensor:
-        pixels, action, next_pixels, reward, terminated = data
-        q = lambda parameters, seen: functional_call(network, parameters, (seen,))  # noqa: E731
-        with torch.no_grad():
-            wanted = double_dqn_target(
-                q(online, next_pixels), q(target, next_pixels), reward, terminated, learn.gamma
-            )
-        chosen = q(online, pixels).gather(-1, action[:, None])
-        return td_loss(chosen, wanted, learn.loss, learn.huber_delta)
-
-    keys: Any = "pixels", "action", ("next", "pixels"), ("next", "reward"), ("next", "terminated")
-    for _ in range(UPDATES):
-        gradients = vmap(grad(loss))(online, target, *(batch[key] for key in keys))
-        first = first or gradients
-        for name, parameter in online.items():
-            parameter.grad = gradients[name]
-        optimiser.step()
-        for name, parameter in target.items():
-            parameter.lerp_(online[name], learn.tau)
-    return first, online, target
+def step(state: Tensor, action: Tensor) -> After:
+    """Walk a corridor, by 1 or by -1, from the state (place, time): the goal is at 4, a wall at -2."""
+    place, time = state[:, 0] + 2.0 * action - 1.0, state[:, 1] + 1
+    goal, collision = place >= PLACES, place <= -2
+    truncated = (time >= 12) & ~goal & ~collision
+    reward = -1.0 + 10.0 * goal - 5.0 * collision
+    return After(torch.stack((place, time), 1), reward, goal, collision, truncated)
 
 
-def test_agents_in_lockstep_equal_agents_alone(world: World) -> None:
-    draw, learn = Rasteriser(world), schedule(backend=BackendName.dense, lr=LEARNING_RATE)
-    networks = [DuelingNetwork(1, 7, Generator().manual_seed(seed)) for seed in range(AGENTS)]
-    agents = [build(Setup(network, draw, 7, learn, Generator(), Generator())) for network in networks]
-    batch = batches(world, draw)
-    gradients, online, target = lockstep(agents, learn, batch)
-    before = [network.advantage.weight.detach().clone() for network in networks]
-    for n, agent in enumerate(agents):
-        agent.learn_from(batch[n])
-        for name, parameter in agent.online_network.named_parameters():
-            torch.testing.assert_close(gradients[name][n], parameter.grad, rtol=1e-5, atol=1e-5)
-        for _ in range(UPDATES - 1):
-            agent.learn_from(batch[n])
-        assert not torch.allclose(agent.online_network.advantage.weight, before[n], atol=1e-4)
-        for found, network in ((online, agent.online_network), (target, agent.network)):
-            for name, parameter in network.named_parameters():
-                torch.testing.assert_close(found[name][n], parameter.detach(), rtol=1e-5, atol=1e-5)
+def observe(state: Tensor) -> Tensor:
+    place, time = state.unbind(-1)
+    return torch.stack((place / PLACES, place.square() / 10, 0.0 * time + 1.0), -1)
+
+
+def networks(count: int) -> list[DuelingNetwork]:
+    return [VectorNetwork(INPUTS, ACTIONS, Generator().manual_seed(seed), CONFIG) for seed in range(count)]
+
+
+def learn_config(**changes: object) -> Learn:
+    values = {"num_envs": 4, "batch_size": 16, "update_every": 4, "warmup_steps": 64, "replay_size": 400}
+    return schedule(**(values | {"lr": 1e-3, "tau": 0.05, "backend": BackendName.dense} | changes))
+
+
+def lockstep(
+    seeds: Sequence[int], frozen: Sequence[Sequence[str]] | None = None, n: int = 3, **changes: object
+) -> Lockstep:
+    everyone = networks(max(seeds) + 1)
+    streams = [[Generator().manual_seed(10 * seed + k) for seed in seeds] for k in (1, 2)]
+    begin = torch.zeros(len(seeds), 2)
+    chosen = [everyone[seed] for seed in seeds]
+    return Lockstep(
+        chosen, frozen or [()] * len(seeds), begin, step, observe, learn_config(**changes), n, 4000, *streams
+    )
+
+
+def test_an_agent_learns_with_others_what_it_learns_alone() -> None:
+    together, alone = lockstep((0, 1, 2)), lockstep((1,))
+    for one in (together, alone):
+        one.train(600)
+    assert together.updates == alone.updates > 100
+    for name, value in alone.weights(0).items():
+        torch.testing.assert_close(together.weights(1)[name], value, rtol=1e-4, atol=1e-5)
+        assert not torch.allclose(together.weights(0)[name], value, atol=1e-3)
+
+
+def record_samples(many: Lockstep) -> list[tuple[Tensor, ...]]:
+    """Return the list to which the batches of further updates are added."""
+    drawn: list[tuple[Tensor, ...]] = []
+    sample = many.sample
+
+    def note() -> tuple[Tensor, ...]:
+        drawn.append(sample())
+        return drawn[-1]
+
+    many.sample = note  # type: ignore[method-assign]
+    return drawn
+
+
+def check_updates(many: Lockstep, drawn: list[tuple[Tensor, ...]], alone: Sequence[DoubleDQN]) -> None:
+    """Update each agent alone by the same batches, and compare the networks."""
+    learn, (key,) = many.learn, {agent.online_network.observes for agent in alone}
+    see = many.observe
+    for states, action, reward, following, terminated, steps in drawn:
+        for k, agent in enumerate(alone):
+            reward_sum = reward[k] * learn.reward_scale
+            after = {key: see(following[k]), "reward": reward_sum, "terminated": terminated[k]}
+            batch = {key: see(states[k]), "action": action[k], STEPS: steps[k], "next": after}
+            agent.learn_from(TensorDict(batch, batch_size=[learn.batch_size]))
+    for k, agent in enumerate(alone):
+        for name, value in agent.network.state_dict().items():
+            torch.testing.assert_close(many.weights(k)[name], value, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_an_update_is_that_of_double_dqn(n: int) -> None:
+    agents, frozen = (0, 1, 2), [(), ("linear1",), ()]
+    many = lockstep(agents, frozen, n, lr_end=1e-3)
+    alone = []
+    for network, names in zip(networks(3), frozen, strict=True):
+        method = Fixed(len(names))
+        alone.append(
+            build(Setup(network, observe, ACTIONS, many.learn, Generator(), Generator(), method=method))
+        )
+    drawn = record_samples(many)
+    many.train(200)
+    assert len(drawn) == many.updates > 20
+    check_updates(many, drawn, alone)
+
+
+def test_networks_of_pixels_learn_in_lockstep_too(world: World) -> None:
+    ships, case = Rasteriser(world), initial_state(load_case("4", world), world)
+    learn = learn_config(batch_size=8, warmup_steps=32, lr_end=1e-3)
+    made = [DuelingNetwork(1, 7, Generator().manual_seed(seed)) for seed in (0, 1)]
+    streams = [[Generator().manual_seed(10 * seed + k) for seed in (0, 1)] for k in (1, 2)]
+    many = Lockstep(made, [()] * 2, case.expand(2, -1), make_step(world), ships, learn, 1, 4000, *streams)
+    alone = [build(Setup(network, ships, 7, learn, Generator(), Generator())) for network in made]
+    drawn = record_samples(many)
+    many.train(44)
+    assert many.updates == len(drawn) == 3
+    check_updates(many, drawn, alone)
+
+
+def test_frozen_layers_keep_their_weights() -> None:
+    begin = networks(2)
+    many = lockstep((0, 1), [("linear1", "linear2"), ()])
+    many.train(400)
+    for name, value in begin[0].state_dict().items():
+        assert torch.equal(many.weights(0)[name], value) == name.startswith("linear"), name
+    assert not torch.equal(many.weights(1)["linear1.weight"], begin[1].state_dict()["linear1.weight"])
+
+
+def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
+    many = lockstep((0, 1), epsilon_start=1.0, epsilon_end=1.0)
+    # More than the replay holds, so that it has begun anew.
+    many.train(600)
+    gamma = many.learn.gamma
+    seen = set()
+    for _ in range(20):
+        states, action, reward, following, terminated, length = (one[0] for one in many.sample())
+        for row in range(len(states)):
+            count, (place, time) = int(length[row]), states[row].tolist()
+            after, last = following[row].tolist()
+            assert last == time + count
+            first = place + 2 * int(action[row]) - 1
+            # Each step costs 1; the last may reach the goal, or hit the wall.
+            bonus = 10 * (after >= PLACES) - 5 * (after <= -2)
+            wanted = sum(-(gamma**k) for k in range(count)) + gamma ** (count - 1) * bonus
+            assert float(reward[row]) == pytest.approx(wanted, abs=1e-5)
+            assert bool(terminated[row]) == (after >= PLACES or after <= -2)
+            assert count == 1 or -2 < first < PLACES
+            seen.add((count, bool(terminated[row])))
+    assert {1, 2, 3} <= {count for count, _ in seen} and {True, False} == {ended for _, ended in seen}
+
+
+def test_agents_learn_to_reach_the_goal() -> None:
+    many = lockstep((0, 1, 2), epsilon_fraction=0.5)
+    begin = torch.zeros(3, 2)
+    many.train(4000)
+    returns, reached = many.evaluate(begin)
+    assert reached.all() and returns.tolist() == [6.0] * 3
+    # Four steps, each of which costs 1, and the goal.
+    assert bool((many.take_returns() < 6).all())
+    assert bool(many.take_returns().isnan().all())
+
+
+def test_a_stream_does_not_depend_on_the_others() -> None:
+    make = lambda seed: Generator().manual_seed(seed)  # noqa: E731
+    both, one = Draws([make(1), make(2)], 3), Draws([make(2)], 3)
+    for _ in range(100):
+        drawn = both()
+        assert torch.equal(drawn[1], one()[0]) and not torch.equal(drawn[0], drawn[1])

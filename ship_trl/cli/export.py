@@ -104,7 +104,7 @@ def trace(network: DuelingNetwork, observation: Tensor) -> Any:
             self.network = network
 
         def forward(self, observed: Tensor) -> Tensor:
-            return self.network.dueling(self.network.encode(observed))
+            return self.network.dense_q_values(observed)
 
     # The exporter logs that torchvision is missing, which is not needed, and warns about its own calls.
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)

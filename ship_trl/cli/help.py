@@ -36,8 +36,8 @@ What to run
   +pair=NAME            {pairs}; or any two cases:
   source=CASE           {cases}, or a YAML file
   target=CASE           the same; both may be a suite: {suites}
-  method=METHOD         scratch, feature_extraction, finetune (default), unfreeze, l2sp, guide, qdagger
-                        (settings: transfer.guide.belief=0.6 and others)
+  method=METHOD         scratch, feature_extraction, finetune (default), unfreeze, l2sp, guide, qdagger,
+                        q_reuse (settings: transfer.guide.belief=0.6 and others)
   layers=N              1 to 4 layers (as many as the network has), all, head or body
   +arm=NAME             method and layers at once: {arms}
   source_file=FILE      take the source network from a safetensors file

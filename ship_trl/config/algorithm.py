@@ -77,6 +77,8 @@ SETTINGS: dict[str, type] = {
 }
 # Those that learn from their own actions alone.
 ON_POLICY = ("ship_trl.learn.ppo:build",)
+# Those that learn the Q-values of a teacher.
+DISTILS = ("ship_trl.learn.pupil:build",)
 # Keys that they do not read.
 REPLAY_KEYS = ("batch_size", "update_every", "tau", "loss", "huber_delta", "replay_size", "warmup_steps")
 EPSILON_KEYS = ("epsilon_start", "epsilon_end", "epsilon_fraction")

@@ -31,6 +31,7 @@ class Method(StrEnum):
     l2sp = "l2sp"
     guide = "guide"
     qdagger = "qdagger"
+    q_reuse = "q_reuse"
 
 
 class SourceWeights(StrEnum):
@@ -67,7 +68,10 @@ FORMS = {
     Method.l2sp: Form("SP"),
     Method.guide: Form("G", bare=True),
     Method.qdagger: Form("QD", bare=True),
+    Method.q_reuse: Form("QR", (), bare=True),
 }
+# Methods that use what the source computes, not only its weights.
+USES_FUNCTION = (Method.guide, Method.qdagger, Method.q_reuse)
 METHODS = {form.prefix: method for method, form in FORMS.items()}
 LETTERS = {ALL_LAYERS: "W", HEAD: "H", BODY: "B"}
 NAME = re.compile(rf"({'|'.join(METHODS)})([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)

@@ -9,8 +9,8 @@ import importlib.util
 
 from omegaconf import DictConfig
 
-from ship_trl.config.algorithm import ON_POLICY, read_algorithm
-from ship_trl.config.arm import BODY, FORMS, HEAD, Method, SourceWeights
+from ship_trl.config.algorithm import DISTILS, ON_POLICY, read_algorithm
+from ship_trl.config.arm import BODY, FORMS, HEAD, USES_FUNCTION, Method, SourceWeights
 from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
@@ -41,9 +41,12 @@ def to_config(values: DictConfig) -> Config:
     if config.algorithm["build"] in ON_POLICY:
         allowed = "left out with algorithm=ppo, which learns from its own actions alone"
         require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
-        without = config.method not in (Method.guide, Method.qdagger)
+        without = config.method not in USES_FUNCTION
         why = "which learns from its own actions and has no Q-values"
         require(without, "method", f"another with algorithm=ppo, {why}", config.method.value)
+    if config.algorithm["build"] in DISTILS and config.method is Method.q_reuse:
+        why = "which learns the Q-values of its teacher"
+        require(False, "method", f"another with algorithm=pupil, {why}", config.method.value)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
     check_observation(config)
@@ -201,7 +204,7 @@ def check_arm(config: Config) -> None:
     if layers == BODY or (layers == HEAD and method is Method.feature_extraction):
         # The layers of a network of numbers are all fully connected, and counted.
         require(bool(config.network.conv), "layers", "a number or all with observation=vector", layers)
-    if method in (Method.guide, Method.qdagger):
+    if method in USES_FUNCTION:
         is_trained = weights in (SourceWeights.learned, SourceWeights.pretrained)
         require(
             is_trained, "source_weights", f"learned or pretrained with method={method.value}", weights.value

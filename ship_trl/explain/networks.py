@@ -78,6 +78,11 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
         _, network = load_with_network(entry.policy, env)
         if network.config.linear:
             raise ConfigError(f"policy: {entry.policy} sees numbers; allowed: networks that see pixels")
+        if network.reused is not None:
+            raise ConfigError(
+                f"policy: {entry.policy} adds the Q-values of its source (method=q_reuse); "
+                "allowed: networks of other methods"
+            )
         look = network.config, network.colour
         if found and look != (found[0].network.config, found[0].network.colour):
             raise ConfigError(

@@ -64,7 +64,7 @@ def greedy_actions(network: DuelingNetwork, pixels: Tensor) -> Tensor:
 
 def advantage(network: DuelingNetwork, pixels: Tensor, action: Tensor) -> Tensor:
     """Compute the advantage of actions [N] over the mean of all: pixels [N, C, 84, 84] to [N]."""
-    q = network.dueling(network.encode(pixels))
+    q = network.dense_q_values(pixels)
     return q.gather(1, action[:, None])[:, 0] - q.mean(1)
 
 

@@ -14,10 +14,11 @@ from ship_trl.config.types import Learn
 from ship_trl.graphs import Captured
 from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
+from ship_trl.learn.dense import Dense
 from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.prefix import add_prefix, strip_prefix

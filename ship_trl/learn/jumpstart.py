@@ -13,7 +13,8 @@ from torch import Generator
 from torchrl.envs import EnvBase
 
 from ship_trl.learn.backend import Draw
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.dense import Dense
+from ship_trl.learn.network import DuelingNetwork
 
 
 def jumpstart(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, Protocol
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -12,6 +12,7 @@ from torch import Generator, Tensor, nn
 from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
 from ship_trl.config.network import geometry, linear_from, linear_sizes, load_network
 from ship_trl.config.types import Network
+from ship_trl.learn.dense import Backend, Dense
 
 
 class DuelingNetwork(nn.Module):
@@ -35,6 +36,8 @@ class DuelingNetwork(nn.Module):
             From there on, conv layers are linear layers.
         backend: computes the conv layers; replaceable at any time, because all compute the same function.
         frozen: number of layers, counted from the input, that do not learn (see `freeze`).
+        reused: a network that does not learn, whose Q-values are added to this one's own; None for most.
+            Its weights are saved with the others.
     """
 
     observes = "pixels"
@@ -52,6 +55,7 @@ class DuelingNetwork(nn.Module):
         self.value = nn.Linear(hidden, 1)
         self.advantage = nn.Linear(hidden, num_actions)
         self.backend: Backend = Dense()
+        self.reused: DuelingNetwork | None = None
         self.reset(generator)
 
     def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
@@ -73,7 +77,7 @@ class DuelingNetwork(nn.Module):
     @property
     def all_layers(self) -> list[str]:
         """Names of all layers, also those that no number of layers counts."""
-        return [name for name, _ in self.named_children()]
+        return [name for name, layer in self.named_children() if layer is not self.reused]
 
     @property
     def layers(self) -> list[Any]:
@@ -99,14 +103,15 @@ class DuelingNetwork(nn.Module):
 
     @torch.no_grad()
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
-        """Draw new weights (He et al., 2015) and set biases to zero, in all layers but `kept`.
+        """Draw new weights (He et al., 2015) and set biases to zero, in all layers but `kept` and `reused`.
 
         PyTorch's default weights shrink the signal to a third at each ReLU layer. Training would need a
         hundred episodes to grow it again.
         """
-        for name, layer in self.named_children():
+        for name in self.all_layers:
             if name in kept:
                 continue
+            layer = getattr(self, name)
             assert isinstance(layer, nn.Conv2d | nn.Linear) and layer.bias is not None
             nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu", generator=generator)
             nn.init.zeros_(layer.bias)
@@ -117,14 +122,28 @@ class DuelingNetwork(nn.Module):
         Observations are pixels, uint8 [..., C, 84, 84], or features of the frozen layers, [..., K] in half
         precision or float32.
         """
+        q = self.own_q_values(observation, self.backend)
+        if self.reused is None:
+            return q
+        with torch.no_grad():
+            source_q = self.reused.own_q_values(observation, self.backend)
+        return q + source_q
+
+    def own_q_values(self, observation: Tensor, backend: Backend) -> Tensor:
+        """Compute the Q-values of `forward` without those of `reused`."""
         are_pixels = observation.dtype is torch.uint8
-        compute = self.backend.features if are_pixels else self.backend.features_from
+        compute = backend.features if are_pixels else backend.features_from
         dims = 3 if are_pixels else 1
         if observation.dim() == dims + 1:
             return self.dueling(compute(self, observation))
         shape = observation.shape[:-dims]
         q = self.dueling(compute(self, observation.reshape(-1, *observation.shape[-dims:])))
         return q.reshape(*shape, self.advantage.out_features)
+
+    def dense_q_values(self, observation: Tensor) -> Tensor:
+        """Compute the same Q-values without the backend: with gradients for pixels, which may be floats."""
+        q = self.dueling(self.encode(observation))
+        return q if self.reused is None else q + self.reused.dense_q_values(observation)
 
     def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
         """Compute the conv layers, or the first `layers` of them: uint8 [B, C, 84, 84] to [B, F]."""
@@ -207,9 +226,9 @@ class VectorNetwork(DuelingNetwork):
             self.add_module(name, nn.Linear(*size))
         return (*names, "shared"), below, hidden
 
-    def forward(self, observation: Tensor) -> Tensor:
+    def own_q_values(self, observation: Tensor, backend: Backend) -> Tensor:
         """Compute the Q-values of all actions."""
-        is_bfloat16 = self.backend.dtype is torch.bfloat16
+        is_bfloat16 = backend.dtype is torch.bfloat16
         with torch.autocast(observation.device.type, torch.bfloat16, enabled=is_bfloat16):
             hidden = F.relu_(self.shared(self.encode(observation)))
         return self.q_values(hidden.float())
@@ -259,42 +278,3 @@ def make_network(
     if config.linear:
         return VectorNetwork(config.inputs, num_actions, generator, config)
     return DuelingNetwork(3 if colour else 1, num_actions, generator, config)
-
-
-class Backend(Protocol):
-    """Computes the conv layers in a number format. It holds no weights, so networks may share it."""
-
-    name: str
-    dtype: torch.dtype
-
-    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
-        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
-        ...
-
-    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
-        """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
-        ...
-
-
-class Dense:
-    """Backend for any device that computes every layer on every pixel, without caches.
-
-    Args:
-        dtype: of the conv layers; bfloat16 uses autocast, weights and gradients stay float32.
-    """
-
-    name = "dense"
-
-    def __init__(self, dtype: torch.dtype = torch.float32) -> None:
-        self.dtype = dtype
-
-    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
-        """Compute all conv layers."""
-        with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
-            # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
-            return network.encode(pixels).float()
-
-    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
-        """Compute the conv layers after the frozen ones."""
-        with torch.autocast(frozen_features.device.type, torch.bfloat16, self.dtype is torch.bfloat16):
-            return network.encode_from(frozen_features.float()).float()

@@ -24,8 +24,9 @@ from ship_trl.config import algorithm as config
 from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import DivergedError, Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
+from ship_trl.learn.dense import Dense
 from ship_trl.learn.fast.weights_version import count_untracked_write
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.prefix import add_prefix, strip_prefix

@@ -6,6 +6,7 @@ A policy reads the environment's tensordict (`state` and `pixels`) and writes `a
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -25,7 +26,7 @@ from ship_trl.policies.vo import vo
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP
-from ship_trl.transfer.layers import load_weights, read_look
+from ship_trl.transfer.layers import has_reused, load_weights, read_look
 
 
 def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
@@ -130,7 +131,10 @@ def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwor
         ConfigError: the file is invalid, or its network has other actions.
     """
     config, colour = read_look(path, key)
-    network = make_network(config, len(env.world.actions), Generator(), colour=colour)
+    make = partial(make_network, config, len(env.world.actions), Generator(), colour=colour)
+    network = make()
+    if has_reused(path, key):
+        network.reused = make().requires_grad_(False)
     network.load_state_dict(dict(load_weights(path, network, key)))
     return network.to(env.device)
 

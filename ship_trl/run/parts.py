@@ -135,9 +135,8 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     starts = Generator().manual_seed(run.stream("starts"))
     env = make_env(learn.num_envs, encoders=algorithm.encoders, generator=starts, margin=config.margin)
     show_demonstrations(run, env, algorithm)
-    best = make_network(config.network, actions, Generator(), colour=config.colour).to(device)
     return Parts(
-        history=History(best),
+        history=History(fixed_copy(network, network.state_dict())),
         training=Training(env, eval_env, algorithm, learn),
         algorithm=algorithm,
         eval_env=eval_env,
@@ -213,7 +212,8 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: Ship
     copied = run.arm.copied(network.all_layers, network.layer_names)
     if count == 0:
         return []
-    if len(copied) == len(network.all_layers):
+    if len(copied) == len(network.all_layers) or network.reused is not None:
+        # The other layers, if any, change nothing before training.
         episodes = rollout(eval_env, algorithm.greedy)
         return [mean_return(episodes)]
     batch = min(count, JUMPSTART_BATCH)

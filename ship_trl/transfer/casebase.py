@@ -16,7 +16,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config.arm import Arm, Method
+from ship_trl.config.arm import FORMS, Arm, Method
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.files.disk import links, read_json, sync, writing
@@ -89,8 +89,12 @@ class CaseBase:
         return valid
 
     def representative(self, case: Case) -> Entry | None:
-        """Return the network stored for a case that has the best return, of those with the paper's layers."""
+        """Return the network stored for a case that has the best return, of those with the paper's layers.
+
+        Networks of `q_reuse` are left out: they are refused as a source.
+        """
         stored = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
+        stored = [e for e in stored if not e.arm.startswith(FORMS[Method.q_reuse].prefix)]
         usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
         return max(usable, key=lambda entry: entry.best_return, default=None)
 

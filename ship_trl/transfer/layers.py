@@ -23,6 +23,8 @@ from ship_trl.learn.network import DuelingNetwork
 Weights = Mapping[str, Tensor]
 # Channels of a picture with colours.
 COLOURS = 3
+# Begins the names of the weights of `DuelingNetwork.reused`.
+REUSED = "reused."
 
 
 def save_weights(
@@ -86,6 +88,12 @@ def read_look(path: Path, key: str) -> tuple[Network, bool]:
     return network, colour
 
 
+def has_reused(path: Path, key: str) -> bool:
+    """Return whether the network in a file adds the Q-values of a second one, `DuelingNetwork.reused`."""
+    with open_safetensors(path, key) as file:
+        return any(name.startswith(REUSED) for name in file.keys())  # noqa: SIM118
+
+
 def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[str, list[int]]:
     """Return the shapes of a network's weights below its heads; the file's `shapes` say the channels."""
     layers = geometry(network)
@@ -120,6 +128,11 @@ def load_weights(
             layers = [describe_network(each).items() for each in (saved, network.config)]
             got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)
             raise ConfigError(f"{key}: {path} has other layers: {got}; allowed: {allowed}")
+        if network.reused is None and any(name.startswith(REUSED) for name in names):
+            raise ConfigError(
+                f"{key}: {path} adds the Q-values of its own source (method=q_reuse); "
+                "allowed: networks of other methods"
+            )
         fixed = {name for name in wanted.keys() | names if name.split(".")[0] not in free}
         problem = describe_mismatch(
             {name: shape for name, shape in shapes.items() if name in fixed},

@@ -77,7 +77,7 @@ def saliency(network: DuelingNetwork, pixels: Tensor) -> NDArray[np.float32]:
     with torch.enable_grad():
         # Convolve whole pictures: the incremental conv layers have no gradient for pixels.
         picture = pixels[None].float().requires_grad_()
-        q = network.dueling(network.encode(picture))
+        q = network.dense_q_values(picture)
         (gradient,) = torch.autograd.grad(q.max(), picture)
     blurred: NDArray[np.float32] = gaussian_filter(gradient.abs().sum((0, 1)).cpu().numpy(), BLUR)
     highest = float(blurred.max())

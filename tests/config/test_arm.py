@@ -8,7 +8,7 @@ from tests.config.test_config import composed
 
 FIGURES = (
     "scratch FE1 FE2 FE3 FE4 FEH FE3-random FE3-permuted FT1 FT2 FT3 FT4 FTH FTB FTW FT3-pretrained "
-    "FTW-permuted GU3 GUW SP3 SPH SPW G G3 GW QD QD3 QDW"
+    "FTW-permuted GU3 GUW SP3 SPH SPW G G3 GW QD QD3 QDW QR QR3"
 )
 CONVS = ("conv1", "conv2", "conv3", "conv4")
 LAYERS = (*CONVS, "shared", "value", "advantage")
@@ -32,7 +32,7 @@ def test_arms_sort_as_figures_list_them() -> None:
     [
         *("", "FE", "FE0", "FE-1", "FE03", "FE٣", "FEW", "FE1-", "FE1-learned", "FE1-other", "fe1", "FT1 "),
         *("scratch-random", "FT", "FTall", "FE3-random-demonstrations", "XX3", "all", "-random", "GUH", "GU"),
-        *("FEB", "SP", "H", "GW3"),
+        *("FEB", "SP", "H", "GW3", "QRW"),
     ],
 )
 def test_a_wrong_arm_name_is_refused(name: str) -> None:
@@ -71,6 +71,7 @@ def test_an_impossible_arm_is_not_made(method: Method, layers: int | str, weight
         ("FTW", LAYERS, 0, True),
         ("G", (), 0, True),
         ("QD3", CONVS[:3], 0, True),
+        ("QR", (), 0, True),
     ],
 )
 def test_an_arm_knows_what_is_copied_and_frozen(

@@ -7,8 +7,9 @@ from torch import Generator, Tensor
 from ship_trl.config.network import geometry
 from ship_trl.config.types import BFLOAT16, BackendName, Precision
 from ship_trl.learn.backend import choose_backend, choose_dtype
+from ship_trl.learn.dense import Dense
 from ship_trl.learn.fast.incremental import Incremental
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import draw
 

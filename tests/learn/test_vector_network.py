@@ -10,8 +10,9 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Precision
 from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.dense import Dense
 from ship_trl.learn.double_dqn import build
-from ship_trl.learn.network import Dense, DuelingNetwork, VectorNetwork, make_network
+from ship_trl.learn.network import DuelingNetwork, VectorNetwork, make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv

@@ -104,6 +104,7 @@ ARMS = {
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
     "a guide": ("+pair=high", "+arm=G3", "transfer.guide.period=1"),
     "a fading policy": ("+pair=high", "+arm=QD3"),
+    "a sum": ("+pair=high", "+arm=QR", "observation=vector", "algorithm=n_step"),
     "thawing layers": ("+pair=high", "+arm=GU3"),
     "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),
 }
@@ -117,6 +118,7 @@ SLOW = [
         "a guide",
         "some layers frozen",
         "a fading policy",
+        "a sum",
         "thawing layers",
         "features of three ships",
         "three ships at once",

@@ -9,6 +9,7 @@ from ship_trl.transfer.methods.finetune import Finetune
 from ship_trl.transfer.methods.guide import Guide
 from ship_trl.transfer.methods.l2sp import L2SP
 from ship_trl.transfer.methods.method import TransferMethod
+from ship_trl.transfer.methods.q_reuse import QReuse
 from ship_trl.transfer.methods.qdagger import QDagger
 from ship_trl.transfer.methods.scratch import Scratch
 from ship_trl.transfer.methods.unfreeze import Unfreeze
@@ -21,6 +22,7 @@ METHODS: dict[Method, type[TransferMethod]] = {
     Method.l2sp: L2SP,
     Method.guide: Guide,
     Method.qdagger: QDagger,
+    Method.q_reuse: QReuse,
 }
 
 

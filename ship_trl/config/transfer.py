@@ -34,10 +34,14 @@ class Guide:
 
 @dataclass(frozen=True)
 class L2SP:
-    """How strongly weights are pulled: copied ones to the source's, fresh ones to zero."""
+    """How strongly weights are pulled: copied ones to the source's, fresh ones to zero; how fast they learn.
+
+    The learning rate of a copied layer is that of the layer above it, divided by `rate_decay`.
+    """
 
     copied: Weight = 0.01
     fresh: Weight = 0.0
+    rate_decay: Annotated[float, limit(1, 1000)] = 1.0
 
 
 @dataclass(frozen=True)

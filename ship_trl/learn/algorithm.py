@@ -99,6 +99,10 @@ class Method:
         """Return how many layers, counted from the input, do not learn at a share of the episodes."""
         return 0
 
+    def rate_factor(self, layer: str) -> float:
+        """Return the factor of the learning rate of a layer of the network."""
+        return 1.0
+
     def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
         """Return what is added to the loss of a batch, or None for nothing."""
         return None

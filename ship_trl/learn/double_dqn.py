@@ -19,7 +19,7 @@ from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
@@ -236,7 +236,7 @@ def build(
     return make(
         loss=loss,
         target_update=ForeachSoftUpdate(loss, tau=learn.tau),
-        optimiser=ChannelsLastAdam(learning_parameters(network), lr=learn.lr),
+        optimiser=ChannelsLastAdam(learning_groups(network, method.rate_factor), lr=learn.lr),
         replay=make_replay(
             learn.replay_size,
             learn.reward_scale,

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import torch
 from torch import Tensor, nn
+
+from ship_trl.learn.network import DuelingNetwork
 
 
 class ChannelsLastAdam(torch.optim.Optimizer):
@@ -17,23 +20,26 @@ class ChannelsLastAdam(torch.optim.Optimizer):
 
     def __init__(
         self,
-        params: Iterable[Tensor],
+        params: Iterable[Tensor] | Iterable[dict[str, Any]],
         lr: float,
         betas: tuple[float, float] = (0.9, 0.999),
         eps: float = 1e-8,
     ) -> None:
-        params = list(params)
-        super().__init__(params, {"lr": lr, "betas": betas, "eps": eps})
-        if params[0].device.type == "cuda":
+        super().__init__(params, {"lr": lr, "betas": betas, "eps": eps, "factor": 1.0})
+        device = self.param_groups[0]["params"][0].device
+        if device.type == "cuda":
             # A CUDA graph would keep a Python number. Groups that are added later share the tensor.
-            self.defaults["lr"] = torch.tensor(lr, device=params[0].device)
-            self.param_groups[0]["lr"] = self.defaults["lr"]
+            self.defaults["lr"] = torch.tensor(lr, device=device)
+            for group in self.param_groups:
+                group["lr"] = self.defaults["lr"].clone()
+        self.set_lr(lr)
 
     @torch.no_grad()
     def set_lr(self, lr: float) -> None:
-        """Set the learning rate of all groups."""
+        """Set the learning rate, which each group multiplies by its `factor`."""
         for group in self.param_groups:
-            group["lr"] = group["lr"].fill_(lr) if isinstance(group["lr"], Tensor) else lr
+            own = lr * group["factor"]
+            group["lr"] = group["lr"].fill_(own) if isinstance(group["lr"], Tensor) else own
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]
@@ -93,6 +99,15 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             if f"{name}.step" in averages:
                 for key, value in self.init_state(parameter).items():
                     value.copy_(averages[f"{name}.{key}"])
+
+
+def learning_groups(network: DuelingNetwork, factor: Callable[[str], float]) -> list[dict[str, Any]]:
+    """Return the parameters that learn, in a group for each factor of the learning rate, by layer names."""
+    groups: dict[float, list[nn.Parameter]] = {}
+    for name in network.all_layers:
+        if learning := learning_parameters(getattr(network, name)):
+            groups.setdefault(factor(name), []).extend(learning)
+    return [{"params": params, "factor": factor} for factor, params in groups.items()]
 
 
 def learning_parameters(network: nn.Module) -> list[nn.Parameter]:

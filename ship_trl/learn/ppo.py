@@ -27,7 +27,7 @@ from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups, learning_parameters
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.replay import join_key, make_batch
@@ -99,7 +99,7 @@ class PPO:
         self.estimate = GAE(
             gamma=learn.gamma, lmbda=settings.gae_lambda, value_network=None, average_gae=True, time_dim=0
         )
-        self.optimiser = ChannelsLastAdam(learning_parameters(network), lr=learn.lr)
+        self.optimiser = ChannelsLastAdam(learning_groups(network, method.rate_factor), lr=learn.lr)
         self._rollout: list[dict[NestedKey, Tensor]] = []
         self._output: Tensor | None = None
         # Evaluations compute whole frames in float32.

@@ -22,7 +22,7 @@ from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.optimiser import ChannelsLastAdam, learning_parameters
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.policy import EpsilonGreedy
 from ship_trl.learn.replay import StateReplay
 
@@ -125,7 +125,7 @@ def build(setup: Setup) -> Pupil:
         settings.own_fraction,
         loss=loss,
         target_update=ForeachSoftUpdate(loss, tau=learn.tau),
-        optimiser=ChannelsLastAdam(learning_parameters(network), lr=learn.lr),
+        optimiser=ChannelsLastAdam(learning_groups(network, setup.method.rate_factor), lr=learn.lr),
         replay=StateReplay(learn.replay_size, learn.reward_scale, setup.replay, device),
         policy=EpsilonGreedy(mixture, "state", setup.num_actions, setup.exploration),
         draw=draw,

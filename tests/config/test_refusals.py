@@ -40,6 +40,7 @@ WRONG = {
     "+pair=high +arm=G source_weights=random": "source_weights: must be learned or pretrained with",
     "+pair=high +arm=G transfer.guide.schedule=x": "transfer.guide.schedule: must be one of belief, reuse",
     "+pair=high +arm=SP3 transfer.l2sp.copied=-1": "transfer.l2sp.copied: must be",
+    "+pair=high +arm=SP3 transfer.l2sp.rate_decay=0.5": "transfer.l2sp.rate_decay: must be from 1 to 1000",
     "+pair=high +arm=GU3 transfer.unfreeze.period=0": "transfer.unfreeze.period: must be above 0",
     "+pair=high method=feature_extraction": "layers: none given; give layers=1, 2, 3, 4 or head with",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import pytest
@@ -15,6 +16,7 @@ from ship_trl.config.transfer import L2SP, Guide, GuideSchedule, QDagger, Transf
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
 from ship_trl.sim.state import STEP
@@ -209,6 +211,24 @@ def test_a_source_that_is_worse_than_nothing_pulls_nothing() -> None:
     method = make("QD")
     method.attach(origin(high=-3.0, low=-2.0))
     assert method.penalty(network(0), batch()) is None
+
+
+@pytest.mark.parametrize(
+    ("arm", "shares"),
+    [("SP3", (3, 2, 1, 0, 0, 0, 0)), ("SPW", (5, 4, 3, 2, 1, 0, 0)), ("SPH", (0, 0, 0, 0, 1, 0, 0))],
+)
+def test_a_copied_layer_learns_slower_than_the_one_above_it(arm: str, shares: tuple[int, ...]) -> None:
+    method, target = make(arm, Transfer(l2sp=L2SP(rate_decay=2.6))), network(0)
+    method.copy(target, network(1).state_dict())
+    optimiser = ChannelsLastAdam(learning_groups(target, method.rate_factor), lr=0.01)
+    optimiser.set_lr(0.1)
+    before = copy.deepcopy(target)
+    for parameter in target.parameters():
+        parameter.grad = torch.ones_like(parameter)
+    optimiser.step()
+    for name, share in zip(target.all_layers, shares, strict=True):
+        change = getattr(before, name).weight - getattr(target, name).weight
+        assert float(change.detach().mean()) == pytest.approx(0.1 / 2.6**share, rel=1e-3), name
 
 
 @pytest.mark.parametrize(("arm", "count"), [("GU3", 3), ("GUW", 4)])

@@ -1,6 +1,7 @@
 """L2-SP: copied weights are regularised towards the source's (Li, Grandvalet and Davoine, 2018).
 
-With a weight of 0 this is finetuning, and with a large one nearly feature extraction.
+With a weight of 0 this is finetuning, and with a large one nearly feature extraction. With `rate_decay` the
+lower copied layers also learn slower than the upper ones (ULMFiT; Howard and Ruder, 2018).
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor, nn
 
+from ship_trl.config.arm import OUTPUT
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import Weights
 from ship_trl.transfer.methods.method import TransferMethod
@@ -18,6 +20,7 @@ class L2SP(TransferMethod):
     """Adds copied / 2 * |w - w_source|^2 of copied weights to the loss, and fresh / 2 * |w|^2 of others."""
 
     _start: dict[str, Tensor]
+    _factors: dict[str, float]
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
         """Copy layers of the source, and keep their weights for the penalty."""
@@ -25,6 +28,15 @@ class L2SP(TransferMethod):
         copied = self.arm.copied(network.all_layers, network.layer_names)
         named = network.named_parameters()
         self._start = {key: value.detach().clone() for key, value in named if key.split(".")[0] in copied}
+        self._factors, factor = {}, 1.0
+        for name in reversed(network.all_layers):
+            if name not in OUTPUT:  # value and advantage are the top, side by side
+                factor = factor / self.settings.l2sp.rate_decay if name in copied else 1.0
+            self._factors[name] = factor
+
+    def rate_factor(self, layer: str) -> float:
+        """Return 1 for fresh and output layers, and a copied layer's share of the full learning rate."""
+        return self._factors[layer]
 
     def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
         """Return the penalty, or None where both weights are 0."""

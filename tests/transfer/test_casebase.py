@@ -68,6 +68,9 @@ def test_only_networks_of_the_single_case_represent_it(
         stored = base.retain(suite, "scratch", 0, suite.fingerprint, scores, finished_run)
         assert base.find(suite, "scratch", 0, suite.fingerprint) == stored
         assert base.representative(one.case) is None
+    # Such a network is refused as a source.
+    base.retain(one, "QR", 0, "abc", scores, finished_run)
+    assert base.representative(one.case) is None
     assert base.retain(one, "scratch", 0, "abc", scores, finished_run) == base.representative(one.case)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from torch import Generator
 
-from ship_trl.config.arm import FORMS, SourceWeights
+from ship_trl.config.arm import USES_FUNCTION, SourceWeights
 from ship_trl.learn.network import make_network
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.run import Run
@@ -41,7 +41,7 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     path, key, origin = find_file(run, entry)
     copied = run.arm.copied(network.all_layers, network.layer_names)
     # A source may have another number of actions where its Q-values are neither copied nor asked for.
-    needs_all = FORMS[run.arm.method].bare or "advantage" in copied
+    needs_all = run.arm.method in USES_FUNCTION or "advantage" in copied
     weights = load_weights(path, network, key, free=() if needs_all else ("advantage",))
     if run.arm.weights is SourceWeights.permuted:
         weights = permute_values(weights, Generator().manual_seed(run.stream("permuted source")))

@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CURVE = "curve.csv"
-# A line is a training episode or a greedy evaluation, which has its own columns.
+# A line is a training episode or a greedy evaluation, which has its own columns. Some evaluations of a
+# transfer also have the mean greedy return on its source.
 COLUMNS = (
     "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
     "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa", "greedy_success_rate",
-    "greedy_episodes",
+    "greedy_episodes", "source_return",
 )  # fmt: skip
 # pandas takes minutes for a million columns.
 MAX_HEADER_BYTES = 1000

@@ -14,7 +14,7 @@ from ship_trl.config.schema import read_as
 from ship_trl.files.disk import atomic_write, read_json
 
 RESULT = "result.json"
-# Goes up when a key is added, renamed or changes its meaning; other versions are refused.
+# Goes up when a key is renamed, changes its meaning, or is added without a default; others are refused.
 SCHEMA_VERSION = 3
 
 
@@ -47,6 +47,33 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
+class SourceReturns:
+    """Mean greedy returns of a transfer on its source, each case once.
+
+    `network` is of the source network itself. `before`, `best` and `final` are of the network in training:
+    before training, at its best evaluation on the target, and at the end. `random` is of random actions;
+    `best_known` is None where no plan is known.
+    """
+
+    network: float
+    before: float
+    best: float
+    final: float
+    random: float
+    best_known: float | None
+
+    @property
+    def forgetting(self) -> float:
+        """Score of the source network less that at the end: 0 is random actions, 1 the best known return.
+
+        NaN where no plan is known, or none above random actions.
+        """
+        if self.best_known is None or self.best_known <= self.random:
+            return math.nan
+        return (self.network - self.final) / (self.best_known - self.random)
+
+
+@dataclass(frozen=True)
 class Result:
     """What a run did and reached; returns are of raw rewards.
 
@@ -55,7 +82,8 @@ class Result:
     `draws` are returns before training with other draws of the fresh layers. `precision` and `backend` are
     those of the conv layers in training, `steps` environment steps. `teacher` is the network that was
     distilled, with the SHA-256 of its file. Rates are shares of training episodes. `best_known_return` is the
-    mean over the cases of a suite; None if their starts are perturbed.
+    mean over the cases of a suite; None if their starts are perturbed. `on_source` is None where no source
+    was learned, and where its episodes are drawn.
     """
 
     pair: str
@@ -89,6 +117,7 @@ class Result:
     algorithm_version: int
     schema_version: int
     teacher: str | None = None
+    on_source: SourceReturns | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the values that the file holds."""

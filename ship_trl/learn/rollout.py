@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -52,6 +52,11 @@ class Episode:
     def outcome(self) -> str:
         """How the episode ended: goal, collision or timeout."""
         return outcome(self.goal, self.collision)
+
+
+def mean_return(episodes: Sequence[Episode]) -> float:
+    """Return the mean return of episodes."""
+    return sum(one.episode_return for one in episodes) / len(episodes)
 
 
 def outcome(goal: bool, collision: bool) -> str:

@@ -13,7 +13,7 @@ from torchrl.envs import EnvBase
 from ship_trl.config.types import Schedule
 from ship_trl.learn.algorithm import Algorithm, DivergedError
 from ship_trl.learn.prefix import add_prefix, strip_prefix
-from ship_trl.learn.rollout import Episode, outcome, rollout
+from ship_trl.learn.rollout import Episode, mean_return, outcome, rollout
 
 
 @dataclass(frozen=True)
@@ -35,16 +35,20 @@ class Finished:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """The greedy episodes of an evaluation after `episode` training episodes; 0 means before training."""
+    """The greedy episodes of an evaluation after `episode` training episodes; 0 means before training.
+
+    `source_return` is the mean return on the source of a transfer; None where it was not measured.
+    """
 
     episode: int
     steps: int
     episodes: list[Episode]
+    source_return: float | None = None
 
     @property
     def episode_return(self) -> float:
         """Mean return of the episodes."""
-        return sum(one.episode_return for one in self.episodes) / len(self.episodes)
+        return mean_return(self.episodes)
 
     @property
     def success_rate(self) -> float:

@@ -8,9 +8,10 @@ import torch
 
 from ship_trl import __version__
 from ship_trl.config.network import non_default_network
-from ship_trl.files.result import SCHEMA_VERSION, Result
+from ship_trl.files.result import SCHEMA_VERSION, Result, SourceReturns
 from ship_trl.learn.train import Evaluated
 from ship_trl.policies.random_policy import random_return
+from ship_trl.policies.reference import best_known_return
 from ship_trl.run import console
 from ship_trl.run.history import summarise
 from ship_trl.run.parts import Parts
@@ -20,7 +21,7 @@ from ship_trl.run.run import Run
 from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
-from ship_trl.transfer.casebase import POLICY_LAST, CaseBase, Entry
+from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.layers import save_weights
 from ship_trl.view.curves import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
@@ -85,6 +86,24 @@ def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> 
         processor=processor_name(),
         seconds=round(seconds, 1),
         teacher=parts.teacher,
+        on_source=measure_source(run, parts),
+    )
+
+
+def measure_source(run: Run, parts: Parts) -> SourceReturns | None:
+    """Return what a transfer kept of its source; None if it was not measured from the start."""
+    check, suite, history = parts.source_check, run.source_suite, parts.history
+    # A checkpoint from before sources were measured has no return at the start.
+    if check is None or suite is None or "source_return" not in history.rows[0]:
+        return None
+    config, measured = run.config, history.source_returns
+    return SourceReturns(
+        network=check.source_return,
+        before=measured[0],
+        best=check.measure(history.network),
+        final=measured[-1],
+        random=random_return(suite, config.world, fast=config.fast),
+        best_known=best_known_return(suite, config.world, Path(config.case_base) / PLANS),
     )
 
 

@@ -75,6 +75,11 @@ class History:
         ]
 
     @property
+    def source_returns(self) -> list[float]:
+        """All returns on the source, in order."""
+        return [row["source_return"] for row in self.rows if "source_return" in row]
+
+    @property
     def evaluated(self) -> list[Evaluation]:
         """All greedy evaluations, in order."""
         return [
@@ -110,7 +115,8 @@ def summarise(evaluated: Evaluated) -> Evaluation:
 def to_row(event: Finished | Evaluated) -> Row:
     """Turn an event into a row of `curve.csv`; a greedy evaluation has its own columns.
 
-    Missing values are left out: the loss before the first update, the DCPA without target ships, or epsilon.
+    Missing values are left out: the loss before the first update, the DCPA without target ships, epsilon, or
+    the return on the source.
     """
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)
@@ -120,6 +126,7 @@ def to_row(event: Finished | Evaluated) -> Row:
         greedy["return"] = greedy.pop("episode_return")
         values = {"episode": greedy.pop("episode"), "steps": event.steps}
         values |= {f"greedy_{key}": value for key, value in greedy.items()}
+        values["source_return"] = event.source_return
     return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
 
 

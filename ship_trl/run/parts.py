@@ -17,13 +17,14 @@ from ship_trl.learn.backend import Draw
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import Episode, rollout
-from ship_trl.learn.train import Training
+from ship_trl.learn.rollout import Episode, mean_return, rollout
+from ship_trl.learn.train import Evaluated, Finished, Training
 from ship_trl.policies.pretrained import REWARD_SCALE
 from ship_trl.run import console
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
 from ship_trl.run.source import Source
+from ship_trl.run.source_check import SourceCheck, make_source_check
 from ship_trl.run.teacher import describe_teacher, read_teacher
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
@@ -44,7 +45,8 @@ class Parts:
     `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin, `draw` maps
     states to the network's input. `scratch` are the greedy episodes of the network before anything is copied,
     `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
-    weights; None from scratch. `teacher` names a teacher and the digest of its file.
+    weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check` measures
+    returns on the source; None without one that can be measured.
     """
 
     training: Training
@@ -57,6 +59,7 @@ class Parts:
     draws: list[float]
     origin: str | None
     teacher: str | None
+    source_check: SourceCheck | None
 
     @property
     def computed(self) -> str:
@@ -71,6 +74,10 @@ class Parts:
     def evaluate(self, network: DuelingNetwork) -> list[Episode]:
         """Roll out the greedy episodes of a network."""
         return rollout(self.eval_env, greedy_policy(network, self.draw))
+
+    def check_source(self, event: Finished | Evaluated) -> Finished | Evaluated:
+        """Add the return on the source to an event that is an evaluation, if it is due."""
+        return event if self.source_check is None else self.source_check.add(event, self.algorithm.network)
 
 
 @cache
@@ -146,6 +153,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
         teacher=describe_teacher(config),
+        source_check=make_source_check(run, network, source, device),
     )
 
 
@@ -170,11 +178,6 @@ def make_origin(
             f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: no pull to it"
         )
     return Origin(fixed, draw, generator, reached, untrained, source_scale, scale)
-
-
-def mean_return(episodes: Sequence[Episode]) -> float:
-    """Return the mean return of episodes."""
-    return sum(one.episode_return for one in episodes) / len(episodes)
 
 
 def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:

@@ -33,6 +33,8 @@ from ship_trl.transfer.casebase import rank
 ALGORITHM_VERSION = 3
 # The same for the numbers that a network without pixels sees (`sim.vector`).
 VECTOR_VERSION = 2
+# Weights that solve the source case.
+LEARNED = (SourceWeights.learned, SourceWeights.pretrained)
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
 
@@ -46,9 +48,11 @@ def make_run(config: Config) -> Run:
     world = config.world
     target = load_suite(str(config.target), world, "target", config.perturbation)
     config = resolve_pretrained(config, target)
-    source, pretrained = None, None
+    source, pretrained, source_suite = None, None, None
     if not config.arm.is_scratch:
         origin = load_suite(str(config.source), world, "source")
+        if config.arm.weights in LEARNED and not origin.is_drawn:
+            source_suite = origin
         if config.arm.weights is SourceWeights.pretrained:
             pretrained = find(PRETRAINED, origin, "source", config.observation.name)
         elif config.source_file is None and config.arm.has_trained_source:
@@ -78,7 +82,7 @@ def make_run(config: Config) -> Run:
     digest = hash_of(config, target, source, pretrained, demonstrations)
     # Without a pair, its label is the names of the cases.
     folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
-    run = Run(config, target, source, folder, digest, pretrained, demonstrations)
+    run = Run(config, target, source, folder, digest, pretrained, demonstrations, source_suite)
     check_folder(run)
     return run
 

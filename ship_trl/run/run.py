@@ -24,7 +24,8 @@ class Run:
 
     `source` is the run that trains the source network; None if no source has to be trained. `config_hash` is
     a digest of everything that decides what is learned: the same hash gives the same network on the same
-    machine and backend. `demonstrations` fill the replay before training.
+    machine and backend. `demonstrations` fill the replay before training. `source_suite` is what the source
+    network learned, if it did and if it can be evaluated without drawing.
     """
 
     config: Config
@@ -34,6 +35,7 @@ class Run:
     config_hash: str
     pretrained: Pretrained | None = None
     demonstrations: tuple[Demonstration, ...] = ()
+    source_suite: Suite | None = None
 
     @property
     def arm(self) -> Arm:

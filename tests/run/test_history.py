@@ -1,6 +1,7 @@
 """The rows of a curve, written and read again."""
 
 import math
+from dataclasses import replace
 
 import torch
 from hypothesis import given
@@ -60,7 +61,9 @@ def test_evaluations_are_read_back_from_rows() -> None:
     event = Evaluated(7, 100, [episode("goal", 80, 90), episode("collision", -300, 20)])
     history = History(nn.Linear(1, 1))  # type: ignore[arg-type]
     history.rows = from_csv(to_csv([to_row(event)]))
-    assert history.evaluated == [summarise(event)]
+    assert history.evaluated == [summarise(event)] and history.source_returns == []
+    history.rows = from_csv(to_csv([to_row(replace(event, source_return=-0.125))]))
+    assert history.evaluated == [summarise(event)] and history.source_returns == [-0.125]
 
 
 def test_the_best_evaluation_has_the_highest_mean_return_and_of_equals_is_the_latest() -> None:

@@ -1,0 +1,83 @@
+"""A transfer is measured on its source during training, and learns the same as without."""
+
+import dataclasses
+from itertools import pairwise
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from ship_trl.config.types import Schedule
+from ship_trl.files.curve import CURVE
+from ship_trl.files.result import read_result
+from ship_trl.run.experiment import run_experiment
+from ship_trl.run.plan import make_run
+from ship_trl.run.run import Run
+from ship_trl.run.source_check import MAX_EVALUATIONS, SourceCheck
+from tests.command import files
+from tests.config.test_config import composed
+
+LINE = ("profile=smoke", "+pair=high", "+arm=FT3", "learn.jumpstart_draws=1")
+
+
+def planned(*words: str) -> Run:
+    return make_run(composed(*words))
+
+
+@pytest.mark.parametrize(
+    ("episodes", "every", "count"),
+    [(600, 5, 20), (5000, 50, 20), (95, 5, 20), (9, 3, 4), (10, 3, 5), (1, 7, 2)],
+)
+def test_at_most_so_many_evaluations_are_measured_evenly(episodes: int, every: int, count: int) -> None:
+    check = SourceCheck(None, None, Schedule(episodes, 1, every, 1, 0), 0.0)  # type: ignore[arg-type]
+    evaluated = sorted({*range(0, episodes, every), episodes})
+    due = [number for number, episode in enumerate(evaluated) if check.is_due(episode)]
+    assert len(due) == count <= MAX_EVALUATIONS and (due[0], due[-1]) == (0, len(evaluated) - 1)
+    gaps = {after - before for before, after in pairwise(due)}
+    assert max(gaps) - min(gaps) <= 1
+
+
+@pytest.mark.parametrize("observation", ["pixels", "vector"])
+def test_what_is_learned_has_the_same_bits_without_it(observation: str) -> None:
+    # No bundled network of case 1 sees vectors, so that source is trained here.
+    words = *LINE, f"observation={observation}", *("source=pretrained",) * (observation == "pixels")
+    run, other = (planned(*words, f"output={name}") for name in ("one", "other"))
+    result = run_experiment(run)
+    run_experiment(dataclasses.replace(other, source_suite=None))
+    kept, left = files(run.folder), files(other.folder)
+    for name in ("policy.safetensors", "policy_last.safetensors"):
+        assert kept[name] == left[name]
+    curve, without = (pd.read_csv(one.folder / CURVE) for one in (run, other))
+    assert curve.drop(columns="source_return").equals(without.drop(columns="source_return"))
+    assert without["source_return"].isna().all() and curve["source_return"].notna().sum() == 3
+    assert read_result(other.folder).on_source is None and run.config_hash == other.config_hash
+    measured, source = curve["source_return"].dropna(), result.on_source
+    assert source is not None and read_result(run.folder) == result
+    assert (source.before, source.final) == (measured.iloc[0], measured.iloc[-1])
+    if observation == "pixels":
+        assert source.best_known == pytest.approx(source.network, abs=10)
+        assert source.random < -100 < 0 < source.network
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("target=4", "method=scratch"),
+        ("+pair=high", "+arm=FE3-random"),
+        ("+pair=high", "+arm=FE3-permuted"),
+        ("source=traffic", "target=4", "+arm=FT3", "source_weights=pretrained"),
+    ],
+)
+def test_where_no_source_was_learned_or_it_is_drawn_there_is_nothing_to_measure(words: tuple[str]) -> None:
+    assert planned(*words).source_suite is None
+
+
+def test_each_case_of_a_suite_is_measured_once() -> None:
+    suite = planned("source=imazu", "target=4", "+arm=FT3").source_suite
+    assert suite is not None and len(suite.cases) > 1
+
+
+def test_a_run_of_a_file_is_measured_on_the_case_that_it_names() -> None:
+    Path("mine.safetensors").touch()
+    suite = planned("+pair=high", "+arm=FT3", "source_file=mine.safetensors").source_suite
+    assert suite is not None and suite.name == "1"

@@ -13,6 +13,7 @@ decide no claim. A study under way shows the seeds of its last look, or the firs
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from ship_trl.cli.errors import refusals
@@ -48,9 +49,10 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
     found = []
     for question in questions:
         tests = ask(shown, question)
-        measured = [finding for test in tests for finding in test(shown)]
+        # A metric that a run has not measured is NaN.
+        measured = [one for test in tests for one in test(shown) if math.isfinite(one.estimate.value)]
         if not measured:
-            raise ConfigError(f"question: {question!r} needs two seeds that all its arms have")
+            raise ConfigError(f"question: {question!r} needs two seeds that measured all its arms")
         if few := len(tests) - len(measured):
             print_error(f"{question}: {few} of {len(tests)} have fewer than two common seeds; left out")
         found += measured

@@ -6,7 +6,7 @@
 FILE is Stable-Baselines3's monitor.csv, TensorBoard's event file or exported scalars, a curve.csv of ours, or
 a table with columns step, return and, for several runs, seed. A FILE with * names several files; each is a
 run. The first arm is the baseline. Returns are scaled to scores from --low to --high, by default the extremes
-of all runs. Less time is better; the other metrics are better when larger.
+of all runs. Less time and forgetting are better; the other metrics are better when larger.
 """
 
 from __future__ import annotations
@@ -89,10 +89,7 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
             f"--low: must be below --high, got {low:g} and {high:g}; the returns reach both by default"
         )
     scale = metrics.Scale(low, high, options.threshold or found.threshold)
-    measured = {
-        name: metrics.measure(metrics.scores(curves, steps, scale), scale.threshold)
-        for name, curves in arms.items()
-    }
+    measured = metrics.measure_arms(arms, steps, scale)
     (baseline, base), rows = next(iter(measured.items())), []
     for name, values in measured.items():
         cells = [describe(metrics.mean_estimate(one)) for one in values.values()]
@@ -100,9 +97,7 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
         if name != baseline:
             cells = [describe(metrics.compare(one, base[key]), "+") for key, one in values.items()]
             forward = metrics.forward_transfer(values["area"], base["area"])
-            rows.append(
-                [f"{name} - {baseline}", "", *cells, "-" if math.isnan(forward) else f"{forward:+.2f}"]
-            )
+            rows.append([f"{name} - {baseline}", "", *cells, describe(forward, "+")])
     show(("arm", "runs", *base, "forward transfer"), rows, options.markdown)
     sys.stdout.write(
         f"scores: 0 is a return of {low:g}, 1 is {high:g}; the first {steps:,.0f} steps; time: share of them "
@@ -141,7 +136,9 @@ def check_steps(arms: dict[str, list[LearningCurve]], steps: float) -> None:
 
 
 def describe(estimate: Estimate, sign: str = "") -> str:
-    """Format an estimate with its interval, without one where there is a single run."""
+    """Format an estimate with its interval, without one where there is a single run; - for NaN."""
+    if math.isnan(estimate.value):
+        return "-"
     value = f"{estimate.value:{sign}.2f}"
     return (
         f"{value} ({estimate.low:{sign}.2f} to {estimate.high:{sign}.2f})"

@@ -24,6 +24,8 @@ HEADINGS = (
     *("run", "seeds", "best known", "best greedy return by seed", "share", "goal"),
     *("final by seed", "goal"),
 )
+# A column of transfers: returns on the source of its own network, and of the run's at the end.
+SOURCE_HEADING = "on the source, before > after by seed"
 TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", "p, permutation")
 
 
@@ -35,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     add_output(parser, "--picture", (".png",), "draw the learning curves beside each other")
     parser.add_argument("--test", action="store_true", help="test whether runs of two folders learn alike")
+    parser.add_argument("--transfer", action="store_true", help="show the usual metrics of transfer")
     parser.add_argument("--stability", action="store_true", help="count falls and show the spread over seeds")
     add_output(parser, "--csv", (".csv",), "write every number of every run, a row each")
     options = parser.parse_args(arguments)
@@ -45,7 +48,11 @@ def main(arguments: list[str] | None = None) -> None:
         found = finished_runs(folders, options.arm)
         if options.picture is not None:
             picture(options.picture, found)
-        show(HEADINGS, summarise(found), options.markdown)
+        headings, rows = list(HEADINGS), list(summarise(found))
+        if any(one.result.on_source for one in found):
+            headings.append(SOURCE_HEADING)
+            rows = [[*row, kept(runs)] for row, runs in zip(rows, group_runs(found).values(), strict=True)]
+        show(headings, rows, options.markdown)
         if options.csv is not None or options.stability:
             from ship_trl.study.analysis import stability
             from ship_trl.study.report.tables import write_csv
@@ -55,6 +62,10 @@ def main(arguments: list[str] | None = None) -> None:
                 write_csv(options.csv, measured)
             if options.stability:
                 show(stability.HEADINGS, stability.rows(measured), options.markdown)
+        if options.transfer:
+            from ship_trl.study.report import transfer_table
+
+            show(transfer_table.HEADINGS, transfer_table.rows(folders_of(found)), options.markdown)
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)
 
@@ -99,6 +110,12 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
             " ".join(f"{score.episode_return:.1f}" for score in final),
             goals(final),
         ]
+
+
+def kept(runs: Iterable[Found]) -> str:
+    """Name the returns on the source of its own network and of the run's at the end; - without a source."""
+    sources = [one.result.on_source for one in runs]
+    return " ".join("-" if one is None else f"{one.network:.1f} > {one.final:.1f}" for one in sources)
 
 
 def goals(scores: list[Evaluation]) -> str:

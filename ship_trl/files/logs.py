@@ -7,7 +7,10 @@ the CSV that TensorBoard exports), our `curve.csv`, and tables with a row for ea
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.files.curve import CURVE
 from ship_trl.files.disk import read_file
+from ship_trl.files.result import ResultError, read_result
 from ship_trl.files.table import rows
 
 # Names of columns, in small letters; the first that a table has counts.
@@ -26,6 +31,8 @@ RUNS = ("seed", "run", "run_id")
 MONITOR = ("r", "l")
 # Tags of TensorBoard: CleanRL's, Stable-Baselines3's and ours.
 TAGS = ("charts/episodic_return", "rollout/ep_rew_mean", "train/return")
+# Of a greedy evaluation in our `curve.csv`.
+SUCCESS = "greedy_success_rate"
 MAX_RETURN = 1e9
 EVENTS = "events.out.tfevents"
 KINDS = "a monitor.csv, a TensorBoard file, a curve.csv, or a table with columns step and return"
@@ -33,11 +40,17 @@ KINDS = "a monitor.csv, a TensorBoard file, a curve.csv, or a table with columns
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Returns [N] of one run, each at a number of environment steps [N] that never falls."""
+    """Returns [N] of one run, each at a number of environment steps [N] that never falls.
+
+    Runs of ours also have the success rates of the greedy evaluations, [E], and after a transfer the
+    `forgetting` of `SourceReturns`.
+    """
 
     name: str
     steps: NDArray[np.float64]
     returns: NDArray[np.float64]
+    success_rates: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    forgetting: float = math.nan
 
 
 def read_logs(path: Path, key: str) -> list[LearningCurve]:
@@ -88,7 +101,20 @@ def read_csv(path: Path, key: str) -> list[LearningCurve]:
         except (TypeError, ValueError):
             raise ConfigError(f"{key}: {path} has a row without numbers: {list(row.values())}") from None
         runs.setdefault(str(row[columns[names["run"]]]) if names["run"] else "", []).append(pair)
-    return [make_curve(path, run, np.array(pairs), is_monitor) for run, pairs in runs.items()]
+    curves = [make_curve(path, run, np.array(pairs), is_monitor) for run, pairs in runs.items()]
+    return [add_own(curves[0], path, table, key)] if path.name == CURVE and len(curves) == 1 else curves
+
+
+def add_own(curve: LearningCurve, path: Path, table: Sequence[Mapping[str, str]], key: str) -> LearningCurve:
+    """Add what our `curve.csv`, and the result beside it if there is one, say besides returns."""
+    try:
+        rates = np.array([float(row[SUCCESS]) for row in table if row.get(SUCCESS)])
+    except ValueError:
+        raise ConfigError(f"{key}: {path} has a {SUCCESS} that is no number") from None
+    source = None
+    with suppress(ResultError):
+        source = read_result(path.parent).on_source
+    return replace(curve, success_rates=rates, forgetting=math.nan if source is None else source.forgetting)
 
 
 def make_curve(path: Path, run: str, pairs: NDArray[np.float64], are_lengths: bool) -> LearningCurve:

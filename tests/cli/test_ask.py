@@ -68,6 +68,10 @@ def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
             "question: 'high: FE1 above scratch' needs two",
         ),
         (
+            ["study", "high: FE1 (forgetting)"],
+            "question: 'high: FE1 (forgetting)' needs two seeds that measured",
+        ),
+        (
             ["empty", "high: FE1 above scratch"],
             "folder: no finished run below empty; python -m ship_trl study",
         ),

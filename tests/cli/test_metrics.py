@@ -1,11 +1,14 @@
 """`metrics` compares learning curves of any library."""
 
 import csv
+import re
 from pathlib import Path
 
 import pytest
 
 from ship_trl.cli.metrics import main
+from ship_trl.files.result import SourceReturns, write_result
+from tests.a_result import a_result
 from tests.command import refused
 
 
@@ -39,9 +42,26 @@ def test_a_steeper_curve_gains(capsys: pytest.CaptureFixture[str]) -> None:
     # Fast reaches 1 at half time, so its area is 0.755; 0.65 is reached at about 0.32.
     assert value["FT3"][3:6] == ["0.76", "0.32", "1.00"]
     assert value["FT3 - scratch"][3:] == ["+0.25", "-0.32", "+0.04", "+0.50"]
+    # Both arms' areas vary by as much, but the baseline's half as much in the ratio.
+    assert re.fullmatch(r"\+0\.50 \(\+0\.4\d to \+0\.5\d\)", rows["FT3 - scratch"][-1])
     assert "the first 1,000 steps" in printed and "a score of 0.65" in printed
     # Areas of 0.505, 0.515 and 0.525: 4.30 standard errors with two degrees of freedom.
     assert rows["scratch"][3] == "0.51 (0.49 to 0.54)"
+
+
+def test_runs_of_ours_have_success_and_forgetting(capsys: pytest.CaptureFixture[str]) -> None:
+    source = SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)
+    for arm, rate, measured in (("scratch", 0.0, None), ("FT3", 1.0, source)):
+        place = Path("out", arm)
+        place.mkdir(parents=True)
+        lines = [f"{step},{step / 10},{'' if step else rate}" for step in range(0, 1001, 10)]
+        heading = "steps,return,greedy_success_rate"
+        (place / "curve.csv").write_text("\n".join([heading, f"0,,{rate}", *lines]) + "\n")
+        write_result(place, a_result(on_source=measured))
+    rows, _ = table(capsys, "scratch=out/scratch/curve.csv", "FT3=out/FT3/curve.csv")
+    assert rows["arm"][-3:] == ["greedy success", "forgetting", "forward transfer"]
+    assert rows["scratch"][-3:] == ["0.00", "-", ""] and rows["FT3"][-3:] == ["1.00", "0.50", ""]
+    assert rows["FT3 - scratch"][-3:] == ["+1.00", "-", "+0.00"]
 
 
 def test_every_return_counts(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,14 +3,16 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from ship_trl.cli.results import main
 from ship_trl.files.curve import GREEDY, TRAINING, write_curve
-from ship_trl.files.result import write_result
+from ship_trl.files.result import SourceReturns, write_result
 from ship_trl.run.results import collect
 from tests.a_result import a_result, an_evaluation
+from tests.study.synthetic import write_run
 
 
 def write(folder: Path, seed: int, best: float, outcome: str = "goal") -> None:
@@ -163,3 +165,39 @@ def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as caught:
         main([str(tmp_path), "--test"])
     assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
+
+
+def test_returns_on_the_source_are_a_column_if_there_are_any(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, 0, 30.0)
+    main([str(tmp_path), "--markdown"])
+    assert "on the source" not in capsys.readouterr().out
+    place = tmp_path / "4/FT3/seed=0"
+    place.mkdir(parents=True)
+    source = SourceReturns(83.94, -300.0, 20.5, -10.0, -203.3, None)
+    write_result(place, a_result(pair="4", target="4", on_source=source))
+    main([str(tmp_path), "--markdown"])
+    heading, _, ft3, scratch = capsys.readouterr().out.splitlines()[:4]
+    assert heading.endswith("| on the source, before > after by seed |")
+    assert ft3.endswith("| 83.9 > -10.0 |") and scratch.endswith("| - |")
+
+
+def test_the_usual_metrics_of_transfer_are_one_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)
+    for seed in range(3):
+        scores = np.full(50, 0.4 + 0.1 * seed)
+        write_run(tmp_path, scores, arm="scratch", seed=seed)
+        write_run(tmp_path, (1 + scores) / 2, arm="FT3", seed=seed, before=0.3, on_source=source)
+    main([str(tmp_path), "--markdown", "--transfer"])
+    lines = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.split("\n\n")[1].splitlines()]
+    table = {line[0]: dict(zip(lines[0][1:], line[1:], strict=True)) for line in lines}
+    assert table["high FT3"] == {
+        "seeds": "3", "start": "0.30", "early area": "0.75", "area": "0.75", "greedy area": "0.64",
+        "time": "0.04", "asymptote": "0.75", "success": "0.00", "forgetting": "0.50", "total time": "1.04",
+        # Each seed gains half of what scratch leaves.
+        "forward transfer": "0.50 (0.50 to 0.50)",
+    }  # fmt: skip
+    assert (table["high scratch"]["forgetting"], table["high scratch"]["forward transfer"]) == ("-", "-")

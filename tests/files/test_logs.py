@@ -1,5 +1,6 @@
 """Learning curves of other libraries are read, or refused in one line."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ from torch.utils.tensorboard import SummaryWriter
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.logs import read_logs
+from ship_trl.files.result import SourceReturns, write_result
+from tests.a_result import a_result
 
 MONITOR = '#{"t_start": 1.5, "env_id": "x"}\nr,l,t\n1.5,10,0.1\n2.5,30,0.4\n'
 SCALARS = "Wall time,Step,Value\n1.0,100,-3\n2.0,200,4\n"
@@ -67,3 +70,16 @@ def test_other_files_are_refused(text: str, told: str) -> None:
 def test_a_missing_file_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"^arm: no file nothing.csv; allowed: a monitor.csv"):
         read_logs(Path("nothing.csv"), "arm")
+
+
+def test_a_curve_of_ours_has_success_rates_and_with_a_result_the_forgetting() -> None:
+    lines = "episode,steps,return,greedy_success_rate\n0,0,,0.5\n1,20,-4,\n2,50,6,\n2,50,,{}\n"
+    path = Path("curve.csv")
+    path.write_text(lines.format("1.0"))
+    (curve,) = read_logs(path, "arm")
+    assert curve.success_rates.tolist() == [0.5, 1.0] and math.isnan(curve.forgetting)
+    write_result(Path(), a_result(on_source=SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)))
+    assert read_logs(path, "arm")[0].forgetting == 0.5
+    path.write_text(lines.format("x"))
+    with pytest.raises(ConfigError, match=r"^arm: curve.csv has a greedy_success_rate that is no number"):
+        read_logs(path, "arm")

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.files.result import SCHEMA_VERSION, ResultError, from_json, read_result, write_result
+from ship_trl.files.result import (
+    SCHEMA_VERSION,
+    ResultError,
+    SourceReturns,
+    from_json,
+    read_result,
+    write_result,
+)
 from tests.a_result import a_result, an_evaluation
 
 
@@ -82,3 +89,12 @@ def test_a_file_from_before_there_were_suites_has_one_episode(outcome: str, rate
     best = from_json(values).best
     assert (best.success_rate, best.episodes) == (rate, 1)
     assert from_json(values | {"best_known_return": None}).best_known_return is None
+
+
+def test_returns_on_the_source_are_read_again_and_may_be_missing() -> None:
+    source = SourceReturns(83.9, -300.0, 20.5, -10.0, -203.3, None)
+    result = a_result(on_source=source)
+    values = json.loads(json.dumps(result.to_json()))
+    assert from_json(values) == result
+    del values["on_source"]
+    assert from_json(values).on_source is None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -151,15 +152,28 @@ METRICS: dict[str, Callable[[Record], float]] = {
     "misses": lambda run: mean(late_misses(run)),
     # The share of the last tenth of the training episodes that end at the goal.
     "success": lambda run: mean(last(run.training.goal)),
+    # The share of the last tenth of the greedy evaluations that end at the goal.
+    "greedy success": lambda run: mean(last(run.greedy.goal)),
     "collisions": lambda run: mean(run.training.collision),
     "early collisions": lambda run: mean(first(run.training.collision)),
     "dip": dip,
     "collision rise": collision_rise,
     # The least distance (m) to a target ship in the last greedy episode; NaN without ships.
     "DCPA": lambda run: float(run.greedy.dcpa[-1]),
+    # The source network's score on its case less that of the network at the end; NaN if not measured.
+    "forgetting": lambda run: run.forgetting,
 }
+# Metrics that came after studies were kept. Reports have them if a run measured its source, so that those of
+# older studies stay as they are.
+LATER = ("greedy success", "forgetting")
 # Metrics for which less is better.
 TIMES = ("time", "time to 0.5", "time to 0.8", "total time")
+
+
+def metrics_of(records: Iterable[Record]) -> list[str]:
+    """Return the names of the metrics that tables of these runs have, see `LATER`."""
+    is_later = any(math.isfinite(record.forgetting) for record in records)
+    return [name for name in METRICS if is_later or name not in LATER]
 
 
 def measure(record: Record, name: str) -> float:

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.config.errors import print_error
 from ship_trl.study.analysis.metrics import METRICS, THRESHOLDS, measure
-from ship_trl.study.records.record import BrokenRunError, read_run
+from ship_trl.study.records.record import read_groups
 
 BEST, LAST = "best of known", "last of known"
 # Columns of the table; `fell` and `misses` are metrics.
@@ -27,17 +26,11 @@ def measure_runs(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any
 
     A run that cannot be read is named on stderr and left out.
     """
-    for name, folders in groups.items():
-        for folder in folders:
-            try:
-                record, *_ = read_run(folder)
-            except BrokenRunError as error:
-                print_error(f"{folder}: {error}; left out")
-                continue
-            metrics = {metric: measure(record, metric) for metric in METRICS}
-            returns, known = record.greedy.returns, record.best_known
-            shares = {BEST: float(np.max(returns)) / known, LAST: float(returns[-1]) / known}
-            yield {"run": name, "seed": record.seed, **metrics, **shares}
+    for name, record in read_groups(groups):
+        metrics = {metric: measure(record, metric) for metric in METRICS}
+        returns, known = record.greedy.returns, record.best_known
+        shares = {BEST: float(np.max(returns)) / known, LAST: float(returns[-1]) / known}
+        yield {"run": name, "seed": record.seed, **metrics, **shares}
 
 
 def rows(measured: Sequence[Mapping[str, Any]]) -> Iterator[list[str]]:

@@ -65,6 +65,24 @@ def measure(moving: Scores, threshold: float) -> dict[str, NDArray[np.float64]]:
     }
 
 
+def measure_arms(
+    arms: Mapping[str, Sequence[LearningCurve]], steps: float, scale: Scale
+) -> dict[str, dict[str, NDArray[np.float64]]]:
+    """Return each metric of each arm's runs, [runs]; those that no run has are left out."""
+    found = {}
+    for name, curves in arms.items():
+        rates = [last(one.success_rates).mean() if one.success_rates.size else np.nan for one in curves]
+        found[name] = measure(scores(curves, steps, scale), scale.threshold)
+        found[name] |= {
+            "greedy success": np.array(rates),
+            "forgetting": np.array([one.forgetting for one in curves]),
+        }
+    measured = {
+        key for values in found.values() for key, numbers in values.items() if np.isfinite(numbers).any()
+    }
+    return {name: {k: v for k, v in values.items() if k in measured} for name, values in found.items()}
+
+
 def find_scale(arms: Mapping[str, Sequence[LearningCurve]], steps: float) -> Scale:
     """Return the scale from the least to the largest moving return of any run."""
     returns = np.concatenate([scores(curves, steps, Scale(0.0, 1.0)) for curves in arms.values()])
@@ -96,10 +114,19 @@ def estimate(value: float, samples: Sequence[NDArray[np.float64]]) -> Estimate:
     return Estimate(value, value - reach, value + reach)
 
 
-def forward_transfer(area: NDArray[np.float64], baseline: NDArray[np.float64]) -> float:
+def forward_transfer(
+    area: NDArray[np.float64], baseline: NDArray[np.float64], paired: bool = False
+) -> Estimate:
     """Return (area - baseline's) / (1 - baseline's), by mean areas (Continual World; Wolczyk et al., 2021).
 
-    1 is all that could be gained, 0 nothing; NaN where the baseline leaves nothing to gain.
+    1 is all that could be gained, 0 nothing; NaN where the baseline leaves nothing to gain. The 95 % interval
+    is Student's, or Welch's unless run k of both is `paired` by its seed, of the ratio's linear part in the
+    two means (the delta method).
     """
     left = 1.0 - float(baseline.mean())
-    return float(area.mean() - baseline.mean()) / left if left > 0 else float("nan")
+    if left <= 0:
+        return Estimate(np.nan, np.nan, np.nan)
+    value = float(area.mean() - baseline.mean()) / left
+    # The ratio's derivatives by the mean areas are 1 / left and -(1 - value) / left.
+    own, other = area / left, (1.0 - value) * baseline / left
+    return estimate(value, [own - other] if paired else [own, other])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.config.arm import Arm
+from ship_trl.config.errors import print_error
 from ship_trl.files.curve import CURVE, CurveError, read_curve, split
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.study.plan.jobs import PARTS
@@ -55,7 +57,8 @@ class Record:
 
     `random` is the mean return of random actions, `before` the greedy return before training. `draws` are
     greedy returns before training over draws of the layers that are not copied, [D], if there were any.
-    `computed` holds version, device, precision and the like; `measured` caches metrics.
+    `computed` holds version, device, precision and the like; `measured` caches metrics. `forgetting` is that
+    of `SourceReturns`, NaN where the source was not measured.
     """
 
     folder: Path
@@ -73,6 +76,7 @@ class Record:
     greedy: Episodes
     computed: dict[str, str]
     draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    forgetting: float = math.nan
     measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -114,6 +118,7 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         greedy=to_episodes(greedy),
         computed={key: str(getattr(result, key)) for key in COMPUTED},
         draws=np.array(result.draws, np.float64),
+        forgetting=math.nan if result.on_source is None else result.on_source.forgetting,
     )
 
 
@@ -157,6 +162,16 @@ def read_run(folder: Path, part: str = "") -> Run:
     result = replace(result, draws=[round(value, DECIMALS["return"]) for value in result.draws])
     rows = rows.assign(**columns)
     return make_record(result, rows, folder, part), result, rows
+
+
+def read_groups(groups: Mapping[str, Sequence[Path]]) -> Iterator[tuple[str, Record]]:
+    """Yield the runs in the folders of each group, with its name; name those that are not whole on stderr."""
+    for name, folders in groups.items():
+        for folder in folders:
+            try:
+                yield name, read_run(folder)[0]
+            except BrokenRunError as error:
+                print_error(f"{folder}: {error}; left out")
 
 
 def read_placed(folder: Path, part: str = "") -> Run:

@@ -16,14 +16,15 @@ from ship_trl.config.errors import one_line
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
+from ship_trl.study.analysis import transfer_metrics
 from ship_trl.study.analysis.contrasts import MIN_SEEDS, SEED, Finding, Verdict, gain
-from ship_trl.study.analysis.metrics import METRICS, has_reached, measure
+from ship_trl.study.analysis.metrics import LATER, has_reached, measure, metrics_of
 from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.measured import COLUMNS
 from ship_trl.study.plan.config import REUSED_CASE, options, read_option
-from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, Place, scratch_place
+from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, PARTS, Place, scratch_place
 from ship_trl.study.records.record import Record
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
@@ -49,6 +50,8 @@ CONTRAST_CELLS: dict[str, Callable[[Answer, Finding], Any]] = {
     "verdict": lambda _, found: found.verdict.value,
     "beside": lambda _, found: "; ".join(f"{key} {one.value:+.3f}" for key, one in found.beside.items()),
 }
+# A column of arms.csv, as the metrics in `LATER`.
+FORWARD = "forward transfer"
 # The paper's numbers of table 2.
 PAPER_SIMILARITY = {"high": 0.83, "low": 0.45, "lowest": 0.42}
 EQUATION = f"{ALPHA:g} common / ({ALPHA:g} common + {BETA:g} different)"
@@ -56,21 +59,21 @@ EQUATION = f"{ALPHA:g} common / ({ALPHA:g} common + {BETA:g} different)"
 
 def run_rows(study: Study) -> list[Row]:
     """Return every metric of every run."""
-    rows = []
+    rows, names = [], metrics_of(study.records.values())
     for (part, pair, arm, seed), record in sorted(study.records.items()):
         row: Row = {"part": part, "pair": pair, "arm": arm, "seed": seed}
-        row |= {name: measure(record, name) for name in METRICS}
+        row |= {name: measure(record, name) for name in names}
         rows.append(row | {"reached": has_reached(record)})
     return rows
 
 
 def arm_rows(study: Study) -> list[Row]:
     """Return every metric of every arm, as interquartile mean over seeds with its interval."""
-    rows = []
+    rows, names = [], metrics_of(study.records.values())
     for part, pair, arm in study.places:
         runs = list(study.arm(part, pair, arm).values())
         row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
-        for name in METRICS:
+        for name in names:
             row |= estimate_cells(name, estimate([measure(run, name) for run in runs]))
         areas = [measure(run, "area") for run in runs]
         row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
@@ -79,8 +82,16 @@ def arm_rows(study: Study) -> list[Row]:
         fallen = sum(int(measure(run, "fell")) for run in runs)
         row |= estimate_cells("fell", share_interval(fallen, len(runs)))
         row |= estimate_cells("transfer ratio", transfer_ratio(study, (part, pair, arm)))
+        row |= estimate_cells(FORWARD, forward_transfer(study, (part, pair, arm)))
         rows.append(row)
     return rows
+
+
+def as_kept(rows: list[Row]) -> list[Row]:
+    """Return the rows of arms.csv, without forward transfer where the metrics in `LATER` are left out."""
+    if not rows or LATER[0] in rows[0]:
+        return rows
+    return [{key: value for key, value in row.items() if not key.startswith(FORWARD)} for row in rows]
 
 
 def estimate_cells(name: str, found: Estimate | None) -> Row:
@@ -110,6 +121,18 @@ def transfer_ratio(study: Study, place: Place) -> Estimate | None:
         return (interquartile_mean(one, axis) - base) / np.maximum(np.abs(base), 1e-9)
 
     return bootstrap(areas, ratio, SEED)
+
+
+def forward_transfer(study: Study, place: Place) -> Estimate | None:
+    """Return an arm's forward transfer, of the seeds that it shares with scratch; None without such seeds."""
+    part, pair, arm = place
+    scratch = scratch_place(part, pair) if part in PARTS else (part, pair, SCRATCH.name)
+    runs = study.matched({"arm": place, "scratch": scratch})
+    if Arm.parse(arm).is_scratch or not runs["arm"]:
+        return None
+    areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
+    found = transfer_metrics.forward_transfer(areas[0], areas[1], paired=True)
+    return found if np.isfinite(found.value) else None
 
 
 def transfer_rows(study: Study) -> list[Row]:

@@ -52,10 +52,10 @@ def say(line: str) -> None:
 
 def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
     """Judge the claims, write all files, and print the verdicts."""
-    answers, explored = answer(study), explore(study)
+    answers, explored, arms = answer(study), explore(study), tables.arm_rows(study)
     rows = {
         "runs": tables.run_rows(study),
-        "arms": tables.arm_rows(study),
+        "arms": tables.as_kept(arms),
         "claims": tables.claim_rows([*answers, *explored]),
         "table_2": tables.similarity_rows(),
         "transfers": tables.transfer_rows(study),
@@ -63,7 +63,7 @@ def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
     }
     for name, table in rows.items():
         tables.write_csv(output / f"{name}.csv", table)
-    shown = {"arms": rows["arms"], "similar": rows["table_2"], "missing": missing}
+    shown = {"arms": arms, "similar": rows["table_2"], "missing": missing}
     page = render(study, answers, explored, earlier, pictures=draw_all(study, output), **shown)
     verdicts = as_markdown(answers, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ship_trl.config.arm import Arm
+from ship_trl.files.result import SourceReturns
 from ship_trl.study.analysis import metrics
 from ship_trl.study.analysis.metrics import measure
 from ship_trl.study.records.record import Record, read_run
@@ -42,7 +43,25 @@ def test_rates(tmp_path: Path) -> None:
     # A score of 0.8 is a return of 0: above is the goal.
     run = record(tmp_path, [0.1] * 60 + [0.9] * 40)
     assert measure(run, "collisions") == pytest.approx(0.6) and measure(run, "early collisions") == 1.0
-    assert measure(run, "success") == 1.0 and measure(run, "DCPA") == 60.0
+    assert measure(run, "success") == measure(run, "greedy success") == 1.0
+    assert measure(run, "DCPA") == 60.0
+
+
+def test_forgetting_is_a_score_of_the_source(tmp_path: Path) -> None:
+    source = SourceReturns(
+        network=90.0, before=-100.0, best=20.0, final=-10.0, random=-100.0, best_known=100.0
+    )
+    scores = np.full(20, 0.5)
+    measured = read_run(write_run(tmp_path, scores, arm="FT3", on_source=source))[0]
+    assert measure(measured, "forgetting") == pytest.approx(0.5)
+    for best_known in (None, -100.0):
+        changed = replace(source, best_known=best_known)
+        other = read_run(write_run(tmp_path / str(best_known), scores, arm="FT3", on_source=changed))[0]
+        assert np.isnan(measure(other, "forgetting"))
+    scratch = record(tmp_path, [0.5] * 20)
+    assert metrics.metrics_of([scratch, measured]) == list(metrics.METRICS)
+    # A report of runs from before there was such a measurement has the columns that it had.
+    assert {*metrics.METRICS} - {*metrics.metrics_of([scratch])} == {*metrics.LATER}
 
 
 def test_the_threshold_is_reached_by_a_mean_of_a_few(tmp_path: Path) -> None:
@@ -101,7 +120,7 @@ def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
 
 def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
     run = record(tmp_path, [0.2, 0.4, 0.6])
-    assert all(np.isfinite(measure(run, name)) for name in metrics.METRICS)
+    assert all(np.isfinite(measure(run, name)) for name in metrics.METRICS if name != "forgetting")
 
 
 def test_a_dip_is_the_largest_fall_where_exploration_ends() -> None:

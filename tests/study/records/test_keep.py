@@ -4,8 +4,10 @@ import csv
 import errno
 import json
 import lzma
+import math
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import pytest
 
 from ship_trl.cli.keep import main as keep
 from ship_trl.cli.report import main as report
+from ship_trl.files.result import SourceReturns, read_result, write_result
 from ship_trl.study.analysis.study import read_study
 from ship_trl.study.plan.config import to_study
 from ship_trl.study.plan.jobs import plan_jobs
@@ -56,6 +59,18 @@ def whole_study(tmp_path: Path) -> Path:
 def copy(whole_study: Path, tmp_path: Path) -> Path:
     keep([str(whole_study), str(tmp_path / "copy")])
     return tmp_path / "copy"
+
+
+def test_forgetting_is_kept_where_it_was_measured(whole_study: Path, tmp_path: Path) -> None:
+    source = SourceReturns(90.0, -100.0, 20.0, -10.0, -100.0, 100.0)
+    place = whole_study / "pairs/high/FTW/seed=1"
+    write_result(place, replace(read_result(place), on_source=source))
+    keep([str(whole_study), str(tmp_path / "copy")])
+    keep(["--restore", str(tmp_path / "copy"), str(tmp_path / "again")])
+    for folder in (whole_study, tmp_path / "copy", tmp_path / "again"):
+        found = {key: one.forgetting for key, one in read_study(folder).records.items()}
+        assert found.pop(("pairs", "high", "FTW", 1)) == 0.5
+        assert found and all(map(math.isnan, found.values()))
 
 
 def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_path: Path) -> None:

@@ -9,12 +9,15 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ship_trl.cli.report import main
+from ship_trl.files.result import SourceReturns
+from ship_trl.study.analysis.metrics import LATER
 from tests.command import ROOT, files
 from tests.study.report.conftest import GONE, STAYING, Odd
-from tests.study.synthetic import write_planned, write_study
+from tests.study.synthetic import learning, write_planned, write_run, write_study
 
 
 def test_tables_and_figures_lie_beside_it(study: Path) -> None:
@@ -32,6 +35,24 @@ def test_tables_and_figures_lie_beside_it(study: Path) -> None:
     for name in ("pair_high", "differences", "times", "gains"):
         for ending in ("png", "pdf"):
             assert (study / f"report/{name}.{ending}").stat().st_size > 3_000
+
+
+def test_a_study_that_measured_its_sources_has_further_columns(study: Path, tmp_path: Path) -> None:
+    """The table of another has its old columns; its page says what each arm gained all the same."""
+    columns = (study / "report/arms.csv").read_text().partition("\n")[0].split(",")
+    assert not {*LATER, "forward transfer"} & {*columns}
+    assert "<th>forward transfer</th>" in (study / "report/index.html").read_text()
+    rng, source = np.random.default_rng(0), SourceReturns(90.0, -100.0, 20.0, -10.0, -100.0, 100.0)
+    for seed in range(5):
+        write_run(tmp_path / "pairs", learning(rng, 60, 0.5), seed=seed)
+        write_run(tmp_path / "pairs", learning(rng, 60, 0.8), arm="FT3", seed=seed, on_source=source)
+    main([str(tmp_path)])
+    with (tmp_path / "report/arms.csv").open(newline="") as file:
+        arms = {row["arm"]: row for row in csv.DictReader(file)}
+    assert arms["FT3"]["forgetting"] == "0.5" and arms["scratch"]["forgetting"] == ""
+    low, value, high = (float(arms["FT3"][f"forward transfer{end}"]) for end in (" low", "", " high"))
+    assert 0 < low < value < high < 1 and arms["scratch"]["forward transfer"] == ""
+    assert "<th>forgetting</th>" in (tmp_path / "report/index.html").read_text()
 
 
 def test_figures_of_an_earlier_report_go_and_other_files_stay(odd: Odd) -> None:

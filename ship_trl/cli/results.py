@@ -115,7 +115,7 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
 def kept(runs: Iterable[Found]) -> str:
     """Name the returns on the source of its own network and of the run's at the end; - without a source."""
     sources = [one.result.on_source for one in runs]
-    return " ".join("-" if one is None else f"{one.network:.1f} > {one.final:.1f}" for one in sources)
+    return ", ".join("-" if one is None else f"{one.network:.1f} > {one.final:.1f}" for one in sources)
 
 
 def goals(scores: list[Evaluation]) -> str:

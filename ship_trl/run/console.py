@@ -149,10 +149,6 @@ def show_result(result: Result, title: str, folder: Path) -> None:
     for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
         table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
     known, source = result.best_known_return, result.on_source
-    kept = dict[str, float]()
-    if source is not None:
-        table.add_column("on the source", justify="right")
-        kept = {"before training": source.before, "best": source.best, "final": source.final}
     for name, row in (
         ("scratch, untrained", result.scratch),
         ("before training", result.before),
@@ -164,13 +160,15 @@ def show_result(result: Result, title: str, folder: Path) -> None:
         table.add_row(
             *(name, f"{row.episode_return:.1f}", share, describe_end(row)),
             *(str(row.length), dcpa, str(row.episode)),
-            *([f"{kept[name]:.1f}"] if name in kept else []),
         )
     if known is not None:
         table.add_row("best known (planner)", f"{known:.1f}", "100%")
-    if source is not None:
-        table.add_row("source network", *[""] * 6, f"{source.network:.1f}")
     console.print(table)
+    if source is not None:
+        say(
+            f"on the source its own network returns {source.network:.1f}, and this one {source.before:.1f} "
+            f"before training, {source.best:.1f} at its best and {source.final:.1f} at the end"
+        )
     say(
         f"{result.episodes} episodes, {result.steps} steps, {result.seconds:.0f} s; "
         f"goal in {result.training_goal_rate:.0%} of the training episodes, "

@@ -33,7 +33,7 @@ from ship_trl.transfer.casebase import rank
 ALGORITHM_VERSION = 3
 # The same for the numbers that a network without pixels sees (`sim.vector`).
 VECTOR_VERSION = 2
-# Weights that solve the source case.
+# Weights that were learned on the source.
 LEARNED = (SourceWeights.learned, SourceWeights.pretrained)
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"

@@ -64,6 +64,8 @@ def test_evaluations_are_read_back_from_rows() -> None:
     assert history.evaluated == [summarise(event)] and history.source_returns == []
     history.rows = from_csv(to_csv([to_row(replace(event, source_return=-0.125))]))
     assert history.evaluated == [summarise(event)] and history.source_returns == [-0.125]
+    # A checkpoint from before there was this column.
+    assert from_csv(to_csv([to_row(event)]).rstrip(",\n") + "\n") == [to_row(event)]
 
 
 def test_the_best_evaluation_has_the_highest_mean_return_and_of_equals_is_the_latest() -> None:

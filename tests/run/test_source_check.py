@@ -38,12 +38,16 @@ def test_at_most_so_many_evaluations_are_measured_evenly(episodes: int, every: i
 
 
 @pytest.mark.parametrize("observation", ["pixels", "vector"])
-def test_what_is_learned_has_the_same_bits_without_it(observation: str) -> None:
+def test_what_is_learned_has_the_same_bits_without_it(
+    observation: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     # No bundled network of case 1 sees vectors, so that source is trained here.
     words = *LINE, f"observation={observation}", *("source=pretrained",) * (observation == "pixels")
     run, other = (planned(*words, f"output={name}") for name in ("one", "other"))
     result = run_experiment(run)
+    assert "\non the source its own network returns " in capsys.readouterr().out
     run_experiment(dataclasses.replace(other, source_suite=None))
+    assert "on the source" not in capsys.readouterr().out.partition("case 1 -> case 2")[2]
     kept, left = files(run.folder), files(other.folder)
     for name in ("policy.safetensors", "policy_last.safetensors"):
         assert kept[name] == left[name]

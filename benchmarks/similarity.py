@@ -118,10 +118,11 @@ def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> lis
 @cache
 def known(folder: Path, case: str, seed: int) -> Known:
     """Read a source's network, once a process."""
-    from ship_trl.sim.cases import load_world
+    from ship_trl.sim.cases import load_case, load_world
     from ship_trl.sources.known import Known
 
-    return Known.load(case, load_world(), weights_path(folder, case, seed))
+    world = load_world()
+    return Known.load(load_case(case, world, "source"), world, weights_path(folder, case, seed))
 
 
 def read_measures(path: Path, cases: tuple[str, ...]) -> tuple[dict[str, Floats], dict[str, float]]:

@@ -16,6 +16,8 @@ MAX_TABLE_BYTES = 1_000_000
 PAPER = "similarity"
 # Kinds of measures: those that may win, and those that cannot: oracles, and what was fitted to gains.
 ORACLE, FITTED = "oracle", "fitted"
+# A kind that may win: it asks the network of the source.
+SOURCE = "source"
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from ship_trl.policies.reference import best_known
 from ship_trl.policies.vo import vo
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.suites import Suite, load_suite
+from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.transfer.layers import load_weights, read_look
 
 # Episodes of the planner, and the share of random actions in them.
@@ -48,14 +48,13 @@ class Known:
     Measures ask for what they need; each thing is computed once.
     """
 
-    def __init__(self, name: str, world: World, network: DuelingNetwork | None = None) -> None:
-        self.suite: Suite = load_suite(name, world)
-        self.case: Case = self.suite.case
+    def __init__(self, case: Case, world: World, network: DuelingNetwork | None = None) -> None:
+        self.case, self.suite = case, suite_of(case)
         self.world = world
         self._network = network
 
     @classmethod
-    def load(cls, name: str, world: World, path: Path) -> Known:
+    def load(cls, case: Case, world: World, path: Path) -> Known:
         """Read the network from a safetensors file.
 
         Raises:
@@ -64,7 +63,7 @@ class Known:
         config, colour = read_look(path, "source_file")
         network = make_network(config, len(world.actions), Generator(), colour=colour)
         network.load_state_dict(dict(load_weights(path, network)))
-        return cls(name, world, network)
+        return cls(case, world, network)
 
     @property
     def network(self) -> DuelingNetwork:

@@ -11,7 +11,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies.pretrained import networks
-from ship_trl.sim.cases import load_world
+from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sources.known import Known
 from ship_trl.sources.measures import MEASURES, Needs
 
@@ -31,7 +31,11 @@ def network() -> DuelingNetwork:
 
 @pytest.fixture(scope="module")
 def target(network: DuelingNetwork) -> Known:
-    return Known("4", WORLD, network)
+    return known("4", network)
+
+
+def known(name: str, network: DuelingNetwork | None = None) -> Known:
+    return Known(load_case(name, WORLD), WORLD, network)
 
 
 def measure(name: str, source: Known, target: Known) -> float:
@@ -39,17 +43,17 @@ def measure(name: str, source: Known, target: Known) -> float:
 
 
 def test_a_case_is_most_similar_to_itself(network: DuelingNetwork, target: Known) -> None:
-    same = Known("4", WORLD, network)
+    same = known("4", network)
     expected = {"gradient": 1, "cka": 1, "q_distance": 0, "policy_agreement": 1, "ships": 0, "similarity": 1}
     assert {name: measure(name, same, target) for name in expected} == pytest.approx(expected, abs=1e-5)
 
 
 def test_another_network_is_less_similar(target: Known) -> None:
-    other = Known("4", WORLD, small(9002))
+    other = known("4", small(9002))
     assert measure("cka", other, target) < 1
     assert measure("q_distance", other, target) > 0
     assert measure("policy_agreement", other, target) < 1
-    assert -1 <= measure("gradient", other, Known("2", WORLD)) <= 1
+    assert -1 <= measure("gradient", other, known("2")) <= 1
 
 
 def test_an_action_that_the_planner_takes_agrees_as_often_as_it_takes_it(target: Known) -> None:
@@ -59,7 +63,7 @@ def test_an_action_that_the_planner_takes_agrees_as_often_as_it_takes_it(target:
         always.advantage.bias.copy_(torch.arange(ACTIONS) == WORLD.straight_action)
     share = (target.probe.planned == WORLD.straight_action).float().mean()
     assert 0 < share < 1
-    assert measure("agreement", Known("1", WORLD, always), target) == pytest.approx(float(share))
+    assert measure("agreement", known("1", always), target) == pytest.approx(float(share))
 
 
 def test_a_straight_course_reaches_the_goal_of_case_1_at_once(target: Known) -> None:
@@ -67,24 +71,26 @@ def test_a_straight_course_reaches_the_goal_of_case_1_at_once(target: Known) -> 
     with torch.no_grad():
         always.advantage.weight.zero_()
         always.advantage.bias.copy_(torch.arange(ACTIONS) == WORLD.straight_action)
-    source = Known("4", WORLD, always)
-    assert measure("zero_shot", source, Known("1", WORLD)) == pytest.approx(1, abs=1e-3)
+    source = known("4", always)
+    assert measure("zero_shot", source, known("1")) == pytest.approx(1, abs=1e-3)
     # In case 4 a straight course ends in a collision.
     assert measure("zero_shot", source, target) < 0.1
-    assert measure("visits", Known("1", WORLD, always), Known("1", WORLD)) == pytest.approx(1)
-    assert measure("visits", Known("1", WORLD, always), target) < 1
+    assert measure("visits", known("1", always), known("1")) == pytest.approx(1)
+    assert measure("visits", known("1", always), target) < 1
 
 
 def test_features_that_hold_the_planners_actions_have_a_higher_logme(target: Known) -> None:
-    learned = Known.load("4", WORLD, next(one.file for one in networks() if one.name == "4"))
+    learned = Known.load(
+        load_case("4", WORLD), WORLD, next(one.file for one in networks() if one.name == "4")
+    )
     blind = small(9001)
     with torch.no_grad():
         blind.shared.weight.zero_()
-    assert measure("logme", learned, target) > measure("logme", Known("4", WORLD, blind), target)
+    assert measure("logme", learned, target) > measure("logme", known("4", blind), target)
 
 
 def test_probes_are_the_same_each_time_and_hold_random_actions(target: Known) -> None:
-    probe, again = target.probe, Known("4", WORLD).probe
+    probe, again = target.probe, known("4").probe
     assert torch.equal(probe.states, again.states)
     assert 0.1 < (probe.planned != probe.actions).float().mean() < 0.4
     # A next state is the state that follows.
@@ -97,10 +103,10 @@ def test_probes_are_the_same_each_time_and_hold_random_actions(target: Known) ->
 @pytest.mark.parametrize("name", [name for name, one in MEASURES.items() if one.needs is not Needs.cases])
 def test_a_measure_says_that_a_network_is_missing(name: str, target: Known) -> None:
     with pytest.raises(ValueError, match="case 4 has no network"):
-        measure(name, Known("4", WORLD), target)
+        measure(name, known("4"), target)
 
 
 def test_a_file_that_holds_no_network_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.safetensors").write_bytes(b"0")
     with pytest.raises(ConfigError, match="source_file"):
-        Known.load("4", WORLD, tmp_path / "x.safetensors")
+        Known.load(load_case("4", WORLD), WORLD, tmp_path / "x.safetensors")

@@ -153,7 +153,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
         teacher=describe_teacher(config),
-        source_check=make_source_check(run, network, source, device),
+        source_check=make_source_check(run, source, device),
     )
 
 

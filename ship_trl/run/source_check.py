@@ -10,7 +10,7 @@ from torch import Generator
 
 from ship_trl.config.types import Schedule
 from ship_trl.learn.backend import Draw
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import mean_return, rollout
 from ship_trl.learn.train import Evaluated, Finished
@@ -18,7 +18,6 @@ from ship_trl.run.run import Run
 from ship_trl.run.source import Source
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
-from ship_trl.transfer.methods.method import fixed_copy
 
 # Evaluations on the source in a run, evenly, the first and the last included. They take about 1 % of a run of
 # pixels and 2 % of one of vectors in profile quick; at each of its 121 evaluations 4 % and 9 %.
@@ -55,13 +54,15 @@ class SourceCheck:
         return replace(event, source_return=self.measure(network))
 
 
-def make_source_check(
-    run: Run, network: DuelingNetwork, source: Source | None, device: torch.device
-) -> SourceCheck | None:
-    """Make what measures a transfer on its source; `network` has the layers that the source's weights fit."""
+def make_source_check(run: Run, source: Source | None, device: torch.device) -> SourceCheck | None:
+    """Make the check of a transfer on its source; None if the source is drawn or has other actions."""
     if source is None or run.source_suite is None:
         return None
     config, suite = run.config, run.source_suite
+    network = make_network(config.network, len(config.world.actions), Generator(), colour=config.colour)
+    if source.weights.keys() != network.state_dict().keys():
+        return None
+    network.load_state_dict(dict(source.weights))
     starts = make_starts(suite, config.world).balanced(len(suite.cases), Generator())
     env = ShipEnv(
         suite,
@@ -73,4 +74,4 @@ def make_source_check(
         fast=config.fast,
     )
     check = SourceCheck(env, env.observer(config.network), config.learn)
-    return replace(check, source_return=check.measure(fixed_copy(network, source.weights)))
+    return replace(check, source_return=check.measure(network.to(device)))

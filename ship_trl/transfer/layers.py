@@ -113,7 +113,7 @@ def load_weights(
 ) -> Weights:
     """Read weights that fit `network`, as float32.
 
-    Layers in `free` may have other sizes, and are left out: nothing is copied from them.
+    Layers in `free` may have other sizes, and then are left out: nothing is copied from them.
 
     Raises:
         ConfigError: not a safetensors file, its network has other layers, or a weight is not finite.
@@ -133,14 +133,15 @@ def load_weights(
                 f"{key}: {path} adds the Q-values of its own source (method=q_reuse); "
                 "allowed: networks of other methods"
             )
-        fixed = {name for name in wanted.keys() | names if name.split(".")[0] not in free}
-        problem = describe_mismatch(
-            {name: shape for name, shape in shapes.items() if name in fixed},
-            {name: tuple(value.shape) for name, value in wanted.items() if name in fixed},
-        )
-        if problem:
+        expected = {name: tuple(value.shape) for name, value in wanted.items()}
+        # Left out by layer, so that no bias goes without its weight.
+        differ = {name.split(".")[0] for name in wanted if expected[name] != shapes.get(name)} & set(free)
+        for sizes in (shapes, expected):
+            for name in [name for name in sizes if name.split(".")[0] in differ]:
+                del sizes[name]
+        if problem := describe_mismatch(shapes, expected):
             raise ConfigError(f"{key}: {path} does not fit the network: {problem}")
-        weights = {name: file.get_tensor(name) for name in sorted(names & fixed)}
+        weights = {name: file.get_tensor(name) for name in sorted(shapes)}
     for name, value in weights.items():
         if value.dtype not in (torch.float16, torch.float32) or not bool(value.isfinite().all()):
             raise ConfigError(

@@ -1,5 +1,6 @@
 """Which of a source file's weights a run reads."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -15,10 +16,10 @@ from ship_trl.run.source import Source, read_source
 ACTIONS = "world.actions=[[15,0],[7.5,0.1],[7.5,-0.1]]"
 
 
-def read(arm: str, folder: Path) -> Source | None:
-    """Read a source of seven actions for a world of three."""
+def read(arm: str, folder: Path, world: Sequence[str] = (ACTIONS,)) -> Source | None:
+    """Read a source of seven actions, for a world of three by default."""
     file = next(one.file for one in networks() if one.name == "1")
-    words = ("source=1", "target=2", f"+arm={arm}", f"source_file={file}", ACTIONS, f"output={folder}")
+    words = ("source=1", "target=2", f"+arm={arm}", f"source_file={file}", f"output={folder}", *world)
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         return read_source(make_run(to_config(compose("config", list(words)))))
 
@@ -35,6 +36,12 @@ def test_a_source_may_have_other_actions_where_its_output_is_not_copied(arm: str
         "shared",
         "value",
     }
+
+
+def test_of_a_source_that_fits_all_is_read(tmp_path: Path) -> None:
+    # Else permuted controls would draw other numbers.
+    found = read("FE3", tmp_path, ())
+    assert found is not None and "advantage.weight" in found.weights
 
 
 @pytest.mark.parametrize("arm", ["FTW", "FTH", "G3", "QD"])

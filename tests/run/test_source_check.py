@@ -10,6 +10,7 @@ import pytest
 from ship_trl.config.types import Schedule
 from ship_trl.files.curve import CURVE
 from ship_trl.files.result import read_result
+from ship_trl.policies.pretrained import networks
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
@@ -61,6 +62,20 @@ def test_what_is_learned_has_the_same_bits_without_it(
     if observation == "pixels":
         assert source.best_known == pytest.approx(source.network, abs=10)
         assert source.random < -100 < 0 < source.network
+
+
+@pytest.mark.parametrize(
+    ("words", "is_measured"),
+    [
+        (("+arm=QR", "source_weights=pretrained"), True),
+        (("+arm=FT3", "world.actions=[[15,0],[7.5,0.1],[7.5,-0.1]]"), False),
+    ],
+)
+def test_a_source_of_other_actions_is_not_measured(words: tuple[str, ...], is_measured: bool) -> None:
+    file = next(one.file for one in networks() if one.name == "1")
+    given = () if is_measured else (f"source_file={file}",)
+    line = ("profile=smoke", "source=1", "target=2", "learn.jumpstart_draws=1", *words, *given)
+    assert (run_experiment(planned(*line)).on_source is not None) == is_measured
 
 
 @pytest.mark.parametrize(

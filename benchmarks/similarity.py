@@ -1,4 +1,4 @@
-"""`python -m benchmarks similarity numbers|pixels`: which measure foretells what a source is worth?
+"""`python -m benchmarks similarity numbers|pixels`: which measure predicts what a source is worth?
 
 Measures similarity of all pairs of the benchmark of sources, and judges the measures by docs/sources.md. The
 networks are needed once; after that the table of measures is read.
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.sources import FOLDER, PRICES, prepare, weights_path
+from benchmarks.sources import FOLDER, SETTINGS, key, plan_tasks, prepare, weights_path
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.cli.table import show
@@ -27,7 +27,7 @@ from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.table import read_table
 from ship_trl.sources import judge
-from ship_trl.sources.gains import KINDS, Gains, read_gains
+from ship_trl.sources.gains import KEPT, KINDS, Gains, make_gains, read_runs
 from ship_trl.sources.judgements import FITTED, ORACLE, PAPER, Judgement, winner
 from ship_trl.study.report.tables import write_csv
 
@@ -40,10 +40,10 @@ Floats = judge.Floats
 
 def main(arguments: list[str]) -> None:
     """Measure, judge, and write tables and a picture."""
-    files = "PRICE_measures.csv, PRICE_judgements.csv and PRICE.png"
+    files = "SETTING_measures.csv, SETTING_judgements.csv and SETTING.png"
     parser = make_parser("similarity", f"{__doc__}\n\nWrites:\n    {FOLDER}/{files}")
     parser.prog = "python -m benchmarks similarity"
-    parser.add_argument("price", choices=PRICES, help="what networks see")
+    parser.add_argument("setting", choices=SETTINGS, help="what networks see")
     add_number(parser, "--processes", Positive, 2, "at once (default 2)")
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
     options = parser.parse_args(arguments)
@@ -53,13 +53,16 @@ def main(arguments: list[str]) -> None:
 
 def run(options: Namespace) -> None:
     """Judge all measures on all arms."""
-    folder = FOLDER / options.price
-    runs = next((path for path in tables(folder) if path.is_file()), folder.with_suffix(".csv"))
-    gains = read_gains(runs)
+    folder = FOLDER / options.setting
+    setting, runs = SETTINGS[options.setting], read_runs(run_table(folder))
+    if missing := {task.key(setting) for task in plan_tasks(setting)} - set(map(key, runs)):
+        first = f"python -m benchmarks sources {folder.name}"
+        raise ConfigError(f"sources: {len(missing)} runs are missing; allowed: after {first}")
+    gains = make_gains(runs, setting.cases)
     table = folder.with_name(f"{folder.name}_measures.csv")
     if not table.is_file():
-        write_csv(table, measure_all(gains.cases, len(gains.of(gains.arms[0])), folder, options.processes))
-    values, seconds = read_measures(table, gains.cases)
+        write_csv(table, measure_all(gains.cases, setting.seeds, folder, options.processes))
+    values, seconds = read_measures(table, gains.cases, setting.seeds)
     judged = {
         arm: one for arm in gains.arms if judge.reliability(one := gains.of(arm))[0] > judge.MIN_RELIABILITY
     }
@@ -83,9 +86,10 @@ def run(options: Namespace) -> None:
     sys.stdout.write("".join(f"{path}\n" for path in (table, written, picture)))
 
 
-def tables(folder: Path) -> tuple[Path, Path]:
-    """Return where the table of runs may lie."""
-    return folder.with_suffix(".csv"), folder.with_suffix(".csv.xz")
+def run_table(folder: Path) -> Path:
+    """Return where the table of runs lies: the one just made, or the one that was kept."""
+    made = folder.with_suffix(".csv")
+    return made if made.is_file() else folder.with_suffix(".csv.xz")
 
 
 def measure_all(cases: tuple[str, ...], seeds: int, folder: Path, processes: int) -> list[dict[str, Any]]:
@@ -125,7 +129,9 @@ def known(folder: Path, case: str, seed: int) -> Known:
     return Known.load(load_case(case, world, "source"), world, weights_path(folder, case, seed))
 
 
-def read_measures(path: Path, cases: tuple[str, ...]) -> tuple[dict[str, Floats], dict[str, float]]:
+def read_measures(
+    path: Path, cases: tuple[str, ...], seeds: int
+) -> tuple[dict[str, Floats], dict[str, float]]:
     """Read the mean over seeds of each measure, [targets, sources], larger for more similar, and its seconds.
 
     Raises:
@@ -135,7 +141,8 @@ def read_measures(path: Path, cases: tuple[str, ...]) -> tuple[dict[str, Floats]
 
     rows = read_table(path, ("target", "source", "seed", *MEASURES), dict, MAX_BYTES, "sources", "measures")
     pairs = len(cases) * (len(cases) - 1)
-    if not rows or len(rows) % pairs or {row["target"] for row in rows} != set(cases):
+    wanted = {(t, s, str(seed)) for t in cases for s in cases if s != t for seed in range(seeds)}
+    if sorted((row["target"], row["source"], row["seed"]) for row in rows) != sorted(wanted):
         raise ConfigError(f"sources: {path} does not fit the runs; delete it to measure again")
     values, seconds = {}, {}
     for name, one in MEASURES.items():
@@ -179,8 +186,9 @@ def show_arms(gains: Gains, markdown: bool) -> None:
         cells = [interval(judge.interval(np.nanmean(gains.of(arm, kind), axis=(0, 2)))) for kind in KINDS]
         best = judge.interval(np.nanmax(gains.of(arm).mean(0), axis=1)).value
         share = float(np.mean(gains.of(arm).mean(0)[np.isfinite(gains.of(arm)[0])] > 0))
-        rows.append([arm, *cells, f"{share:.0%}", f"{best:+.3f}", f"{one:.2f}", f"{both:.2f}"])
-    headings = ("arm", *(f"gain: {kind}" for kind in KINDS), "pairs that gain", "of the best source")
+        kept = float(np.nanmean(gains.of(arm, KEPT)))
+        rows.append([arm, *cells, f"{share:.0%}", f"{best:+.3f}", f"{kept:.2f}", f"{one:.2f}", f"{both:.2f}"])
+    headings = ("arm", *(f"gain: {kind}" for kind in KINDS), "pairs that gain", "of the best source", "kept")
     show((*headings, "reliability of a seed", "of the mean"), rows, markdown)
 
 

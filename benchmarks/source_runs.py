@@ -9,50 +9,48 @@ from pathlib import Path
 import torch
 from torch import Generator, Tensor
 
-from benchmarks.sources import EVALUATIONS, Price, Row, Task, is_on_source, make_row, weights_path
+from benchmarks.sources import EVALUATIONS, Row, Setting, Task, is_on_source, make_row, weights_path
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.rollout import rollout
 from ship_trl.learn.train import Evaluated
 from ship_trl.run.parts import make_parts
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import make_step
 from ship_trl.sim.vector import VectorObservation
 from ship_trl.transfer.layers import save_weights
 from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
+from ship_trl.transfer.methods.finetune import Finetune
+from ship_trl.transfer.methods.scratch import Scratch
 
 # Places for target ships; no case has more.
 PLACES = 3
 
 
-def train(tasks: list[Task], price: Price, folder: Path) -> list[Row]:
+def train(tasks: list[Task], setting: Setting, folder: Path) -> list[Row]:
     """Train a group of runs."""
-    if price.in_lockstep:
-        return train_together(tasks, price, folder)
-    return [train_alone(task, price, folder) for task in tasks]
+    if setting.in_lockstep:
+        return train_together(tasks, setting, folder)
+    return [train_alone(task, setting, folder) for task in tasks]
 
 
-def train_alone(task: Task, price: Price, folder: Path) -> Row:
+def train_alone(task: Task, setting: Setting, folder: Path) -> Row:
     """Train one run; a source's best network is written into the folder."""
-    began, run, episodes = time.process_time(), task.plan(price, folder), task.length(price)
+    began, run, episodes = time.process_time(), task.plan(setting, folder), task.length(setting)
     learn = replace(run.config.learn, episodes=episodes, evaluate_every=episodes // EVALUATIONS)
     run = replace(run, config=replace(run.config, learn=learn))
-    parts, world = make_parts(run, torch.device("cpu"), read_source(run)), run.config.world
-    home = ShipEnv(load_suite(task.source, world), world) if task.source else None
+    parts = make_parts(run, torch.device("cpu"), read_source(run))
     greedy, on_source = list[Evaluated](), list[float]()
 
     def note(event: Evaluated) -> None:
         greedy.append(event)
         if task.is_source and event.episode_return >= max(one.episode_return for one in greedy):
             save_weights(weights_path(folder, task.target, task.seed), parts.algorithm.network, {})
-        if home is not None and is_on_source(len(greedy) - 1):
-            (episode,) = rollout(home, parts.algorithm.greedy)
-            on_source.append(episode.episode_return)
+        if parts.source_check is not None and is_on_source(len(greedy) - 1):
+            on_source.append(parts.source_check.measure(parts.algorithm.network))
 
     note(parts.training.begin())
     while not parts.training.is_finished:
@@ -60,14 +58,14 @@ def train_alone(task: Task, price: Price, folder: Path) -> Row:
             if isinstance(event, Evaluated):
                 note(event)
     returns, reached = zip(*((one.episode_return, one.success_rate) for one in greedy), strict=True)
-    return make_row(task, price, returns, reached, on_source, time.process_time() - began)
+    return make_row(task, setting, returns, reached, on_source, time.process_time() - began)
 
 
-def train_together(tasks: list[Task], price: Price, folder: Path) -> list[Row]:
+def train_together(tasks: list[Task], setting: Setting, folder: Path) -> list[Row]:
     """Train runs of one length at once; the best networks of sources are written into the folder."""
     began = time.process_time()
-    runs = [task.plan(price, folder) for task in tasks]
-    config, length = runs[0].config, tasks[0].length(price)
+    runs = [task.plan(setting, folder) for task in tasks]
+    config, length = runs[0].config, tasks[0].length(setting)
     begin = starts(runs, [task.target for task in tasks])
     homes = starts(runs, [task.source or task.target for task in tasks])
     networks, frozen = zip(*map(start_network, runs), strict=True)
@@ -100,7 +98,7 @@ def train_together(tasks: list[Task], price: Price, folder: Path) -> list[Row]:
     seconds = (time.process_time() - began) / len(tasks)
     shown = [torch.stack(one, 1).tolist() for one in (greedy, reached, on_source)]
     return [
-        make_row(task, price, returns, goals, kept if task.source else (), seconds)
+        make_row(task, setting, returns, goals, kept if task.source else (), seconds)
         for task, returns, goals, kept in zip(tasks, *shown, strict=True)
     ]
 
@@ -120,7 +118,7 @@ def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
     weights = Generator().manual_seed(run.stream("weights"))
     network = make_network(run.config.network, len(run.config.world.actions), weights)
     method, source = make_method(run.arm, run.config.transfer), read_source(run)
-    if method.thaws or method.needs_origin:
+    if type(method) not in (Scratch, FeatureExtraction, Finetune):
         raise ValueError(f"arm {run.arm} cannot be trained in lockstep")
     if source is not None:
         method.copy(network, source.weights)

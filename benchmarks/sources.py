@@ -38,7 +38,7 @@ EVALUATIONS, ON_SOURCE = 15, 5
 
 
 @dataclass(frozen=True)
-class Price:
+class Setting:
     """What is trained: cases, arms, and how long: episodes, or environment steps where runs go in lockstep.
 
     `scratch_seeds` is for the baselines alone.
@@ -54,9 +54,9 @@ class Price:
     in_lockstep: bool = False
 
 
-PRICES = {
+SETTINGS = {
     # Small, so that all runs of a target are trained at once, in seconds of a core each.
-    "numbers": Price(
+    "numbers": Setting(
         (
             *("observation=vector", "algorithm=n_step", "network.linear=[64,64,128,128]"),
             *("learn.num_envs=32", "learn.batch_size=64", "learn.update_every=16"),
@@ -70,7 +70,7 @@ PRICES = {
         in_lockstep=True,
     ),
     # Profile quick. The Imazu problems with one, two and three ships whose best known return is lowest.
-    "pixels": Price(
+    "pixels": Setting(
         ("observation=pixels",),
         (*PAPER, "imazu03", "imazu07", "imazu17"),
         ("FE3", "FTW", "FTH"),
@@ -91,19 +91,19 @@ class Task:
     seed: int
     is_source: bool = False
 
-    def length(self, price: Price) -> int:
+    def length(self, setting: Setting) -> int:
         """Return how long the run is."""
-        return price.source_length if self.is_source else price.target_length
+        return setting.source_length if self.is_source else setting.target_length
 
-    def key(self, price: Price) -> tuple[str, ...]:
+    def key(self, setting: Setting) -> tuple[str, ...]:
         """Return what tells the run from others in the table."""
-        return key(asdict(self) | {"length": self.length(price)})
+        return key(asdict(self) | {"length": self.length(setting)})
 
-    def plan(self, price: Price, folder: Path) -> Run:
+    def plan(self, setting: Setting, folder: Path) -> Run:
         """Plan the run; its source lies in the folder."""
         from ship_trl.run.plan import make_run
 
-        config, arm = shared_config(price.overrides), Arm.parse(self.arm)
+        config, arm = shared_config(setting.overrides), Arm.parse(self.arm)
         source_file = None if arm.is_scratch else str(weights_path(folder, self.source, self.seed))
         config = replace(config, target=self.target, source=self.source or None, source_file=source_file)
         return make_run(replace(config, method=arm.method, layers=arm.layers, seed=self.seed))
@@ -131,20 +131,20 @@ class Row:
     seconds: float
 
 
-def plan_tasks(price: Price) -> list[Task]:
+def plan_tasks(setting: Setting) -> list[Task]:
     """List all runs: sources, baselines, then transfers, a seed after the other."""
-    cases, seeds = price.cases, range(price.seeds)
+    cases, seeds = setting.cases, range(setting.seeds)
     tasks = [Task(case, "", SCRATCH.name, seed, True) for seed in seeds for case in cases]
-    tasks += [Task(case, "", SCRATCH.name, seed) for seed in range(price.scratch_seeds) for case in cases]
+    tasks += [Task(case, "", SCRATCH.name, seed) for seed in range(setting.scratch_seeds) for case in cases]
     pairs = [(source, target) for target in cases for source in cases if source != target]
     return tasks + [
-        Task(target, source, arm, seed) for seed in seeds for source, target in pairs for arm in price.arms
+        Task(target, source, arm, seed) for seed in seeds for source, target in pairs for arm in setting.arms
     ]
 
 
 @cache
 def shared_config(overrides: tuple[str, ...]) -> Config:
-    """Compose the configuration that all runs of a price share, once a process."""
+    """Compose the configuration that all runs of a setting share, once a process."""
     return plan("profile=quick", "target=1", "method=scratch", *overrides).config
 
 
@@ -160,7 +160,7 @@ def is_on_source(evaluation: int) -> bool:
 
 def make_row(
     task: Task,
-    price: Price,
+    setting: Setting,
     greedy: Iterable[float],
     reached: Iterable[float],
     on_source: Iterable[float],
@@ -173,7 +173,7 @@ def make_row(
         source=task.source,
         arm=task.arm,
         seed=task.seed,
-        length=task.length(price),
+        length=task.length(setting),
         random=round(random, 2),
         best_known=round(known, 2),
         greedy=join(greedy),
@@ -218,9 +218,11 @@ def key(row: Mapping[str, object]) -> tuple[str, ...]:
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    parser = make_parser("sources", f"{__doc__}\n\nWrites:\n    {FOLDER}/PRICE.csv and the sources' weights")
+    parser = make_parser(
+        "sources", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING.csv and the sources' weights"
+    )
     parser.prog = "python -m benchmarks sources"
-    parser.add_argument("price", choices=PRICES, help="what networks see")
+    parser.add_argument("setting", choices=SETTINGS, help="what networks see")
     add_number(parser, "--processes", Positive, 2, "at once (default 2)")
     options = parser.parse_args(arguments)
     with refusals():
@@ -231,13 +233,13 @@ def run(options: Namespace) -> None:
     """Train sources first; then everything else."""
     from benchmarks.source_runs import train
 
-    price, folder = PRICES[options.price], FOLDER / options.price
+    setting, folder = SETTINGS[options.setting], FOLDER / options.setting
     folder.mkdir(parents=True, exist_ok=True)
     table = folder.with_suffix(".csv")
     rows: list[Mapping[str, object]] = list(read_done(table))
     done = {key(row) for row in rows}
     write_csv(table, rows)
-    tasks = [task for task in plan_tasks(price) if task.key(price) not in done]
+    tasks = [task for task in plan_tasks(setting) if task.key(setting) not in done]
     count = 0
     with (
         ProcessPoolExecutor(options.processes, get_context("spawn"), initializer=prepare) as pool,
@@ -247,21 +249,28 @@ def run(options: Namespace) -> None:
         if not rows:
             writer.writeheader()
         for stage in (True, False):
-            groups = group([task for task in tasks if task.is_source is stage], price)
-            for job in as_completed([pool.submit(train, one, price, folder) for one in groups]):
-                writer.writerows(asdict(row) for row in job.result())
-                file.flush()
-                count += len(job.result())
-                seconds = sum(row.seconds for row in job.result())
-                where = f"to {job.result()[-1].target}"
-                sys.stdout.write(f"{count} of {len(tasks)} runs: {where}, {seconds:.1f} s of a core\n")
-                sys.stdout.flush()
+            groups = group([task for task in tasks if task.is_source is stage], setting)
+            jobs = [pool.submit(train, one, setting, folder) for one in groups]
+            try:
+                for job in as_completed(jobs):
+                    made = job.result()
+                    writer.writerows(asdict(row) for row in made)
+                    file.flush()
+                    count += len(made)
+                    seconds = sum(row.seconds for row in made)
+                    where = f"to {made[-1].target}, {seconds:.1f} s of a core"
+                    sys.stdout.write(f"{count} of {len(tasks)} runs: {where}\n")
+                    sys.stdout.flush()
+            except BaseException:
+                # Else the pool would make all other runs first, and lose them.
+                pool.shutdown(cancel_futures=True)
+                raise
     sys.stdout.write(f"{table}\n")
 
 
-def group(tasks: list[Task], price: Price) -> list[list[Task]]:
+def group(tasks: list[Task], setting: Setting) -> list[list[Task]]:
     """Group the runs that are trained at once: those of a target, or the sources of a seed."""
-    if not price.in_lockstep:
+    if not setting.in_lockstep:
         return [[task] for task in tasks]
     found: dict[object, list[Task]] = {}
     for task in tasks:

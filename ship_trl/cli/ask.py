@@ -52,9 +52,9 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
         # A metric that a run has not measured is NaN.
         measured = [one for test in tests for one in test(shown) if math.isfinite(one.estimate.value)]
         if not measured:
-            raise ConfigError(f"question: {question!r} needs two seeds that measured all its arms")
+            raise ConfigError(f"question: {question!r} needs its metric of two seeds that all its arms have")
         if few := len(tests) - len(measured):
-            print_error(f"{question}: {few} of {len(tests)} have fewer than two common seeds; left out")
+            print_error(f"{question}: {few} of {len(tests)} lack it for two common seeds; left out")
         found += measured
     return found
 

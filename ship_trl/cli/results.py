@@ -25,7 +25,7 @@ HEADINGS = (
     *("final by seed", "goal"),
 )
 # A column of transfers: returns on the source of its own network, and of the run's at the end.
-SOURCE_HEADING = "on the source, before > after by seed"
+SOURCE_HEADING = "return on the source, its network > at the end, by seed"
 TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", "p, permutation")
 
 

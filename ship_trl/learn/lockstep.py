@@ -1,13 +1,13 @@
 """Many agents that learn side by side: one operation serves them all.
 
 A small network spends most of its time on starting operations. Here the parameters of all agents are stacked,
-[K, ...]. Each has its own environments, replay and random streams, and learns what it would learn alone with
-double DQN and n-step targets, but for rounding. Budgets and schedules count environment steps, not episodes.
+[K, ...]. Each agent has its own environments, replay and random streams, and learns by double DQN with n-step
+targets, on the CPU in float32. An agent's results do not depend on the others, but for rounding. Budgets and
+schedules count environment steps, not episodes; random numbers are drawn in another way than in a single run.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Protocol
 
@@ -63,14 +63,14 @@ class Lockstep:
     Args:
         networks: of each agent, with its initial weights; all of the same layers.
         frozen: names of the layers of each agent that do not learn.
-        begin: [K, S].
+        begin: initial states, float32 [K, S].
         step: maps states [N, S] and actions int64 [N] to an `Outcome`.
         observe: maps states [..., S] to what a network sees [..., F].
         learn: settings; `episodes` only scales its schedules.
         n: rewards before a target bootstraps.
         total: environment steps of each agent.
-        exploration: a generator for each agent.
-        replay: likewise.
+        exploration: a generator for each agent, for its actions.
+        replay: a generator for each agent, for its batches.
     """
 
     def __init__(
@@ -110,9 +110,6 @@ class Lockstep:
         self._ends, self._terminated = (torch.empty(shape, dtype=torch.bool) for _ in range(2))
         self._explore = Draws(exploration, 2, envs)
         self._sample = Draws(replay, 2, batch)
-        self._returns = torch.zeros(count, envs, dtype=torch.float64)
-        # Returns of the episodes that ended since `take_returns`: sums and counts, [2, K].
-        self._ended = torch.zeros(2, count, dtype=torch.float64)
 
     def train(self, steps: int) -> None:
         """Take at least `steps` environment steps with each agent, and make the updates that are due."""
@@ -143,10 +140,6 @@ class Lockstep:
         self._before[row], self._after[row], self._action[row] = self.state, following, action
         self._reward[row], self._ends[row], self._terminated[row] = reward, ends, terminated
         self.state = torch.where(ends[..., None], self._begin, following)
-        self._returns += reward
-        self._ended[0] += (self._returns * ends).sum(1)
-        self._ended[1] += ends.sum(1)
-        self._returns *= ~ends
         self.steps += self.learn.num_envs
 
     def sample(self) -> tuple[Tensor, ...]:
@@ -227,13 +220,6 @@ class Lockstep:
             running &= ~(after.goal | after.collision | after.truncated)
             state = after.state
         return returns, reached
-
-    def take_returns(self) -> Tensor:
-        """Return the mean return of the training episodes that ended since the last call, [K]; else NaN."""
-        total, count = self._ended
-        found = torch.where(count > 0, total / count, math.nan)
-        self._ended = torch.zeros_like(self._ended)
-        return found
 
     def weights(self, agent: int) -> Parameters:
         """Return a copy of an agent's target network, which evaluations use."""

@@ -17,7 +17,12 @@ from ship_trl.files.table import Cells, rows
 Floats = NDArray[np.float64]
 # Of the greedy evaluations after the first, those that count as the end.
 LAST = 3
-COLUMNS = ("target", "source", "arm", "seed", "length", "random", "best_known", "greedy", "reached")
+COLUMNS = (
+    *("target", "source", "arm", "seed", "length", "random", "best_known", "greedy", "reached"),
+    "source_greedy",
+)
+# Not a gain: the score on the source's case at the end.
+KEPT = "kept"
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,10 @@ KINDS = tuple(Outcome.__dataclass_fields__)
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains [seeds, targets, sources] of each arm by kind; NaN where source and target are one case."""
+    """Gains [seeds, targets, sources] of each arm by kind; NaN where source and target are one case.
+
+    Beside them, under `KEPT`, the score on the source's case after training on the target.
+    """
 
     cases: tuple[str, ...]
     arms: tuple[str, ...]
@@ -66,37 +74,48 @@ def read_outcome(row: Cells) -> Outcome:
     )
 
 
-def read_gains(path: Path) -> Gains:
+def read_runs(path: Path) -> list[Cells]:
     """Read the table of runs, also as .csv.xz.
 
     Raises:
-        ConfigError: the file is missing, or is not a whole table: a transfer or all baselines are missing.
+        ConfigError: the file is missing or not such a table.
     """
     try:
         data = path.read_bytes()
-        data = lzma.decompress(data) if path.suffix == ".xz" else data
-        return make_gains(rows(data, COLUMNS))
+        return rows(lzma.decompress(data) if path.suffix == ".xz" else data, COLUMNS)
     except (OSError, EOFError, lzma.LZMAError) as error:
         raise ConfigError(f"sources: {path} cannot be read: {error}") from None
     except ValueError as error:
-        raise ConfigError(f"sources: {path} is not a whole table of runs: {error}") from None
+        raise ConfigError(f"sources: {path} is not a table of runs: {error}") from None
 
 
-def make_gains(table: Sequence[Cells]) -> Gains:
-    """Compute gains from the rows of a table; raise ValueError if some are missing."""
+def make_gains(table: Sequence[Cells], cases: Sequence[str]) -> Gains:
+    """Compute gains from the rows of a table, in the order of the cases.
+
+    Raises:
+        ConfigError: runs are missing, or hold wrong numbers.
+    """
+    try:
+        return _make_gains(table, tuple(cases))
+    except (ValueError, KeyError) as error:
+        raise ConfigError(f"sources: the table of runs is not whole: {error}") from None
+
+
+def _make_gains(table: Sequence[Cells], cases: tuple[str, ...]) -> Gains:
+    """Do what `make_gains` says; raise ValueError or KeyError."""
     transfers = [row for row in table if row["source"]]
     if not transfers:
         raise ValueError("it has no transfers")
     length = transfers[0]["length"]
     baselines: dict[str, list[Outcome]] = {}
+    scales = {row["target"]: (float(row["random"]), float(row["best_known"])) for row in table}
     for row in table:
         if row["arm"] == SCRATCH.name and row["length"] == length:
             baselines.setdefault(row["target"], []).append(read_outcome(row))
-    cases = tuple(dict.fromkeys(row["target"] for row in transfers))
     arms = tuple(dict.fromkeys(row["arm"] for row in transfers))
     seeds = sorted({int(row["seed"]) for row in transfers})
     shape = (len(seeds), len(cases), len(cases))
-    values = {(arm, kind): np.full(shape, np.nan) for arm in arms for kind in KINDS}
+    values = {(arm, kind): np.full(shape, np.nan) for arm in arms for kind in (*KINDS, KEPT)}
     for row in transfers:
         if row["target"] not in baselines:
             raise ValueError(f"target {row['target']} has no runs from scratch")
@@ -105,6 +124,9 @@ def make_gains(table: Sequence[Cells]) -> Gains:
         for kind in KINDS:
             scratch = np.mean([getattr(one, kind) for one in baselines[row["target"]]])
             values[row["arm"], kind][at] = getattr(outcome, kind) - scratch
+        random, known = scales[row["source"]]
+        left = float(row["source_greedy"].split()[-1])
+        values[row["arm"], KEPT][at] = max(0.0, (left - random) / (known - random))
     missing = sum(int(np.isnan(one).sum()) for (_, kind), one in values.items() if kind == KINDS[0])
     missing -= len(arms) * len(seeds) * len(cases)
     if missing:

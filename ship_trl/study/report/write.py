@@ -63,7 +63,8 @@ def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
     }
     for name, table in rows.items():
         tables.write_csv(output / f"{name}.csv", table)
-    shown = {"arms": arms, "similar": rows["table_2"], "missing": missing}
+    has_forgetting = any("forgetting" in row for row in arms)
+    shown = {"arms": arms, "has_forgetting": has_forgetting, "similar": rows["table_2"], "missing": missing}
     page = render(study, answers, explored, earlier, pictures=draw_all(study, output), **shown)
     verdicts = as_markdown(answers, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):

@@ -29,7 +29,7 @@ class SourceCheck:
     """Measures greedy returns on the source; it draws no random number and changes nothing of the training.
 
     `env` begins each case of the source once, `draw` maps states to the network's input, and
-    `source_return` is that of the source network itself.
+    `source_return` is the source network's own return.
     """
 
     env: ShipEnv

@@ -15,7 +15,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.table import Cells, rows
 
 Floats = NDArray[np.float64]
-# Of the greedy evaluations after the first, those that count as the end.
+# How many of the last greedy evaluations count as the end.
 LAST = 3
 COLUMNS = (
     *("target", "source", "arm", "seed", "length", "random", "best_known", "greedy", "reached"),

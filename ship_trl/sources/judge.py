@@ -53,9 +53,9 @@ def by_target(one: Floats, other: Floats) -> Floats:
 
 
 def reliability(gains: Floats) -> tuple[float, float]:
-    """Return the mean correlation of two seeds within targets, and that of the mean of all seeds.
+    """Return the mean correlation of two seeds within targets, and the reliability of the mean of all seeds.
 
-    The second one is by Spearman and Brown: what the mean of k seeds would correlate with k others.
+    The second number is by Spearman and Brown: how the mean of k seeds would correlate with k others.
     """
     count = len(gains)
     pairs = [by_target(gains[a], gains[b]).mean() for a in range(count) for b in range(a)]

@@ -14,7 +14,7 @@ BUNDLED_TABLE = Path(__file__).parent / "judgements.csv"
 MAX_TABLE_BYTES = 1_000_000
 # What the paper says: equation 8.
 PAPER = "similarity"
-# Kinds of measures: those that may win, and those that cannot: oracles, and what was fitted to gains.
+# Kinds of measures that cannot win: oracles, and measures fitted to gains.
 ORACLE, FITTED = "oracle", "fitted"
 # A kind that may win: it asks the network of the source.
 SOURCE = "source"

@@ -2,7 +2,7 @@
 
 You, Liu, Wang and Long, 2021, "LogME: Practical Assessment of Pre-trained Models for Transfer Learning". A
 label y [N], one of several as 0 or 1, is y = f w + noise of features f [N, D], with w ~ N(0, 1/alpha) and
-noise ~ N(0, 1/beta). Alpha and beta are those of the largest evidence, by MacKay's fixed point (1992). The
+noise ~ N(0, 1/beta). Alpha and beta maximise the evidence, by MacKay's fixed point (1992). The
 mean over labels of log evidence / N is returned.
 """
 

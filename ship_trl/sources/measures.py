@@ -25,7 +25,7 @@ from ship_trl.transfer import similarity as of_cases
 
 # Side of a cell in metres, and headings of a circle.
 CELL, HEADINGS = 50.0, 8
-# Of the gradients' loss: as in profile quick.
+# For the gradients' loss, as in profile quick.
 GAMMA, REWARD_SCALE = 0.95, 0.1
 
 

@@ -221,10 +221,12 @@ def draw(path: Path, gains: Gains, arm: str, values: Mapping[str, Floats]) -> No
 
     mean = gains.of(arm).mean(0)
     panels = {f"gain of {arm} over scratch": mean}
+    names = {PAPER: "equation 8"}
     panels |= {
-        f"similarity by {name}, rank within target": judge.shares(value) for name, value in values.items()
+        f"{names.get(name, name)}, rank of similarity within target": judge.shares(value)
+        for name, value in values.items()
     }
-    figure = Figure(figsize=(6.2 * len(panels), 6.6), dpi=100, layout="constrained")
+    figure = Figure(figsize=(6.2 * len(panels), 5.6), dpi=100, layout="constrained")
     reach = float(np.nanpercentile(np.abs(mean), 98))
     for number, (axes, (title, panel)) in enumerate(
         zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True)

@@ -37,6 +37,7 @@ ARGUMENTS = {
     "stock_torchrl": ["--steps", "400"],
     "gymnasium_sb3": ["--steps", "300"],
     "sb3_extractor": ["--steps", "4"],
+    "sources_in_pandas": [str(ROOT / "outputs/sources/numbers.csv.xz"), "FTW"],
     "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
 }
 # Builders of algorithms, which the command takes.

@@ -21,8 +21,10 @@ from ship_trl.cli.table import show
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
+from ship_trl.policies.pretrained import networks
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.sim.suites import Suite, load_suite
+from ship_trl.sources.judgements import SOURCE, read_judgements, winner
 from ship_trl.study.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
@@ -80,6 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
             measured = options.measured or (BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None)
             known = [] if measured is None else read_transfers(measured)
             show_ranking(target, sources, world, options.by, CaseBase(options.case_base))
+            show_expected(target, sources, world)
             show_measured(target, transfers_to(target, known, sources))
             name = f"case_{target.name}.png"
         path = options.picture or Path("outputs") / name
@@ -199,3 +202,33 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
         lines = [f"By measurement, none of {len(found)} transfers is shown to gain; without a source:"]
         lines.append(f"python -m ship_trl target={target.name} method=scratch")
     sys.stdout.write("\n".join(lines) + "\n")
+
+
+def show_expected(target: Case, sources: list[Case], world: World) -> None:
+    """Print the source and arm that the measure with the largest correlation with gains proposes.
+
+    A measure that asks the source's network is asked of the bundled networks.
+    """
+    from ship_trl.sources.known import Known
+    from ship_trl.sources.measures import MEASURES as ALL_MEASURES
+
+    best = winner(read_judgements())
+    files = {one.name: one.file for one in networks()} if best.kind == SOURCE else {}
+    measure, goal = ALL_MEASURES[best.measure], Known(target, world)
+    known = {
+        case.name: Known.load(case, world, files[case.name]) if files else Known(case, world)
+        for case in sources
+        if not files or case.name in files
+    }
+    if not known:
+        return
+    values = {name: measure.value(one, goal) for name, one in known.items()}
+    first = (min if measure.nearer else max)(values, key=lambda name: values[name])
+    asked = f"{len(known)} {'bundled networks' if files else 'cases'}"
+    weights = " source_weights=pretrained" if files else ""
+    sys.stdout.write(
+        f"By {best.measure}, which predicted gains best in the benchmark of sources (docs/sources.md): "
+        f"{values[first]:.2f}, the {'least' if measure.nearer else 'largest'} of {asked}. There such choices "
+        f"gained {best.gain:+.2f} ({best.gain_low:+.2f} to {best.gain_high:+.2f}) in mean greedy score with "
+        f"{best.arm}:\npython -m ship_trl source={first}{weights} target={target.name} +arm={best.arm}\n"
+    )

@@ -1,5 +1,6 @@
 """The command that shows the cases: Table 2, a picture, and which source a target should take."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,11 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     with Image.open(tmp_path / "outputs/case_new.png") as picture:
         assert picture.height < 400  # of this case alone
     assert not (tmp_path / "outputs/cases.png").exists()
+    # Of the bundled networks, the one that returns most there.
+    asked = next(line for line in done.stdout.splitlines() if line.startswith("By zero_shot"))
+    assert "the largest of 7 bundled networks" in asked
+    best = r"python -m ship_trl source=\w+ source_weights=pretrained target=new \+arm=FTW"
+    assert re.search(best, done.stdout)
     case, place = load_suite("2", load_world()), tmp_path / "run"
     place.mkdir()
     for name in ("policy.safetensors", "config.yaml"):

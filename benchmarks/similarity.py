@@ -29,6 +29,7 @@ from ship_trl.files.table import read_table
 from ship_trl.sources import judge
 from ship_trl.sources.gains import KEPT, KINDS, Gains, make_gains, read_runs
 from ship_trl.sources.judgements import FITTED, ORACLE, PAPER, Judgement, winner
+from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.report.tables import write_csv
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def run(options: Namespace) -> None:
     sys.stdout.write(
         f"the winner is {best.measure}: mean correlation above that of equation 8 by {interval(apart, 2)}; "
         f"its first sources gain most with {best.arm}, "
-        f"{interval(judge.Interval(best.gain, best.gain_low, best.gain_high))}\n"
+        f"{interval(Estimate(best.gain, best.gain_low, best.gain_high))}\n"
     )
     written = folder.with_name(f"{folder.name}_judgements.csv")
     write_csv(written, [asdict(one) for one in judgements])
@@ -167,12 +168,8 @@ def judge_all(
     for arm, gains in judged.items():
         fitted = {"elsewhere": judge.elsewhere(gains), "regression": judge.regression(free, gains)}
         for name, value in {**values, **fitted}.items():
-            one = judge.judge(value, gains)
-            numbers = [
-                number
-                for each in (one.correlation, one.regret, one.top, one.gain)
-                for number in (each.value, each.low, each.high)
-            ]
+            judged_by = judge.judge(value, gains).values()
+            numbers = [number for one in judged_by for number in (one.value, one.low, one.high)]
             rounded = [round(number, 4) for number in (*numbers, seconds.get(name, 0.0))]
             found.append(Judgement(name, kinds.get(name, FITTED), arm, *rounded))
     return found
@@ -192,7 +189,7 @@ def show_arms(gains: Gains, markdown: bool) -> None:
     show((*headings, "reliability of a seed", "of the mean"), rows, markdown)
 
 
-def interval(one: judge.Interval, digits: int = 3) -> str:
+def interval(one: Estimate, digits: int = 3) -> str:
     """Write a mean with its interval."""
     value, low, high = (f"{number:+.{digits}f}" for number in (one.value, one.low, one.high))
     return f"{value} ({low} to {high})"
@@ -205,7 +202,7 @@ def show_judgements(judgements: list[Judgement], markdown: bool) -> None:
     rows = []
     for name in names:
         own = [one for one in judgements if one.measure == name]
-        spans = [judge.Interval(o.correlation, o.correlation_low, o.correlation_high) for o in own]
+        spans = [Estimate(o.correlation, o.correlation_low, o.correlation_high) for o in own]
         cells = [interval(span, 2) for span in spans]
         cells += [f"{one.regret:.3f}" for one in own] + [f"{one.top:.0%}" for one in own]
         rows.append([name, own[0].kind, *cells, f"{own[0].seconds:.3f}"])

@@ -7,35 +7,17 @@ larger for more similar; both are NaN where source and target are one case.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
+from ship_trl.study.analysis.statistics import Estimate
+
 Floats = NDArray[np.float64]
 DRAWS, LEVEL, TOP = 2000, 95.0, 3
 # An arm whose gains agree less than this between seeds is not judged.
 MIN_RELIABILITY = 0.3
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A number with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """What a measure is worth for an arm."""
-
-    correlation: Interval
-    regret: Interval
-    top: Interval
-    gain: Interval
 
 
 def spearman(one: Floats, other: Floats) -> float:
@@ -133,25 +115,25 @@ def regression(measures: Mapping[str, Floats], gains: Floats) -> Floats:
     return found
 
 
-def interval(values: Floats, seed: int = 0) -> Interval:
+def interval(values: Floats, seed: int = 0) -> Estimate:
     """Return the mean over targets with a bootstrap interval; all measures get the same draws of targets."""
     at = np.random.default_rng(seed).integers(len(values), size=(DRAWS, len(values)))
     low, high = np.percentile(values[at].mean(1), [(100 - LEVEL) / 2, (100 + LEVEL) / 2])
-    return Interval(float(values.mean()), float(low), float(high))
+    return Estimate(float(values.mean()), float(low), float(high))
 
 
-def judge(values: Floats, gains: Floats) -> Judgement:
-    """Judge a measure on an arm."""
+def judge(values: Floats, gains: Floats) -> dict[str, Estimate]:
+    """Return correlation, regret, top and gain of a measure for an arm, see `judgements.Judgement`."""
     mean = gains.mean(0)
-    return Judgement(
-        correlation=interval(by_target(values, mean)),
-        regret=interval(regrets(values, gains)),
-        top=interval(hits(values, gains)),
-        gain=interval(chosen(values, mean)),
-    )
+    return {
+        "correlation": interval(by_target(values, mean)),
+        "regret": interval(regrets(values, gains)),
+        "top": interval(hits(values, gains)),
+        "gain": interval(chosen(values, mean)),
+    }
 
 
-def difference(one: Floats, other: Floats, gains: Iterable[Floats]) -> Interval:
+def difference(one: Floats, other: Floats, gains: Iterable[Floats]) -> Estimate:
     """Return by how much a measure's mean correlation over arms exceeds another's."""
     pairs = [by_target(one, each.mean(0)) - by_target(other, each.mean(0)) for each in gains]
     return interval(np.mean(pairs, axis=0))

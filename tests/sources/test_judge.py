@@ -23,29 +23,29 @@ def matrix(seed: int = 9001, noise: float = 0.0) -> tuple[judge.Floats, judge.Fl
 def test_a_measure_that_is_the_gain_is_perfect() -> None:
     values, gains = matrix()
     found = judge.judge(values, gains)
-    assert found.correlation.value == pytest.approx(1)
-    assert (found.regret.value, found.top.value) == (0, 1)
-    assert found.gain.value == pytest.approx(np.nanmax(gains[0], axis=1).mean())
+    assert found["correlation"].value == pytest.approx(1)
+    assert (found["regret"].value, found["top"].value) == (0, 1)
+    assert found["gain"].value == pytest.approx(np.nanmax(gains[0], axis=1).mean())
     reverse = judge.judge(-values, gains)
-    assert reverse.correlation.value == pytest.approx(-1)
-    assert reverse.top.value == 0
-    assert reverse.regret.value > found.regret.value
+    assert reverse["correlation"].value == pytest.approx(-1)
+    assert reverse["top"].value == 0
+    assert reverse["regret"].value > found["regret"].value
 
 
 def test_tied_sources_share_the_choice() -> None:
     _, gains = matrix(noise=0.1)
     ties = np.where(np.isnan(gains[0]), np.nan, 1.0)
     found = judge.judge(ties, gains)
-    assert found.gain.value == pytest.approx(np.nanmean(gains))
-    assert found.top.value == pytest.approx(judge.TOP / (CASES - 1))
-    assert found.correlation.value == 0
+    assert found["gain"].value == pytest.approx(np.nanmean(gains))
+    assert found["top"].value == pytest.approx(judge.TOP / (CASES - 1))
+    assert found["correlation"].value == 0
 
 
 def test_noise_makes_a_measure_worse_and_its_interval_holds_the_mean() -> None:
     values, gains = matrix(noise=0.2)
-    found = judge.judge(values, gains).correlation
+    found = judge.judge(values, gains)["correlation"]
     assert found.low < found.value < found.high < 1
-    assert judge.judge(matrix(9002)[0], gains).correlation.value < found.value
+    assert judge.judge(matrix(9002)[0], gains)["correlation"].value < found.value
 
 
 def test_chance_alone_makes_no_regret() -> None:
@@ -53,7 +53,7 @@ def test_chance_alone_makes_no_regret() -> None:
     generator = np.random.default_rng(9001)
     gains = generator.normal(size=(SEEDS, 400, CASES))
     values = generator.normal(size=(400, CASES))
-    found = judge.judge(values, gains).regret
+    found = judge.judge(values, gains)["regret"]
     assert found.low < 0 < found.high
 
 

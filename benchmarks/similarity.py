@@ -211,7 +211,7 @@ def show_judgements(judgements: list[Judgement], markdown: bool) -> None:
 
 
 def draw(path: Path, gains: Gains, arm: str, values: Mapping[str, Floats]) -> None:
-    """Write a PNG: gains of all pairs beside measures of similarity, as ranks within each target."""
+    """Write a PNG: gains of all pairs, and measures of similarity as ranks within each target."""
     from matplotlib.figure import Figure
 
     from ship_trl.view.chart import save

@@ -114,7 +114,7 @@ def starts(runs: list[Run], cases: list[str]) -> Tensor:
 
 
 def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
-    """Make the network of a run as it is before training, and name the layers that do not learn."""
+    """Make the initial network of a run, and name its frozen layers."""
     weights = Generator().manual_seed(run.stream("weights"))
     network = make_network(run.config.network, len(run.config.world.actions), weights)
     method, source = make_method(run.arm, run.config.transfer), read_source(run)

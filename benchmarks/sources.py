@@ -269,7 +269,7 @@ def run(options: Namespace) -> None:
 
 
 def group(tasks: list[Task], setting: Setting) -> list[list[Task]]:
-    """Group the runs that are trained at once: those of a target, or the sources of a seed."""
+    """Group the runs that are trained at once: all runs of a target, or the sources of a seed."""
     if not setting.in_lockstep:
         return [[task] for task in tasks]
     found: dict[object, list[Task]] = {}

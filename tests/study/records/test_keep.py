@@ -1,4 +1,4 @@
-"""A study's copy: what it holds, how a study goes on from it, and what is refused."""
+"""A study's copy: what it holds, and how a study goes on from it."""
 
 import csv
 import errno
@@ -6,7 +6,6 @@ import json
 import lzma
 import math
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,48 +16,11 @@ from ship_trl.cli.keep import main as keep
 from ship_trl.cli.report import main as report
 from ship_trl.files.result import SourceReturns, read_result, write_result
 from ship_trl.study.analysis.study import read_study
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import write_plan
-from ship_trl.study.records.tables import digest
 from tests.command import files
 from tests.study.commands import SMALL, learned, study
-from tests.study.synthetic import learning, write_run
+from tests.study.records.conftest import a_study
 
 FILES = ["curves.csv.xz", "runs.csv", "study.json"]
-
-
-def a_study(folder: Path, seeds: int = 3) -> Path:
-    """All runs of a small study, with draws but for those of seed 1."""
-    config = to_study([*SMALL, f"output={folder}", f"seeds={seeds}"])
-    jobs = plan_jobs(config)
-    write_plan(jobs, config)
-    for k, job in enumerate(jobs):
-        rng = np.random.default_rng(k)
-        network = f"/home/somebody/study/case_base/1/scratch/seed={job.seed}-abc/policy.safetensors"
-        changes = {"draws": rng.normal(-300, 50, 4).tolist()} if job.seed != 1 else {}
-        write_run(
-            folder / job.part,
-            learning(rng, 50),
-            pair=job.label,
-            arm=job.arm,
-            seed=job.seed,
-            source_network=network if job.arm == "FTW" else None,
-            seconds=61.5,
-            **changes,
-        )
-    return folder
-
-
-@pytest.fixture
-def whole_study(tmp_path: Path) -> Path:
-    return a_study(tmp_path / "study")
-
-
-@pytest.fixture
-def copy(whole_study: Path, tmp_path: Path) -> Path:
-    keep([str(whole_study), str(tmp_path / "copy")])
-    return tmp_path / "copy"
 
 
 def test_forgetting_is_kept_where_it_was_measured(whole_study: Path, tmp_path: Path) -> None:
@@ -174,100 +136,6 @@ def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
     assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER; " in done.stderr
     assert f"ship_trl keep --restore {copy} FOLDER" in done.stderr
     assert files(copy) == before
-
-
-def spoil(name: str, change: Callable[[bytes], bytes], signed: bool = True) -> Callable[[Path], None]:
-    """Change a file of a copy; signed, as somebody would who knows the program."""
-
-    def act(copy: Path) -> None:
-        (copy / name).write_bytes(change((copy / name).read_bytes()))
-        if signed:
-            plan = json.loads((copy / "study.json").read_text())
-            plan["kept"] = {each: digest(copy / each) for each in FILES[:2]}
-            (copy / "study.json").write_text(json.dumps(plan))
-
-    return act
-
-
-def in_runs(old: str, new: str) -> Callable[[Path], None]:
-    return spoil("runs.csv", lambda data: data.replace(old.encode(), new.encode(), 1))
-
-
-def in_curves(old: str, new: str) -> Callable[[Path], None]:
-    return spoil(
-        "curves.csv.xz",
-        lambda data: lzma.compress(lzma.decompress(data).replace(old.encode(), new.encode(), 1)),
-    )
-
-
-HOSTILE = {
-    "cut short": (
-        spoil("runs.csv", lambda d: d[:-9], signed=False),
-        "runs.csv is not the file that study.json",
-    ),
-    "columns without end": (
-        spoil("runs.csv", lambda d: b"run," * 100_000 + d),
-        "runs.csv cannot be read: it has a column twice",
-    ),
-    "curves cut short, and signed": (spoil(FILES[0], lambda d: d[:-40]), "curves.csv.xz cannot be read"),
-    "other columns": (
-        spoil(FILES[0], lambda d: lzma.compress(b"a,b\n1,2\n")),
-        "curves.csv.xz cannot be read",
-    ),
-    "no curves": (lambda copy: (copy / FILES[0]).unlink(), "curves.csv.xz is not the file"),
-    "no plan": (lambda copy: (copy / FILES[2]).unlink(), "study.json is missing; every study has this plan"),
-    "another plan": (
-        lambda copy: (copy / FILES[2]).write_text('{"jobs": 3}') and None,
-        "is not a study's plan",
-    ),
-    "a plan of no names": (
-        spoil("study.json", lambda d: d.replace(b'"label": "high"', b'"label": ["high"]', 1), signed=False),
-        "study.json is not a study's plan",
-    ),
-    "a study's plan": (
-        lambda copy: (copy / FILES[2]).write_text('{"jobs": [], "settings": {}, "cases": {}}') and None,
-        "is not the file that study.json was kept with",
-    ),
-    "a pair that leads out": (in_runs(",high,", ",../../x,"), "no run of a study is named"),
-    "an arm that leads out": (in_runs(",FTW,", ",..,"), "no run of a study is named"),
-    "a part that leads out": (in_runs("pairs,high", "../pairs,high"), "no run of a study is named"),
-    "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "seed: must be a whole number"),
-    "a run twice": (in_runs(",FTW,1,", ",FTW,0,"), "has no run, or a run twice"),
-    "not text": (spoil("runs.csv", lambda d: b"\xff\xfe\x00" * 9), "runs.csv cannot be read"),
-    "a bomb of brackets": (in_runs(",FTW,", f",{'[' * 100_000},"), "no run of a study is named"),
-    "a return that is none": (in_curves(",collision,", ",collision,x"), "curves.csv.xz cannot be read"),
-    "an episode that is lost": (
-        in_curves("\n0,training,7,", "\n0,training,8,"),
-        "curves.csv.xz cannot be read",
-    ),
-    "a row of no run": (in_curves("\n0,training,7,", "\n99,training,7,"), "its runs are not those of runs"),
-    "an episode beyond counting": (
-        in_curves("\n0,training,7,", "\n0,training,99999999999999999999999,"),
-        "cannot be read",
-    ),
-    "a row of another kind": (in_curves("\n0,training,7,", "\n0,lesson,7,"), "cannot be read"),
-}
-
-
-@pytest.mark.parametrize("name", HOSTILE)
-@pytest.mark.parametrize("command", ["restore", "report"])
-def test_a_bad_copy_is_one_line_and_writes_nothing(
-    name: str, command: str, copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    change, said = HOSTILE[name]
-    change(copy)
-    before = files(tmp_path)
-    capsys.readouterr()
-    act, line, key = {
-        "restore": (keep, ["--restore", str(copy), str(tmp_path / "a/new/one")], "copy"),
-        "report": (report, [str(copy)], "folder"),
-    }[command]
-    with pytest.raises(SystemExit) as ended:
-        act(line)
-    told = capsys.readouterr()
-    assert ended.value.code == 1 and told.out == ""
-    assert told.err.startswith(f"ship_trl: {key}: ") and said in told.err and told.err.count("\n") == 1
-    assert files(tmp_path) == before
 
 
 @pytest.mark.parametrize(

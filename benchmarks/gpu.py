@@ -25,11 +25,14 @@ BATCHES, UPDATE_BATCHES = (1, 64, 4096, 65536), (32, 256, 2048)
 KINDS = {"fast=true": "ours", "fast=false": "ours, operation by operation"}
 # Steps, updates in one call of a probe.
 STEPS, UPDATES = 16, 8
+# Agents in lockstep, and environment steps that they take for their graphs to be captured.
+AGENTS, WARMUP_UPDATES = (1, 20, 80, 320), 50
 LARGE = "learn.num_envs=64", "learn.batch_size=512", "learn.update_every=64"
 TITLES = {
     "simulator": "Simulation and drawing of 84x84 pixels",
     "update": "One gradient step",
     "loop": "Training loop",
+    "lockstep": "Training loops of many agents, batches of 32, an update every 3 steps",
 }
 
 
@@ -82,6 +85,26 @@ def update_probes(device: str) -> list[Probe]:
     return found
 
 
+def lockstep_probes(device: str) -> list[Probe]:
+    """Return training loops of many agents at once; steps are those of all."""
+    from pathlib import Path
+
+    from benchmarks.source_runs import make_lockstep, starts
+    from benchmarks.sources import SETTINGS, Task
+    from benchmarks.timing import Probe
+
+    setting, found = SETTINGS["pixels"], []
+    for count in AGENTS:
+        runs = [Task(CASE, "", "scratch", seed, True).plan(setting, Path()) for seed in range(count)]
+        agents, _ = make_lockstep(runs, starts(runs, [CASE] * count).to(device), setting.source_length)
+        agents.train(runs[0].config.learn.warmup_steps + WARMUP_UPDATES)
+        steps = STEPS * agents.learn.update_every
+        found.append(
+            Probe(f"{count} agents", "ours", partial(agents.train, steps), steps * count, is_ours=True)
+        )
+    return found
+
+
 def loop_probes(device: str) -> list[Probe]:
     """Return whole training loops, and Stable-Baselines3's."""
     from benchmarks.ours import make_ours, start_loop
@@ -109,6 +132,7 @@ PROBES: dict[str, Callable[[str], list[Probe]]] = {
     "simulator": simulator_probes,
     "update": update_probes,
     "loop": loop_probes,
+    "lockstep": lockstep_probes,
 }
 
 

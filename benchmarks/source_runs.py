@@ -1,22 +1,22 @@
-"""Train runs of the benchmark of sources: one alone, or many of a target in lockstep."""
+"""Train runs of the benchmark of sources in lockstep."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 from torch import Generator, Tensor
 
 from benchmarks.sources import EVALUATIONS, Row, Setting, Task, is_on_source, make_row, weights_path
+from ship_trl.config.types import Config
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.train import Evaluated
-from ship_trl.run.parts import make_parts
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
 from ship_trl.sim.cases import load_case
+from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import make_step
 from ship_trl.sim.vector import VectorObservation
@@ -30,56 +30,14 @@ from ship_trl.transfer.methods.scratch import Scratch
 PLACES = 3
 
 
-def train(tasks: list[Task], setting: Setting, folder: Path) -> list[Row]:
-    """Train a group of runs."""
-    if setting.in_lockstep:
-        return train_together(tasks, setting, folder)
-    return [train_alone(task, setting, folder) for task in tasks]
-
-
-def train_alone(task: Task, setting: Setting, folder: Path) -> Row:
-    """Train one run; a source's best network is written into the folder."""
-    began, run, episodes = time.process_time(), task.plan(setting, folder), task.length(setting)
-    learn = replace(run.config.learn, episodes=episodes, evaluate_every=episodes // EVALUATIONS)
-    run = replace(run, config=replace(run.config, learn=learn))
-    parts = make_parts(run, torch.device("cpu"), read_source(run))
-    greedy, on_source = list[Evaluated](), list[float]()
-
-    def note(event: Evaluated) -> None:
-        greedy.append(event)
-        if task.is_source and event.episode_return >= max(one.episode_return for one in greedy):
-            save_weights(weights_path(folder, task.target, task.seed), parts.algorithm.network, {})
-        if parts.source_check is not None and is_on_source(len(greedy) - 1):
-            on_source.append(parts.source_check.measure(parts.algorithm.network))
-
-    note(parts.training.begin())
-    while not parts.training.is_finished:
-        for event in parts.training.advance():
-            if isinstance(event, Evaluated):
-                note(event)
-    returns, reached = zip(*((one.episode_return, one.success_rate) for one in greedy), strict=True)
-    return make_row(task, setting, returns, reached, on_source, time.process_time() - began)
-
-
-def train_together(tasks: list[Task], setting: Setting, folder: Path) -> list[Row]:
+def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu") -> list[Row]:
     """Train runs of one length at once; the best networks of sources are written into the folder."""
     began = time.process_time()
     runs = [task.plan(setting, folder) for task in tasks]
-    config, length = runs[0].config, tasks[0].length(setting)
-    begin = starts(runs, [task.target for task in tasks])
-    homes = starts(runs, [task.source or task.target for task in tasks])
-    networks, frozen = zip(*map(start_network, runs), strict=True)
-    lockstep = Lockstep(
-        networks,
-        frozen,
-        begin,
-        make_step(config.world),
-        VectorObservation(config.world, config.network.ships),
-        config.learn,
-        config.algorithm["steps"],
-        length,
-        *([Generator().manual_seed(run.stream(name)) for run in runs] for name in ("exploration", "replay")),
-    )
+    begin = starts(runs, [task.target for task in tasks]).to(device)
+    homes = starts(runs, [task.source or task.target for task in tasks]).to(device)
+    length = tasks[0].length(setting)
+    lockstep, networks = make_lockstep(runs, begin, length)
     greedy, reached, on_source = list[Tensor](), list[Tensor](), list[Tensor]()
     best = torch.full((len(tasks),), -torch.inf, dtype=torch.float64)
     for evaluation in range(EVALUATIONS + 1):
@@ -101,6 +59,31 @@ def train_together(tasks: list[Task], setting: Setting, folder: Path) -> list[Ro
         make_row(task, setting, returns, goals, kept if task.source else (), seconds)
         for task, returns, goals, kept in zip(tasks, *shown, strict=True)
     ]
+
+
+def make_lockstep(runs: list[Run], begin: Tensor, length: int) -> tuple[Lockstep, list[DuelingNetwork]]:
+    """Make agents that begin in states [K, S], and their initial networks."""
+    config, device = runs[0].config, begin.device
+    networks, frozen = zip(*map(start_network, runs), strict=True)
+    lockstep = Lockstep(
+        networks,
+        frozen,
+        begin,
+        make_step(config.world, device),
+        make_observe(config, device),
+        config.learn,
+        config.algorithm.get("steps", 1),
+        length,
+        *([Generator().manual_seed(run.stream(name)) for run in runs] for name in ("exploration", "replay")),
+    )
+    return lockstep, list(networks)
+
+
+def make_observe(config: Config, device: torch.device) -> Callable[[Tensor], Tensor]:
+    """Make what a network sees of states."""
+    if config.network.linear:
+        return VectorObservation(config.world, config.network.ships)
+    return Rasteriser(config.world, vector_time=config.network.vector_time, device=device)
 
 
 def starts(runs: list[Run], cases: list[str]) -> Tensor:

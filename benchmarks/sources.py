@@ -35,11 +35,13 @@ PAPER = ("1", "2", "3", "4", "5", "6", "new")
 IMAZU = tuple(f"imazu{number:02}" for number in range(1, 23))
 # Greedy evaluations in a run, and how many of them are also made on the source's case.
 EVALUATIONS, ON_SOURCE = 15, 5
+# Runs that a GPU trains at once.
+GPU_RUNS = 320
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is trained: cases, arms, and how long: episodes, or environment steps where runs go in lockstep.
+    """What is trained: cases, arms, and how long in environment steps.
 
     `scratch_seeds` is for the baselines alone.
     """
@@ -51,7 +53,6 @@ class Setting:
     target_length: int
     seeds: int
     scratch_seeds: int = 10
-    in_lockstep: bool = False
 
 
 SETTINGS = {
@@ -67,15 +68,14 @@ SETTINGS = {
         source_length=48_000,
         target_length=12_000,
         seeds=3,
-        in_lockstep=True,
     ),
     # Profile quick. The Imazu problems with one, two and three ships whose best known return is lowest.
     "pixels": Setting(
         ("observation=pixels",),
         (*PAPER, "imazu03", "imazu07", "imazu17"),
         ("FE3", "FTW", "FTH"),
-        source_length=600,
-        target_length=300,
+        source_length=24_000,
+        target_length=12_000,
         seeds=2,
     ),
 }
@@ -224,6 +224,7 @@ def main(arguments: list[str]) -> None:
     parser.prog = "python -m benchmarks sources"
     parser.add_argument("setting", choices=SETTINGS, help="what networks see")
     add_number(parser, "--processes", Positive, 2, "at once (default 2)")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
     options = parser.parse_args(arguments)
     with refusals():
         run(options)
@@ -241,16 +242,17 @@ def run(options: Namespace) -> None:
     write_csv(table, rows)
     tasks = [task for task in plan_tasks(setting) if task.key(setting) not in done]
     count = 0
+    processes = 1 if options.device == "cuda" else options.processes
     with (
-        ProcessPoolExecutor(options.processes, get_context("spawn"), initializer=prepare) as pool,
+        ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool,
         table.open("a", newline="") as file,
     ):
         writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
         if not rows:
             writer.writeheader()
         for stage in (True, False):
-            groups = group([task for task in tasks if task.is_source is stage], setting)
-            jobs = [pool.submit(train, one, setting, folder) for one in groups]
+            groups = group([task for task in tasks if task.is_source is stage], options.device)
+            jobs = [pool.submit(train, one, setting, folder, options.device) for one in groups]
             try:
                 for job in as_completed(jobs):
                     made = job.result()
@@ -268,10 +270,10 @@ def run(options: Namespace) -> None:
     sys.stdout.write(f"{table}\n")
 
 
-def group(tasks: list[Task], setting: Setting) -> list[list[Task]]:
-    """Group the runs that are trained at once: all runs of a target, or the sources of a seed."""
-    if not setting.in_lockstep:
-        return [[task] for task in tasks]
+def group(tasks: list[Task], device: str) -> list[list[Task]]:
+    """Group the runs that are trained at once: on a CPU all runs of a target, or the sources of a seed."""
+    if device == "cuda":
+        return [tasks[at : at + GPU_RUNS] for at in range(0, len(tasks), GPU_RUNS)]
     found: dict[object, list[Task]] = {}
     for task in tasks:
         found.setdefault(task.seed if task.is_source else task.target, []).append(task)

@@ -14,11 +14,15 @@ from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.graphs import EAGER_CALLS, Captured
+from ship_trl.learn.lockstep import Lockstep
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Training
 from ship_trl.run.parts import Parts, make_parts
 from ship_trl.run.plan import make_run
+from ship_trl.sim.cases import load_case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import make_starts
+from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition, make_step
 from tests.command import ship_trl
@@ -98,6 +102,29 @@ def test_graphs_learn_what_single_operations_learn(words: tuple[str, ...]) -> No
     for key, value in there.items():
         torch.testing.assert_close(value, here[key], atol=1e-4, rtol=1e-3)
         assert not torch.equal(value, before[key])
+
+
+def test_agents_in_lockstep_learn_what_the_cpu_learns(world: World) -> None:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        words = ["target=4", "method=scratch", "learn.precision=fp32", "learn.warmup_steps=40"]
+        learn = to_config(compose("config", [*words, "learn.epsilon_end=1", "learn.epsilon_start=1"])).learn
+    case = initial_state(load_case("4", world), world)
+    found = []
+    for device in ("cpu", "cuda"):
+        networks = [DuelingNetwork(1, len(world.actions), Generator().manual_seed(seed)) for seed in (0, 1)]
+        streams = [[Generator().manual_seed(10 * seed + k) for seed in (0, 1)] for k in (1, 2)]
+        begin, see = case.expand(2, -1).to(device), Rasteriser(world, device=device)
+        many = Lockstep(
+            networks, [(), ("conv1",)], begin, make_step(world, device), see, learn, 1, 4000, *streams
+        )
+        many.train(40 + CALLS * learn.update_every)
+        assert many.updates == CALLS
+        found.append(many)
+    cpu, gpu = found
+    for agent in range(2):
+        for name, value in cpu.weights(agent).items():
+            torch.testing.assert_close(gpu.weights(agent)[name].cpu(), value, atol=1e-4, rtol=1e-3)
+    assert gpu.evaluate(gpu.state[:, 0])[0].isfinite().all()
 
 
 def test_a_step_copies_nothing_to_the_gpu_and_reads_flags_alone() -> None:

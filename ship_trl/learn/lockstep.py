@@ -2,8 +2,8 @@
 
 A small network spends most of its time on starting operations. Here the parameters of all agents are stacked,
 [K, ...]. Each agent has its own environments, replay and random streams, and learns by double DQN with n-step
-targets, on the CPU in float32. An agent's results do not depend on the others, but for rounding. Budgets and
-schedules count environment steps, not episodes; random numbers are drawn in another way than in a single run.
+targets. An agent's results do not depend on the others, but for rounding. Budgets and schedules count
+environment steps, not episodes; random numbers are drawn in another way than in a single run.
 """
 
 from __future__ import annotations
@@ -13,13 +13,16 @@ from typing import Protocol
 
 import torch
 from torch import Generator, Tensor
-from torch.func import functional_call, stack_module_state, vmap
+from torch.func import stack_module_state
 
 from ship_trl.config.types import Learn
+from ship_trl.graphs import Captured
+from ship_trl.learn.backend import choose_dtype
 from ship_trl.learn.loss import double_dqn_target, td_loss
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
+from ship_trl.learn.stacked import make_stacked_q
 
 # Random numbers that each generator draws at once.
 CHUNK = 64
@@ -44,21 +47,25 @@ class Outcome(Protocol):
 class Draws:
     """Uniform numbers from 0 to 1 of K generators, which do not depend on one another: [K, ...]."""
 
-    def __init__(self, generators: Sequence[Generator], *shape: int) -> None:
+    def __init__(
+        self, generators: Sequence[Generator], *shape: int, device: str | torch.device = "cpu"
+    ) -> None:
         self._generators, self._shape, self._next = generators, (CHUNK, *shape), CHUNK
-        self._drawn = torch.empty(0)
+        self._device, self._drawn = device, torch.empty(0)
 
     def __call__(self) -> Tensor:
         """Return the next ones."""
         if self._next == CHUNK:
             drawn = [torch.rand(self._shape, generator=generator) for generator in self._generators]
-            self._drawn, self._next = torch.stack(drawn, 1), 0
+            self._drawn, self._next = torch.stack(drawn, 1).to(self._device), 0
         self._next += 1
         return self._drawn[self._next - 1]
 
 
 class Lockstep:
     """K agents; agent k begins each episode in the state `begin[k]`.
+
+    All is computed where `begin` lies. On a GPU, acting and gradient steps are replayed as CUDA graphs.
 
     Args:
         networks: of each agent, with its initial weights; all of the same layers.
@@ -87,15 +94,23 @@ class Lockstep:
         replay: Sequence[Generator],
     ) -> None:
         self._step, self.observe, self.learn, self.n, self.total = step, observe, learn, n, total
-        self._network, count = networks[0], len(networks)
-        self.num_actions = self._network.advantage.out_features
+        count, device = len(networks), begin.device
+        self.num_actions = networks[0].advantage.out_features
         stacked, _ = stack_module_state(list(networks))
-        self.online: Parameters = {name: value.requires_grad_() for name, value in stacked.items()}
-        self.target: Parameters = {name: value.detach().clone() for name, value in stacked.items()}
-        self._learns: Parameters = {
-            name: torch.tensor([float(name.split(".")[0] not in one) for one in frozen]) for name in stacked
+        self.target: Parameters = {
+            name: as_filters(value.detach().to(device)) for name, value in stacked.items()
         }
-        self._q = vmap(lambda parameters, seen: functional_call(self._network, parameters, (seen,)))
+        self.online: Parameters = {
+            name: value.clone().requires_grad_() for name, value in self.target.items()
+        }
+        self._learns: Parameters = {
+            name: torch.tensor([float(name.split(".")[0] not in one) for one in frozen], device=device)
+            for name in stacked
+        }
+        self._q = make_stacked_q(networks[0], choose_dtype(learn.precision, device))
+        self._exact_q = make_stacked_q(networks[0])
+        captured = Captured if device.type == "cuda" else lambda function: function
+        self._choose, self._learn = captured(self._best_actions), captured(self._learn_from)
         self._optimiser = ChannelsLastAdam(self.online.values(), lr=learn.lr)
         envs, batch = learn.num_envs, learn.batch_size
         self._begin = begin[:, None].expand(count, envs, -1)
@@ -104,12 +119,12 @@ class Lockstep:
         # The last `size` steps of each environment: [size, K, E, ...].
         self._size = min(learn.replay_size, total) // envs
         shape = (self._size, count, envs)
-        self._before, self._after = (torch.empty(*shape, begin.shape[-1]) for _ in range(2))
-        self._action = torch.empty(shape, dtype=torch.int64)
-        self._reward = torch.empty(shape)
-        self._ends, self._terminated = (torch.empty(shape, dtype=torch.bool) for _ in range(2))
-        self._explore = Draws(exploration, 2, envs)
-        self._sample = Draws(replay, 2, batch)
+        self._before, self._after = (begin.new_empty(*shape, begin.shape[-1]) for _ in range(2))
+        self._action = begin.new_empty(shape, dtype=torch.int64)
+        self._reward = begin.new_empty(shape)
+        self._ends, self._terminated = (begin.new_empty(shape, dtype=torch.bool) for _ in range(2))
+        self._explore = Draws(exploration, 2, envs, device=device)
+        self._sample = Draws(replay, 2, batch, device=device)
 
     def train(self, steps: int) -> None:
         """Take at least `steps` environment steps with each agent, and make the updates that are due."""
@@ -128,7 +143,7 @@ class Lockstep:
     def _act(self) -> None:
         """Step all environments once, and store the step."""
         explore, chosen = self._explore().unbind(1)
-        best = self._q(self.online, self.observe(self.state)).argmax(-1)
+        best = self._choose(self.state)
         is_random = explore < epsilon_at(self._share(), self.learn)
         action = torch.where(is_random, (chosen * self.num_actions).long(), best)
         after = self._step(self.state.flatten(0, 1), action.flatten())
@@ -142,6 +157,10 @@ class Lockstep:
         self.state = torch.where(ends[..., None], self._begin, following)
         self.steps += self.learn.num_envs
 
+    def _best_actions(self, state: Tensor) -> Tensor:
+        """Return the actions that the online networks rate highest: states [K, E, S] to int64 [K, E]."""
+        return self._q(self.online, self.observe(state)).argmax(-1)
+
     def sample(self) -> tuple[Tensor, ...]:
         """Draw a batch of each agent: states, actions, reward sums, next states, terminated, and steps.
 
@@ -150,7 +169,7 @@ class Lockstep:
         count, kept = len(self.state), self.steps // self.learn.num_envs
         held = min(kept, self._size)
         age, place = self._sample().unbind(1)
-        agent = torch.arange(count)[:, None]
+        agent = torch.arange(count, device=age.device)[:, None]
         env = (place * self.learn.num_envs).long()
         # Counted from the oldest row.
         number = (age * held).long()
@@ -177,8 +196,13 @@ class Lockstep:
 
     def _update(self) -> None:
         """Take one gradient step of each agent, and move its target network."""
-        learn = self.learn
-        states, action, reward, following, terminated, length = self.sample()
+        self._optimiser.set_lr(learning_rate_at(self._share(), self.learn))
+        self._learn(*self.sample())
+        self.updates += 1
+
+    def _learn_from(self, states: Tensor, action: Tensor, *rest: Tensor) -> Tensor:
+        """Do what `_update` says with a batch of `sample`; return the loss."""
+        learn, (reward, following, terminated, length) = self.learn, rest
         with torch.no_grad():
             seen = self.observe(following)
             td_target = double_dqn_target(
@@ -194,33 +218,39 @@ class Lockstep:
         gradients = torch.autograd.grad(loss, list(self.online.values()))
         for (name, parameter), gradient in zip(self.online.items(), gradients, strict=True):
             learns = self._learns[name]
-            parameter.grad = gradient * learns.view(-1, *[1] * (gradient.dim() - 1))
-        self._optimiser.set_lr(learning_rate_at(self._share(), learn))
+            parameter.grad = gradient.mul_(learns.view(-1, *[1] * (gradient.dim() - 1)))
         self._optimiser.step()
         torch._foreach_lerp_(
             list(self.target.values()), [value.detach() for value in self.online.values()], learn.tau
         )
-        self.updates += 1
+        return loss.detach()
 
     @torch.no_grad()
     def evaluate(self, begin: Tensor) -> tuple[Tensor, Tensor]:
         """Run a greedy episode of each agent; return its return, float64 [K], and if it reaches the goal.
 
-        Agent k begins in `begin[k]` [S]. Actions are those of the target networks, as in a run.
+        Agent k begins in `begin[k]` [S]. Actions are those of the target networks in float32, as in a run.
         """
         state = begin
-        returns = torch.zeros(len(begin), dtype=torch.float64)
-        running = torch.ones(len(begin), dtype=torch.bool)
+        returns = begin.new_zeros(len(begin), dtype=torch.float64)
+        running = torch.ones_like(returns, dtype=torch.bool)
         reached = torch.zeros_like(running)
         while bool(running.any()):
-            action = self._q(self.target, self.observe(state)[:, None]).argmax(-1).squeeze(1)
+            action = self._exact_q(self.target, self.observe(state)[:, None]).argmax(-1).squeeze(1)
             after = self._step(state, action)
             returns += after.reward * running
             reached |= after.goal & running
             running &= ~(after.goal | after.collision | after.truncated)
             state = after.state
-        return returns, reached
+        return returns.cpu(), reached.cpu()
 
     def weights(self, agent: int) -> Parameters:
         """Return a copy of an agent's target network, which evaluations use."""
         return {name: value[agent].clone() for name, value in self.target.items()}
+
+
+def as_filters(stacked: Tensor) -> Tensor:
+    """Return stacked filters [K, O, C, H, W] in the memory order K, O, H, W, C; other tensors as they are."""
+    if stacked.dim() != 5:
+        return stacked
+    return stacked.permute(0, 1, 3, 4, 2).contiguous().permute(0, 1, 4, 2, 3)

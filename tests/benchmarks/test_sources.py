@@ -62,12 +62,9 @@ def test_every_case_is_source_and_target_of_every_other() -> None:
         }
 
 
-@pytest.mark.parametrize("in_lockstep", [True, False])
-def test_a_transfer_begins_as_its_source_ended(in_lockstep: bool, tmp_path: Path) -> None:
-    lengths = (960, 480) if in_lockstep else (30, 15)
-    setting = replace(
-        SETTINGS["numbers"], source_length=lengths[0], target_length=lengths[1], in_lockstep=in_lockstep
-    )
+@pytest.mark.parametrize(("name", "lengths"), [("numbers", (960, 480)), ("pixels", (2060, 30))])
+def test_a_transfer_begins_as_its_source_ended(name: str, lengths: tuple[int, int], tmp_path: Path) -> None:
+    setting = replace(SETTINGS[name], source_length=lengths[0], target_length=lengths[1])
     (first,) = train([Task("1", "", "scratch", 9001, is_source=True)], setting, tmp_path)
     tasks = [Task("2", "1", "FTW", 9001), Task("2", "1", "FE2", 9001), Task("2", "", "scratch", 9001)]
     whole, frozen, scratch = train(tasks, setting, tmp_path)
@@ -147,7 +144,7 @@ def test_an_error_in_a_run_ends_the_others(
         raise ConfigError("no")
 
     # A job for each run.
-    monkeypatch.setitem(SETTINGS, "numbers", replace(tiny, in_lockstep=False))
+    monkeypatch.setattr(sources, "group", lambda tasks, _: [[task] for task in tasks])
     monkeypatch.setattr(source_runs, "train", fail)
     monkeypatch.setattr(sources, "ProcessPoolExecutor", lambda *_, **__: ThreadPoolExecutor(1))
     with pytest.raises(SystemExit):

@@ -57,14 +57,15 @@ def make_stacked_q(network: DuelingNetwork, dtype: torch.dtype = torch.float32) 
         return vmap(lambda parameters, seen: functional_call(network, dict(parameters), (seen,)))
 
     def q_values(parameters: Parameters, pixels: Tensor) -> Tensor:
-        x = pixels.flatten(0, 1).permute(0, 2, 3, 1)
+        x = pixels.flatten(0, 1).permute(0, 2, 3, 1).to(dtype)
         for name, layer in zip(network.layer_names, network.geometry, strict=True):
             windows = x.flatten(1) if layer.whole else Windows.apply(x, layer)
-            if x.dtype is torch.uint8:
-                windows = windows.to(dtype) / 255
-            weight, bias = (one.to(dtype) for one in layer_of(name, parameters))
+            weight, bias = layer_of(name, parameters)
             # The order of a window: rows, columns, channels.
             weight = weight.permute(0, 1, 3, 4, 2).flatten(2)
+            if name == network.layer_names[0]:  # pixels are from 0 to 255: fewer weights than pixels
+                weight = weight / 255
+            weight, bias = weight.to(dtype), bias.to(dtype)
             x = F.relu(linear(windows.unflatten(0, (len(bias), -1)), weight, bias))
             x = x.view(-1, layer.side, layer.side, layer.filters)
         hidden = x.float().view(*pixels.shape[:2], -1)

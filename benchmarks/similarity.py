@@ -69,8 +69,10 @@ def run(options: Namespace) -> None:
     }
     judgements = judge_all(values, seconds, judged)
     show_arms(gains, options.markdown)
+    picture = folder.with_suffix(".png")
     if not judgements:
-        sys.stdout.write("no arm is judged: seeds agree too little\n")
+        draw(picture, gains, most_gaining(gains), {PAPER: values[PAPER]})
+        sys.stdout.write(f"no arm is judged: seeds agree too little\n{table}\n{picture}\n")
         return
     show_judgements(judgements, options.markdown)
     best = winner(judgements)
@@ -82,9 +84,13 @@ def run(options: Namespace) -> None:
     )
     written = folder.with_name(f"{folder.name}_judgements.csv")
     write_csv(written, [asdict(one) for one in judgements])
-    picture = folder.with_suffix(".png")
     draw(picture, gains, best.arm, {name: values[name] for name in dict.fromkeys((PAPER, best.measure))})
     sys.stdout.write("".join(f"{path}\n" for path in (table, written, picture)))
+
+
+def most_gaining(gains: Gains) -> str:
+    """Return the arm with the largest mean gain."""
+    return max(gains.arms, key=lambda arm: float(np.nanmean(gains.of(arm))))
 
 
 def run_table(folder: Path) -> Path:

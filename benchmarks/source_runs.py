@@ -34,31 +34,52 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
     """Train runs of one length at once; the best networks of sources are written into the folder."""
     began = time.process_time()
     runs = [task.plan(setting, folder) for task in tasks]
-    begin = starts(runs, [task.target for task in tasks]).to(device)
     homes = starts(runs, [task.source or task.target for task in tasks]).to(device)
+    on_source = list[Tensor]()
+
+    def visit(lockstep: Lockstep, evaluation: int) -> None:
+        if is_on_source(evaluation):
+            on_source.append(lockstep.evaluate(homes[:, None])[0])
+
+    _, *greedy = learn(tasks, runs, setting, folder, visit, device)
+    seconds = (time.process_time() - began) / len(tasks)
+    shown = [torch.cat(one, 1).tolist() for one in (*greedy, on_source)]
+    return [
+        make_row(task, setting, returns, goals, kept if task.source else (), seconds)
+        for task, returns, goals, kept in zip(tasks, *shown, strict=True)
+    ]
+
+
+def learn(
+    tasks: list[Task],
+    runs: list[Run],
+    setting: Setting,
+    folder: Path,
+    visit: Callable[[Lockstep, int], None] = lambda *_: None,
+    device: str = "cpu",
+) -> tuple[Lockstep, list[Tensor], list[Tensor]]:
+    """Train runs at once; return the agents, and greedy returns and goals [K, 1] of each evaluation.
+
+    `visit` is called after each. The best networks of sources are written into the folder.
+    """
+    begin = starts(runs, [task.target for task in tasks]).to(device)
     length = tasks[0].length(setting)
     lockstep, networks = make_lockstep(runs, begin, length)
-    greedy, reached, on_source = list[Tensor](), list[Tensor](), list[Tensor]()
-    best = torch.full((len(tasks),), -torch.inf, dtype=torch.float64)
+    greedy, reached = list[Tensor](), list[Tensor]()
+    best = torch.full((len(tasks), 1), -torch.inf, dtype=torch.float64)
     for evaluation in range(EVALUATIONS + 1):
         lockstep.train(evaluation * length // EVALUATIONS - lockstep.steps)
-        returns, goals = lockstep.evaluate(begin)
+        returns, goals = lockstep.evaluate(begin[:, None])
         greedy.append(returns)
         reached.append(goals)
-        if is_on_source(evaluation):
-            on_source.append(lockstep.evaluate(homes)[0])
-        for agent in (returns >= best).nonzero().flatten().tolist():
+        visit(lockstep, evaluation)
+        for agent in (returns >= best)[:, 0].nonzero().flatten().tolist():
             if tasks[agent].is_source:
                 network, task = networks[agent], tasks[agent]
                 network.load_state_dict(lockstep.weights(agent))
                 save_weights(weights_path(folder, task.target, task.seed), network, {})
         best = torch.maximum(best, returns)
-    seconds = (time.process_time() - began) / len(tasks)
-    shown = [torch.stack(one, 1).tolist() for one in (greedy, reached, on_source)]
-    return [
-        make_row(task, setting, returns, goals, kept if task.source else (), seconds)
-        for task, returns, goals, kept in zip(tasks, *shown, strict=True)
-    ]
+    return lockstep, greedy, reached
 
 
 def make_lockstep(runs: list[Run], begin: Tensor, length: int) -> tuple[Lockstep, list[DuelingNetwork]]:

@@ -11,17 +11,17 @@ from __future__ import annotations
 import csv
 import sys
 from argparse import Namespace
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, fields, replace
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.work import plan
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, make_parser
+from ship_trl.cli.parser import Parser, add_number, make_parser
 from ship_trl.config.arm import SCRATCH, Arm
 from ship_trl.config.bounds import Positive
 from ship_trl.config.types import Config
@@ -35,8 +35,8 @@ PAPER = ("1", "2", "3", "4", "5", "6", "new")
 IMAZU = tuple(f"imazu{number:02}" for number in range(1, 23))
 # Greedy evaluations in a run, and how many of them are also made on the source's case.
 EVALUATIONS, ON_SOURCE = 15, 5
-# Runs that a GPU trains at once.
-GPU_RUNS = 320
+# Runs that a process trains at once.
+CPU_RUNS, GPU_RUNS = 64, 320
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,10 @@ class Task:
     arm: str
     seed: int
     is_source: bool = False
+    # Of the source; None: the run's.
+    source_seed: int | None = None
+    # Changes of the setting's learner, as on a command line.
+    learner: str = ""
 
     def length(self, setting: Setting) -> int:
         """Return how long the run is."""
@@ -103,10 +107,12 @@ class Task:
         """Plan the run; its source lies in the folder."""
         from ship_trl.run.plan import make_run
 
-        config, arm = shared_config(setting.overrides), Arm.parse(self.arm)
-        source_file = None if arm.is_scratch else str(weights_path(folder, self.source, self.seed))
+        config = shared_config((*setting.overrides, *self.learner.split()))
+        arm, seed = Arm.parse(self.arm), self.seed if self.source_seed is None else self.source_seed
+        source_file = str(weights_path(folder, self.source, seed)) if arm.has_trained_source else None
         config = replace(config, target=self.target, source=self.source or None, source_file=source_file)
-        return make_run(replace(config, method=arm.method, layers=arm.layers, seed=self.seed))
+        config = replace(config, method=arm.method, layers=arm.layers, source_weights=arm.weights)
+        return make_run(replace(config, seed=self.seed))
 
 
 @dataclass(frozen=True)
@@ -213,7 +219,7 @@ def read_done(table: Path) -> list[dict[str, str]]:
 
 def key(row: Mapping[str, object]) -> tuple[str, ...]:
     """Return what tells a run from others."""
-    return tuple(str(row[name]) for name in ("target", "source", "arm", "seed", "length"))
+    return tuple(str(row.get(name, "")) for name in ("target", "source", "arm", "seed", "length", "learner"))
 
 
 def main(arguments: list[str]) -> None:
@@ -222,37 +228,55 @@ def main(arguments: list[str]) -> None:
         "sources", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING.csv and the sources' weights"
     )
     parser.prog = "python -m benchmarks sources"
-    parser.add_argument("setting", choices=SETTINGS, help="what networks see")
-    add_number(parser, "--processes", Positive, 2, "at once (default 2)")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
+    add_options(parser)
     options = parser.parse_args(arguments)
     with refusals():
         run(options)
 
 
+def add_options(parser: Parser) -> None:
+    """Add what commands that make runs share."""
+    parser.add_argument("setting", choices=SETTINGS, help="what networks see")
+    add_number(parser, "--processes", Positive, 2, "at once (default 2)")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
+
+
 def run(options: Namespace) -> None:
-    """Train sources first; then everything else."""
+    """Make the runs of a setting."""
     from benchmarks.source_runs import train
 
     setting, folder = SETTINGS[options.setting], FOLDER / options.setting
+    work = partial(train, setting=setting, folder=folder, device=options.device)
+    make_missing(plan_tasks(setting), setting, folder, Row, work, options)
+
+
+def make_missing(
+    tasks: list[Task],
+    setting: Setting,
+    folder: Path,
+    kind: type[Row],
+    train: Callable[[list[Task]], list[Row]],
+    options: Namespace,
+) -> None:
+    """Make the runs that are not in the table beside the folder, a row of some kind each; sources first."""
     folder.mkdir(parents=True, exist_ok=True)
     table = folder.with_suffix(".csv")
     rows: list[Mapping[str, object]] = list(read_done(table))
     done = {key(row) for row in rows}
     write_csv(table, rows)
-    tasks = [task for task in plan_tasks(setting) if task.key(setting) not in done]
+    tasks = [task for task in tasks if task.key(setting) not in done]
     count = 0
-    processes = 1 if options.device == "cuda" else options.processes
+    processes, at_once = (1, GPU_RUNS) if options.device == "cuda" else (options.processes, CPU_RUNS)
     with (
         ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool,
         table.open("a", newline="") as file,
     ):
-        writer = csv.DictWriter(file, [field.name for field in fields(Row)], lineterminator="\n")
+        writer = csv.DictWriter(file, [field.name for field in fields(kind)], lineterminator="\n")
         if not rows:
             writer.writeheader()
         for stage in (True, False):
-            groups = group([task for task in tasks if task.is_source is stage], options.device)
-            jobs = [pool.submit(train, one, setting, folder, options.device) for one in groups]
+            groups = group([task for task in tasks if task.is_source is stage], at_once)
+            jobs = [pool.submit(train, one) for one in groups]
             try:
                 for job in as_completed(jobs):
                     made = job.result()
@@ -270,14 +294,12 @@ def run(options: Namespace) -> None:
     sys.stdout.write(f"{table}\n")
 
 
-def group(tasks: list[Task], device: str) -> list[list[Task]]:
-    """Group the runs that are trained at once: on a CPU all runs of a target, or the sources of a seed."""
-    if device == "cuda":
-        return [tasks[at : at + GPU_RUNS] for at in range(0, len(tasks), GPU_RUNS)]
-    found: dict[object, list[Task]] = {}
+def group(tasks: list[Task], at_once: int) -> list[list[Task]]:
+    """Group the runs that are trained at once; they have one learner."""
+    learners: dict[str, list[Task]] = {}
     for task in tasks:
-        found.setdefault(task.seed if task.is_source else task.target, []).append(task)
-    return list(found.values())
+        learners.setdefault(task.learner, []).append(task)
+    return [one[at : at + at_once] for one in learners.values() for at in range(0, len(one), at_once)]
 
 
 def prepare() -> None:

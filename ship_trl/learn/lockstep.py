@@ -225,24 +225,54 @@ class Lockstep:
         )
         return loss.detach()
 
-    @torch.no_grad()
     def evaluate(self, begin: Tensor) -> tuple[Tensor, Tensor]:
-        """Run a greedy episode of each agent; return its return, float64 [K], and if it reaches the goal.
+        """Run greedy episodes: return their returns, float64 [K, M], and if they reach the goal, bool [K, M].
 
-        Agent k begins in `begin[k]` [S]. Actions are those of the target networks in float32, as in a run.
+        Agent k begins in the states `begin[k]` [M, S]. The target networks choose, in float32, as in a run.
         """
-        state = begin
-        returns = begin.new_zeros(len(begin), dtype=torch.float64)
+        returns, reached, _ = self.roll_out(begin, lambda state, _: self.greedy_actions(state))
+        return returns.cpu(), reached.cpu()
+
+    def replay(self, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
+        """Run episodes with the actions of each agent's greedy episode from `home[k]` [1, S]; see `evaluate`.
+
+        After the last of these actions it is repeated.
+        """
+        _, _, actions = self.roll_out(home, lambda state, _: self.greedy_actions(state))
+        again = lambda state, step: actions[min(step, len(actions) - 1)].expand(state.shape[:-1])  # noqa: E731
+        returns, reached, _ = self.roll_out(begin, again)
+        return returns.cpu(), reached.cpu()
+
+    def greedy_actions(self, state: Tensor) -> Tensor:
+        """Return the actions that the target networks rate highest: states [K, M, S] to int64 [K, M]."""
+        return self._exact_q(self.target, self.observe(state)).argmax(-1)
+
+    @torch.no_grad()
+    def roll_out(
+        self, begin: Tensor, choose: Callable[[Tensor, int], Tensor]
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Run an episode from each state [K, M, S]; `choose` maps states and the step to actions [K, M].
+
+        Return the returns, float64 [K, M], if the goal is reached, bool [K, M], and the actions, [T, K, M].
+        """
+        state, actions = begin, list[Tensor]()
+        returns = begin.new_zeros(begin.shape[:-1], dtype=torch.float64)
         running = torch.ones_like(returns, dtype=torch.bool)
         reached = torch.zeros_like(running)
         while bool(running.any()):
-            action = self._exact_q(self.target, self.observe(state)[:, None]).argmax(-1).squeeze(1)
-            after = self._step(state, action)
-            returns += after.reward * running
-            reached |= after.goal & running
-            running &= ~(after.goal | after.collision | after.truncated)
-            state = after.state
-        return returns.cpu(), reached.cpu()
+            # An episode that has ended keeps its last action.
+            chosen = choose(state, len(actions))
+            actions.append(torch.where(running, chosen, actions[-1]) if actions else chosen)
+            after = self._step(state.flatten(0, 1), chosen.flatten())
+            goal, ends, reward = (
+                one.view(running.shape)
+                for one in (after.goal, after.goal | after.collision | after.truncated, after.reward)
+            )
+            returns += reward * running
+            reached |= goal & running
+            running &= ~ends
+            state = after.state.view(state.shape)
+        return returns, reached, torch.stack(actions)
 
     def weights(self, agent: int) -> Parameters:
         """Return a copy of an agent's target network, which evaluations use."""

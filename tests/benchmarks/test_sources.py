@@ -38,7 +38,7 @@ def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> sources.Setting:
 def row(task: Task, setting: sources.Setting, score: float) -> dict[str, object]:
     """Return a run in which all evaluations but the first have a score."""
     made = Row(
-        **{key: value for key, value in asdict(task).items() if key != "is_source"},
+        **{name: getattr(task, name) for name in ("target", "source", "arm", "seed")},
         length=task.length(setting),
         random=-100,
         best_known=100,
@@ -139,12 +139,12 @@ def test_an_error_in_a_run_ends_the_others(
 ) -> None:
     made: list[int] = []
 
-    def fail(tasks: list[Task], *_: object) -> list[Row]:
+    def fail(tasks: list[Task], **_: object) -> list[Row]:
         made.append(len(tasks))
         raise ConfigError("no")
 
     # A job for each run.
-    monkeypatch.setattr(sources, "group", lambda tasks, _: [[task] for task in tasks])
+    monkeypatch.setattr(sources, "CPU_RUNS", 1)
     monkeypatch.setattr(source_runs, "train", fail)
     monkeypatch.setattr(sources, "ProcessPoolExecutor", lambda *_, **__: ThreadPoolExecutor(1))
     with pytest.raises(SystemExit):

@@ -189,9 +189,9 @@ def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
 
 def test_agents_learn_to_reach_the_goal() -> None:
     many = lockstep((0, 1, 2), epsilon_fraction=0.5)
-    before, _ = many.evaluate(torch.zeros(3, 2))
+    before, _ = many.evaluate(torch.zeros(3, 1, 2))
     many.train(4000)
-    returns, reached = many.evaluate(torch.zeros(3, 2))
+    returns, reached = many.evaluate(torch.zeros(3, 1, 2))
     # Four steps, each of which costs 1, and the goal.
     assert returns.max() == 6.0 and reached.any() and returns.mean() > before.mean()
 
@@ -217,7 +217,7 @@ def test_exploration_falls_with_the_steps_and_else_the_online_network_acts() -> 
     shares = [sum(taken[at : at + 10]) / 10 for at in (0, 25, 90)]
     assert shares[0] == pytest.approx(0.55, abs=0.1) and shares[1] == pytest.approx(0.8, abs=0.1)
     assert shares[2] == 1.0
-    assert many.evaluate(torch.zeros(1, 2))[0].tolist() == [-1.0 - 1.0 - 5.0]
+    assert many.evaluate(torch.zeros(1, 1, 2))[0].tolist() == [[-1.0 - 1.0 - 5.0]]
 
 
 def test_a_stream_does_not_depend_on_the_others() -> None:

@@ -1,0 +1,72 @@
+"""Train runs of the second study in lockstep, and test their last networks on other scenes."""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import Generator, Tensor
+
+from benchmarks.questions import TestedRow
+from benchmarks.source_runs import PLACES, learn, starts
+from benchmarks.sources import IMAZU, Row, Setting, Task, make_row
+from ship_trl.config.types import World
+from ship_trl.learn.lockstep import Lockstep
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.starts import Starts
+from ship_trl.sim.state import initial_state, state_size
+from ship_trl.sim.suites import load_suite, suite_of
+
+# Drawn starts of a target, the same for all runs.
+STARTS, STARTS_SEED = 50, 2022
+# Episodes of `traffic_test` at once.
+AT_ONCE = 100
+
+
+def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu") -> list[Row]:
+    """Train runs of one length and one learner at once, and test them."""
+    began = time.process_time()
+    runs = [task.plan(setting, folder) for task in tasks]
+    agents, greedy, reached = learn(tasks, runs, setting, folder, device=device)
+    world = runs[0].config.world
+    homes = starts(runs, [task.target for task in tasks])[:, None].to(device)
+    drawn = torch.stack([drawn_starts(task.target) for task in tasks]).to(device)
+    # Sources are tested in what they are for alone.
+    is_tested = not tasks[0].is_source
+    perturbed = agents.evaluate(drawn)[1] if is_tested else homes.new_zeros(len(tasks), 1)
+    replayed = agents.replay(homes, drawn)[1] if is_tested else perturbed
+    traffic = test_traffic(agents, world, device) if is_tested else perturbed
+    shares = [one.float().mean(1).tolist() for one in (perturbed, replayed, traffic)]
+    seconds = (time.process_time() - began) / len(tasks)
+    shown = [torch.cat(one, 1).tolist() for one in (greedy, reached)]
+    return [
+        TestedRow(
+            **vars(make_row(task, setting, returns, goals, (), seconds)),
+            learner=task.learner,
+            perturbed=round(one, 4),
+            replayed=round(other, 4),
+            traffic=round(third, 4),
+        )
+        for task, returns, goals, one, other, third in zip(tasks, *shown, *shares, strict=True)
+    ]
+
+
+@cache
+def drawn_starts(target: str) -> Tensor:
+    """Return drawn starts of a case, [STARTS, S], by the bounds of its suite of perturbed starts."""
+    world = load_world()
+    bounds = load_suite("imazu_perturbed" if target in IMAZU else "paper_perturbed", world).perturbation
+    suite = suite_of(load_case(target, world, "target"), bounds)
+    drawn = Starts(suite, world).sample(STARTS, Generator().manual_seed(STARTS_SEED))
+    return F.pad(drawn, (0, state_size(PLACES) - drawn.shape[1]))
+
+
+def test_traffic(agents: Lockstep, world: World, device: str) -> Tensor:
+    """Return which episodes of `traffic_test` reach the goal, bool [K, episodes]."""
+    scenes = load_suite("traffic_test", world).cases
+    begin = torch.stack([initial_state(case, world, PLACES) for case in scenes]).to(device)
+    parts = begin.expand(len(agents.state), *begin.shape).split(AT_ONCE, 1)
+    return torch.cat([agents.evaluate(part)[1] for part in parts], 1)

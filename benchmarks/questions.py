@@ -1,0 +1,145 @@
+"""`python -m benchmarks questions numbers|pixels`: the runs of the second study, many at once.
+
+docs/second-study.md has its questions and rules; `python -m benchmarks answers` judges them. Runs that are in
+the table already are not made again, so that a stopped study goes on.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from argparse import Namespace
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from benchmarks.sources import IMAZU, Row, Setting, Task, add_options, make_missing, weights_path
+from benchmarks.sources import SETTINGS as SOURCE_SETTINGS
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import make_parser
+from ship_trl.config.arm import SCRATCH
+
+FOLDER = Path("outputs/questions")
+# Source and target of each pair, the least similar last.
+PAIRS = {"high": ("1", "2"), "low": ("3", "4"), "lowest": ("5", "6")}
+# Question 1; FE4 from the pair's source, and from the target itself, is question 2.
+ARMS, FROZEN = ("FT4", "FTW", "FTH", "FE3", "FE3-random"), "FE4"
+# Question 3. The sources have learned random encounters.
+TRAFFIC, TRAFFIC_SEEDS, TRAFFIC_ARMS = "traffic", 5, ("FE3", "FTW", "FTH")
+# Question 6: learners beside the study's own.
+LEARNERS = tuple(
+    f"learn.lr={lr} learn.epsilon_start={epsilon}"
+    for lr in ("5e-4", "1e-3", "2e-3")
+    for epsilon in ("1", "0.3")
+    if (lr, epsilon) != ("1e-3", "1")
+)
+TUNED_ARMS = ("FTW", "FE3")
+# Seeds that nothing was chosen on; sources have others than the runs that use them.
+FIRST_SEED, FIRST_SOURCE = 1000, 2000
+SETTINGS = {
+    # Cases and arms are those of the questions.
+    name: replace(setting, cases=(), arms=(), seeds=0)
+    for name, setting in SOURCE_SETTINGS.items()
+}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many runs a target, an arm, or a problem of question 3 has."""
+
+    scratch: int = 45
+    arm: int = 30
+    problem: int = 20
+    tuned: int = 30
+
+
+SIZES = {"numbers": Sizes(), "pixels": Sizes(scratch=30, arm=20, problem=0, tuned=0)}
+
+
+@dataclass(frozen=True)
+class TestedRow(Row):
+    """A finished run whose last network was tested elsewhere.
+
+    `perturbed`, `replayed` and `traffic` are shares of episodes that reach the goal: from drawn starts of the
+    target; from the same starts, with the actions of the greedy episode from the undisturbed one; and in
+    `traffic_test`. `learner` are changes of the study's learner.
+    """
+
+    learner: str
+    perturbed: float
+    replayed: float
+    traffic: float
+
+
+def plan_tasks(sizes: Sizes) -> list[Task]:
+    """List all runs, sources first."""
+    cases = dict.fromkeys(case for pair in PAIRS.values() for case in pair)
+    tasks = [Task(case, "", SCRATCH.name, FIRST_SOURCE + k, True) for k in range(sizes.arm) for case in cases]
+    for source, target in PAIRS.values():
+        tasks += scratch(target, sizes.scratch)
+        tasks += transfers(target, source, (*ARMS, FROZEN), sizes.arm)
+        tasks += transfers(target, target, (FROZEN,), sizes.arm)
+    for target in IMAZU if sizes.problem else ():
+        tasks += scratch(target, sizes.problem)
+        tasks += transfers(target, TRAFFIC, TRAFFIC_ARMS, sizes.problem, TRAFFIC_SEEDS)
+    for learner in LEARNERS if sizes.tuned else ():
+        for source, target in PAIRS.values():
+            tasks += [replace(task, learner=learner) for task in scratch(target, sizes.tuned)]
+            tuned = transfers(target, source, TUNED_ARMS, sizes.tuned)
+            tasks += [replace(task, learner=learner) for task in tuned]
+    return tasks
+
+
+def scratch(target: str, count: int) -> list[Task]:
+    """List runs from scratch."""
+    return [Task(target, "", SCRATCH.name, FIRST_SEED + k) for k in range(count)]
+
+
+def transfers(
+    target: str, source: str, arms: tuple[str, ...], count: int, sources: int | None = None
+) -> list[Task]:
+    """List transfers; run k has source k, or source k modulo their number."""
+    return [
+        Task(target, source, arm, FIRST_SEED + k, source_seed=FIRST_SOURCE + k % (sources or count))
+        for arm in arms
+        for k in range(count)
+    ]
+
+
+def main(arguments: list[str]) -> None:
+    """Make the runs that are missing, and add them to the table."""
+    parser = make_parser(
+        "questions", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING.csv and the sources' weights"
+    )
+    parser.prog = "python -m benchmarks questions"
+    add_options(parser)
+    options = parser.parse_args(arguments)
+    with refusals():
+        run(options)
+
+
+def run(options: Namespace) -> None:
+    """Train sources first; then everything else."""
+    from benchmarks.question_runs import train
+
+    setting, folder = SETTINGS[options.setting], FOLDER / options.setting
+    folder.mkdir(parents=True, exist_ok=True)
+    sizes = SIZES[options.setting]
+    if sizes.problem:
+        learn_traffic(setting, folder)
+    work = partial(train, setting=setting, folder=folder, device=options.device)
+    make_missing(plan_tasks(sizes), setting, folder, TestedRow, work, options)
+
+
+def learn_traffic(setting: Setting, folder: Path) -> None:
+    """Train the networks of random encounters that are missing, by the profile of such runs."""
+    network = [word for word in setting.overrides if word.startswith(("observation=", "network."))]
+    for seed in range(FIRST_SOURCE, FIRST_SOURCE + TRAFFIC_SEEDS):
+        output, kept = folder / "runs", weights_path(folder, TRAFFIC, seed)
+        if kept.exists():
+            continue
+        words = [f"target={TRAFFIC}", "method=scratch", f"seed={seed}", f"output={output}", *network]
+        subprocess.run([sys.executable, "-m", "ship_trl", *words], check=True)
+        (made,) = output.rglob(f"seed={seed}/policy.safetensors")
+        shutil.copy(made, kept)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks import curves, encounters, gpu, questions, similarity, sources
+from benchmarks import answers, curves, encounters, gpu, questions, similarity, sources
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -31,6 +31,7 @@ ALONE = {
     "sources": ("What each case's network is worth on every other case", sources.main),
     "similarity": ("Which measure of similarity foretells that", similarity.main),
     "questions": ("The runs of the second study", questions.main),
+    "answers": ("What they say", answers.main),
     "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }
 

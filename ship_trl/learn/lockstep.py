@@ -230,7 +230,7 @@ class Lockstep:
 
         Agent k begins in the states `begin[k]` [M, S]. The target networks choose, in float32, as in a run.
         """
-        returns, reached, _ = self.roll_out(begin, lambda state, _: self.greedy_actions(state))
+        returns, reached, _ = roll_out(self._step, begin, lambda state, _: self.greedy_actions(state))
         return returns.cpu(), reached.cpu()
 
     def replay(self, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
@@ -238,41 +238,14 @@ class Lockstep:
 
         After the last of these actions it is repeated.
         """
-        _, _, actions = self.roll_out(home, lambda state, _: self.greedy_actions(state))
+        _, _, actions = roll_out(self._step, home, lambda state, _: self.greedy_actions(state))
         again = lambda state, step: actions[min(step, len(actions) - 1)].expand(state.shape[:-1])  # noqa: E731
-        returns, reached, _ = self.roll_out(begin, again)
+        returns, reached, _ = roll_out(self._step, begin, again)
         return returns.cpu(), reached.cpu()
 
     def greedy_actions(self, state: Tensor) -> Tensor:
         """Return the actions that the target networks rate highest: states [K, M, S] to int64 [K, M]."""
         return self._exact_q(self.target, self.observe(state)).argmax(-1)
-
-    @torch.no_grad()
-    def roll_out(
-        self, begin: Tensor, choose: Callable[[Tensor, int], Tensor]
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Run an episode from each state [K, M, S]; `choose` maps states and the step to actions [K, M].
-
-        Return the returns, float64 [K, M], if the goal is reached, bool [K, M], and the actions, [T, K, M].
-        """
-        state, actions = begin, list[Tensor]()
-        returns = begin.new_zeros(begin.shape[:-1], dtype=torch.float64)
-        running = torch.ones_like(returns, dtype=torch.bool)
-        reached = torch.zeros_like(running)
-        while bool(running.any()):
-            # An episode that has ended keeps its last action.
-            chosen = choose(state, len(actions))
-            actions.append(torch.where(running, chosen, actions[-1]) if actions else chosen)
-            after = self._step(state.flatten(0, 1), chosen.flatten())
-            goal, ends, reward = (
-                one.view(running.shape)
-                for one in (after.goal, after.goal | after.collision | after.truncated, after.reward)
-            )
-            returns += reward * running
-            reached |= goal & running
-            running &= ~ends
-            state = after.state.view(state.shape)
-        return returns, reached, torch.stack(actions)
 
     def weights(self, agent: int) -> Parameters:
         """Return a copy of an agent's target network, which evaluations use."""
@@ -284,3 +257,28 @@ def as_filters(stacked: Tensor) -> Tensor:
     if stacked.dim() != 5:
         return stacked
     return stacked.permute(0, 1, 3, 4, 2).contiguous().permute(0, 1, 4, 2, 3)
+
+
+@torch.no_grad()
+def roll_out(
+    step: Callable[[Tensor, Tensor], Outcome], begin: Tensor, choose: Callable[[Tensor, int], Tensor]
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Run an episode from each state [K, M, S]; `choose` maps states and the step to actions [K, M].
+
+    Return the returns, float64 [K, M], if the goal is reached, bool [K, M], and the actions, [T, K, M].
+    """
+    state, actions = begin, list[Tensor]()
+    returns = begin.new_zeros(begin.shape[:-1], dtype=torch.float64)
+    running = torch.ones_like(returns, dtype=torch.bool)
+    reached = torch.zeros_like(running)
+    while bool(running.any()):
+        chosen = choose(state, len(actions))
+        # An episode that has ended keeps its last action.
+        actions.append(torch.where(running, chosen, actions[-1]) if actions else chosen)
+        after = step(state.flatten(0, 1), chosen.flatten())
+        goal, reward = (one.view(running.shape) for one in (after.goal, after.reward))
+        returns += reward * running
+        reached |= goal & running
+        running &= ~(after.goal | after.collision | after.truncated).view(running.shape)
+        state = after.state.view(state.shape)
+    return returns, reached, torch.stack(actions)

@@ -26,7 +26,7 @@ from benchmarks.verdicts import (
     Verdict,
     answers,
     of,
-    read_tested,
+    read_study_runs,
 )
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -81,7 +81,7 @@ def read_table(folder: Path) -> Runs:
     made = folder.with_suffix(".csv")
     path = made if made.is_file() else folder.with_suffix(".csv.xz")
     try:
-        return read_tested(read_runs(path))
+        return read_study_runs(read_runs(path))
     except (KeyError, ValueError) as error:
         raise ConfigError(f"questions: {path} is not a table of tested runs: {error}") from None
 

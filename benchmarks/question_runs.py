@@ -10,7 +10,7 @@ import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor
 
-from benchmarks.questions import TestedRow
+from benchmarks.questions import StudyRow
 from benchmarks.source_runs import PLACES, learn, starts
 from benchmarks.sources import IMAZU, Row, Setting, Task, make_row
 from ship_trl.config.types import World
@@ -38,12 +38,12 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
     is_tested = not tasks[0].is_source
     perturbed = agents.evaluate(drawn)[1] if is_tested else homes.new_zeros(len(tasks), 1)
     replayed = agents.replay(homes, drawn)[1] if is_tested else perturbed
-    traffic = test_traffic(agents, world, device) if is_tested else perturbed
+    traffic = reach_in_traffic(agents, world, device) if is_tested else perturbed
     shares = [one.float().mean(1).tolist() for one in (perturbed, replayed, traffic)]
     seconds = (time.process_time() - began) / len(tasks)
     shown = [torch.cat(one, 1).tolist() for one in (greedy, reached)]
     return [
-        TestedRow(
+        StudyRow(
             **vars(make_row(task, setting, returns, goals, (), seconds)),
             learner=task.learner,
             perturbed=round(one, 4),
@@ -64,7 +64,7 @@ def drawn_starts(target: str) -> Tensor:
     return F.pad(drawn, (0, state_size(PLACES) - drawn.shape[1]))
 
 
-def test_traffic(agents: Lockstep, world: World, device: str) -> Tensor:
+def reach_in_traffic(agents: Lockstep, world: World, device: str) -> Tensor:
     """Return which episodes of `traffic_test` reach the goal, bool [K, episodes]."""
     scenes = load_suite("traffic_test", world).cases
     begin = torch.stack([initial_state(case, world, PLACES) for case in scenes]).to(device)

@@ -58,7 +58,7 @@ SIZES = {"numbers": Sizes(), "pixels": Sizes(scratch=30, arm=20, problem=0, tune
 
 
 @dataclass(frozen=True)
-class TestedRow(Row):
+class StudyRow(Row):
     """A finished run whose last network was tested elsewhere.
 
     `perturbed`, `replayed` and `traffic` are shares of episodes that reach the goal: from drawn starts of the
@@ -129,7 +129,7 @@ def run(options: Namespace) -> None:
     if sizes.problem:
         learn_traffic(setting, folder)
     work = partial(train, setting=setting, folder=folder, device=options.device)
-    make_missing(plan_tasks(sizes), setting, folder, TestedRow, work, options)
+    make_missing(plan_tasks(sizes), setting, folder, StudyRow, work, options)
 
 
 def learn_traffic(setting: Setting, folder: Path) -> None:

@@ -16,7 +16,7 @@ from benchmarks.sources import IMAZU
 from ship_trl.config.arm import SCRATCH
 from ship_trl.files.table import Cells
 from ship_trl.sources.gains import read_outcome
-from ship_trl.study.analysis.statistics import holm
+from ship_trl.study.analysis.statistics import TOLERANCE, holm
 
 Sample = NDArray[np.float64]
 # Two-sided error of a test, and the share of what could be gained that counts.
@@ -33,7 +33,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Tested:
+class Reached:
     """What a run reached; shares of episodes that reach the goal are of its last network."""
 
     seed: int
@@ -48,7 +48,7 @@ class Tested:
 
 # By target, source, arm and learner.
 Place = tuple[str, str, str, str]
-Runs = dict[Place, list[Tested]]
+Runs = dict[Place, list[Reached]]
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Contrast:
     verdict: Verdict = Verdict.open
 
 
-def read_tested(rows: Iterable[Cells]) -> Runs:
+def read_study_runs(rows: Iterable[Cells]) -> Runs:
     """Group the runs of the table; sources are left out.
 
     Raises:
@@ -86,7 +86,9 @@ def read_tested(rows: Iterable[Cells]) -> Runs:
             continue
         outcome = read_outcome(row)
         shares = (float(row[name]) for name in ("perturbed", "replayed", "traffic"))
-        one = Tested(int(row["seed"]), outcome.area, outcome.jumpstart, outcome.end, outcome.success, *shares)
+        one = Reached(
+            int(row["seed"]), outcome.area, outcome.jumpstart, outcome.end, outcome.success, *shares
+        )
         found.setdefault((row["target"], row["source"], row["arm"], row["learner"]), []).append(one)
     return found
 
@@ -125,16 +127,23 @@ def unpaired(question: int, where: str, what: str, one: Sample, other: Sample, c
     )
 
 
-def paired(question: int, where: str, what: str, differences: Sample) -> Contrast:
-    """Test differences against zero by Student's t-test; there is no margin."""
-    found: Any = stats.ttest_1samp(differences, 0.0)
-    interval = found.confidence_interval(1 - LEVEL)
-    mean, p = float(differences.mean()), float(found.pvalue)
-    if not differences.std():  # all alike: no test is needed, and none can be made
-        p, ends = float(mean == 0), (mean, mean)
-    else:
-        ends = float(interval.low), float(interval.high)
-    return Contrast(question, where, what, mean, *ends, np.nan, p, 1.0, f"{len(differences)}")
+def paired(
+    question: int, where: str, what: str, differences: Sample, could: float = float("nan")
+) -> Contrast:
+    """Test differences against zero by Student's t-test."""
+    mean = float(differences.mean())
+    low, high, p, p_equal = mean, mean, float(mean == 0), 1.0
+    # Where all are alike no test can be made, and none is needed.
+    if np.ptp(differences) > TOLERANCE:
+        found: Any = stats.ttest_1samp(differences, 0.0)
+        interval = found.confidence_interval(1 - LEVEL)
+        low, high, p = float(interval.low), float(interval.high), float(found.pvalue)
+        if np.isfinite(could):
+            p_equal = max(
+                float(stats.ttest_1samp(differences, shift, alternative=side).pvalue)
+                for shift, side in ((MARGIN * could, "less"), (-MARGIN * could, "greater"))
+            )
+    return Contrast(question, where, what, mean, low, high, could, p, p_equal, f"{len(differences)}")
 
 
 def transferred(runs: Runs) -> list[Contrast]:
@@ -169,13 +178,7 @@ def from_traffic(runs: Runs) -> list[Contrast]:
     could = float(1 - base.mean())
     for arm in TRAFFIC_ARMS:
         means = np.array([of(runs, target, TRAFFIC, arm, "area").mean() for target in IMAZU])
-        contrast = paired(3, "imazu", f"{arm} less scratch", means - base)
-        margin = MARGIN * could
-        sides = [
-            stats.ttest_1samp(means - base, shift, alternative=side).pvalue
-            for shift, side in ((margin, "less"), (-margin, "greater"))
-        ]
-        found.append(replace(contrast, could=could, p_equal=float(max(sides))))
+        found.append(paired(3, "imazu", f"{arm} less scratch", means - base, could))
     return found
 
 

@@ -1,0 +1,167 @@
+"""Grades by the rule of docs/study.md, each on a toy that must have it."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
+from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.claims.grades import (
+    Evidence,
+    Grade,
+    Part,
+    count_grades,
+    grade,
+    grade_all,
+    grade_claim,
+    grade_parts,
+)
+from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
+from ship_trl.study.claims.verdicts import ALL
+from ship_trl.study.plan.manifest import Manifest
+from tests.study.synthetic import make_study
+
+FOR, AGAINST, OPEN = Evidence(0.001, 0.999), Evidence(0.999, 0.001), Evidence(0.4, 0.6)
+SMALL, UNSURE = Evidence(0.4, 0.6, 0.001), Evidence(0.4, 0.6, 0.4)
+
+
+def graded(*evidence: Evidence) -> Grade:
+    return grade_claim(evidence, grade_parts(evidence))
+
+
+TOYS = [
+    ([FOR, FOR], Grade.supported),
+    ([FOR, OPEN, SMALL], Grade.leaning_for),
+    ([FOR, AGAINST, OPEN], Grade.mixed),
+    ([AGAINST, OPEN, OPEN], Grade.leaning_against),
+    ([AGAINST, OPEN], Grade.contradicted),
+    ([AGAINST, AGAINST, SMALL], Grade.contradicted),
+    ([SMALL, SMALL], Grade.size_excluded),
+    # A part without a margin does not count there; without any margin nothing is excluded.
+    ([SMALL, OPEN], Grade.size_excluded),
+    ([SMALL, UNSURE], Grade.undetermined),
+    ([OPEN, OPEN], Grade.undetermined),
+    ([], Grade.undetermined),
+]
+
+
+@pytest.mark.parametrize(("parts", "expected"), TOYS)
+def test_parts_make_a_grade(parts: list[Evidence], expected: Grade) -> None:
+    assert graded(*parts) is expected
+
+
+def test_every_grade_has_a_toy() -> None:
+    assert {expected for _, expected in TOYS} == {*Grade}
+
+
+def test_holms_method_is_within_the_claim() -> None:
+    # 0.02 is below the level alone, and 0.04 beside another part.
+    alone, twice = [Evidence(0.02, 0.98)], [Evidence(0.02, 0.98), Evidence(0.9, 0.1)]
+    assert grade_parts(alone) == [Part.supports] and grade_parts(twice) == [Part.open, Part.open]
+    assert grade_parts([Evidence(0.98, 0.02), Evidence(0.9, 0.1)]) == [Part.open, Part.open]
+    # A size is adjusted over the parts that have one.
+    size = Evidence(0.5, 0.5, 0.02)
+    assert grade_parts([size, OPEN]) == [Part.size_excluded, Part.open]
+    assert grade_parts([size, UNSURE]) == [Part.open, Part.open]
+    # Step down: after the smallest, the next is adjusted less.
+    assert grade_parts([Evidence(0.001, 1), Evidence(0.02, 1)]) == [Part.supports, Part.supports]
+
+
+def test_an_effect_may_be_there_and_still_be_small() -> None:
+    assert grade_parts([Evidence(0.001, 0.999, 0.001)]) == [Part.supports]
+    assert grade_parts([Evidence(0.999, 0.001, 0.0001)]) == [Part.opposes]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_claim_of_which_all_parts_are_sure_is_supported_and_its_opposite_contradicted(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 20))
+    tiny, sizes = rng.random(count) * 0.025 / count, rng.random(count)
+    evidence = [
+        Evidence(float(p), 1 - float(p), None if q < 0.3 else float(q))
+        for p, q in zip(tiny, sizes, strict=True)
+    ]
+    assert graded(*evidence) is Grade.supported
+    opposite = [replace(one, p=one.against, against=one.p) for one in evidence]
+    assert graded(*opposite) is Grade.contradicted
+
+
+def finding(mean: float, sd: float, claimed: Claimed = Claimed.above, margin: float | None = 0.1) -> Finding:
+    steps = np.linspace(-1, 1, 15)
+    return contrast(f"{mean} {sd}", "area", mean + sd * steps, margin, claimed)
+
+
+def test_parts_are_measured_on_differences() -> None:
+    def shows(one: Finding) -> Part:
+        (part,) = grade([one]).parts.values()
+        return part
+
+    assert shows(finding(0.2, 0.1)) is Part.supports and shows(finding(-0.2, 0.1)) is Part.opposes
+    assert shows(finding(0.0, 0.1)) is Part.size_excluded and shows(finding(0.0, 0.4)) is Part.open
+    assert shows(finding(0.0, 0.1, margin=None)) is Part.open
+    # A claim of no more than the margin is for at zero, against far above it, and never of a size.
+    assert shows(finding(0.0, 0.1, Claimed.no_more)) is Part.supports
+    assert shows(finding(0.3, 0.1, Claimed.no_more)) is Part.opposes
+    assert shows(finding(0.1, 0.1, Claimed.no_more)) is Part.open
+
+
+def test_a_spread_is_for_or_against_and_excludes_no_size() -> None:
+    spread = Finding("a", "spread", Estimate(0.5, 0.1, 0.9), 0.01, 0.99, 15)
+    assert grade([spread]).grade is Grade.supported
+    assert grade([replace(spread, p=0.99, against=0.01)]).grade is Grade.contradicted
+    assert grade([replace(spread, p=0.5, against=0.5)]).grade is Grade.undetermined
+    # Beside it a size may be excluded.
+    assert grade([replace(spread, p=0.5, against=0.5), finding(0.0, 0.1)]).grade is Grade.size_excluded
+
+
+def high(**ends: float) -> dict[tuple[str, str, str], float]:
+    return {("pairs", "high", arm): end for arm, end in ends.items()}
+
+
+def test_grades_are_over_all_judged_seeds_and_not_those_of_the_look_that_decided() -> None:
+    claims = [Hypothesis("A", "5", "", [beats("high", "FE1", "FE2")])]
+    study = replace(make_study(high(FE1=0.9, FE2=0.3), sd=0.002), plan=Manifest(tuple(range(15))))
+    assert grade_all(study, claims)["A"].grade is Grade.supported
+    # From the sixth seed on the arms change places: 10 of 15 seeds are the other way.
+    for seed in range(5, 15):
+        one, other = (("pairs", "high", arm, seed) for arm in ("FE1", "FE2"))
+        study.records[one], study.records[other] = study.records[other], study.records[one]
+    assert grade_all(study.first(5, 0.025), claims)["A"].grade is Grade.supported
+    assert grade_all(study, claims)["A"].grade is not Grade.supported
+    # Seeds of a look that is not whole are not graded.
+    assert grade_all(study.first(9, 0.025), claims)["A"].grade is Grade.supported
+
+
+def test_a_claim_whose_parts_lack_seeds_is_undetermined() -> None:
+    study = make_study(high(FE1=0.9, FE2=0.3, FE3=0.3))
+    claims = [Hypothesis("A", "5", "", [beats("high", "FE1", other) for other in ("FE2", "FE3")])]
+    assert grade_all(study, claims)["A"].grade is Grade.supported
+    del study.records["pairs", "high", "FE3", 14]
+    lacking = grade_all(study, claims)["A"]
+    assert lacking.grade is Grade.undetermined and lacking.parts == {}
+    nothing = grade_all(make_study(high(scratch=0.5)))
+    assert {one.grade for one in nothing.values()} == {Grade.undetermined} and len(nothing) == len(ALL)
+
+
+def test_kinds_of_contrasts_make_parts() -> None:
+    study = make_study(high(FE1=0.7, FE2=0.7, FE3=0.95), sd=0.004)
+    tests = [beats("high", "FE3", "FE1"), no_more("high", ("FE1",), ("FE2",)), steady("high", "FE1", "FE2")]
+    found = grade_all(study, [Hypothesis("A", "5", "", tests)])["A"]
+    assert [*found.parts.values()][:2] == [Part.supports, Part.supports]
+    assert found.grade in (Grade.supported, Grade.leaning_for, Grade.mixed)
+
+
+def test_words_of_parts_are_unique_within_a_claim() -> None:
+    # A line without spaces before it is the name of a claim; those of its contrasts follow.
+    text = (Path(__file__).parents[1] / "contrasts.txt").read_text()
+    for claim in re.split(r"\n(?=\S)", text):
+        words = claim.splitlines()
+        assert len(set(words)) == len(words), words[0]
+
+
+def test_grades_are_counted_in_their_order() -> None:
+    counted = count_grades([Grade.mixed, Grade.undetermined, Grade.mixed])
+    assert [*counted] == [*Grade] and counted[Grade.mixed] == 2 and sum(counted.values()) == 3

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks import answers, curves, encounters, gpu, questions, similarity, sources
+from benchmarks import answers, curves, encounters, gpu, grades, questions, similarity, sources
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -32,6 +32,7 @@ ALONE = {
     "similarity": ("Which measure of similarity foretells that", similarity.main),
     "questions": ("The runs of the second study", questions.main),
     "answers": ("What they say", answers.main),
+    "grades": ("How often each grade of a claim comes out, by what is true", grades.main),
     "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }
 

@@ -163,7 +163,7 @@ def measure_spread(study: Study, where: str, places: Places, steady: str, other:
     if min(map(len, runs.values())) < 2:
         return []
     one, two = (np.stack([curve(record) for record in runs[name]]) for name in (steady, other))
-    estimate, p, against = spread_test(one, two, SEED, study.level)
+    estimate, p, against = spread_test(one, two, SEED, study.level, study.max_permutations)
     what = f"{where}: {steady} varies less than {other} ({SPREAD}; logarithm of the ratio)"
     return [Finding(what, SPREAD, estimate, p, against, seeds=len(one))]
 

@@ -12,14 +12,19 @@ TINY = float(np.finfo(np.float64).tiny)
 
 
 def spread_test(
-    steady: Sample, other: Sample, seed: int, level: float = LEVEL / 2
+    steady: Sample,
+    other: Sample,
+    seed: int,
+    level: float = LEVEL / 2,
+    max_permutations: int = MAX_PERMUTATIONS,
 ) -> tuple[Estimate, float, float]:
     """Test by permutation whether the curves of one arm vary less over seeds than another's, [S, T] each.
 
     An arm's spread is the standard deviation over seeds, averaged along the curve. The statistic is the
     logarithm of the ratio of two spreads, divided by its jackknife error, so that it also holds for arms
     whose seeds vary in different ways (Janssen, 1997). Curves are deviations from their arm's mean curve, so
-    levels do not count. A permutation exchanges the two arms of some seeds; few seeds have all permutations.
+    levels do not count. A permutation exchanges the two arms of some seeds; few seeds have all permutations,
+    many have `max_permutations` random ones.
 
     Returns:
         The logarithm, with its interval at the one-sided `level`, and the one-sided p-values against `steady`
@@ -29,10 +34,10 @@ def spread_test(
     seeds = len(one)
     if seeds < 3 or max(np.abs(one).max(), np.abs(two).max()) < TOLERANCE:
         return Estimate(log_spread_ratio(one, two), -np.inf, np.inf), 1.0, 1.0
-    if 2**seeds <= MAX_PERMUTATIONS:
+    if 2**seeds <= max_permutations:
         swaps = (np.arange(2**seeds)[:, None] >> np.arange(seeds)) & 1
     else:
-        swaps = np.random.default_rng(seed).integers(0, 2, (MAX_PERMUTATIONS, seeds))
+        swaps = np.random.default_rng(seed).integers(0, 2, (max_permutations, seeds))
         swaps[0] = 0
     ratios, errors = jackknife(one, two, swaps.astype(np.float64))
     value, error = float(ratios[0]), float(errors[0])  # the first permutation exchanges nothing

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.study.analysis.spread import MAX_PERMUTATIONS
 from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING
 from ship_trl.study.plan.arms import SCRATCH, SCRATCH_PAIR
 from ship_trl.study.plan.config import NEW_CASE, REUSED_ARM, REUSED_CASE
@@ -57,7 +58,8 @@ FIGURES = {"high": "5", "low": "6", "lowest": "7"}
 class Study:
     """The runs of a folder, and the paths that could not be read, with the reason.
 
-    `level` is one-sided, of intervals and tests. `layers` holds similarities of layers, if measured.
+    `level` is one-sided, of intervals and tests. `layers` holds similarities of layers, if measured. Tests of
+    spread have up to `max_permutations`.
     """
 
     records: Records
@@ -65,6 +67,7 @@ class Study:
     plan: Manifest = field(default_factory=Manifest)
     level: float = LEVEL / 2
     layers: list[Layer] = field(default_factory=list)
+    max_permutations: int = MAX_PERMUTATIONS
 
     @property
     def seeds(self) -> tuple[int, ...]:

@@ -1,0 +1,101 @@
+"""The simulation of grades: p-values as those of the package, and grades that follow the truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import grades as benchmark
+from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
+from ship_trl.study.analysis.statistics import Estimate, p_below
+from ship_trl.study.claims.grades import Grade, measure_parts
+from ship_trl.study.claims.kinds import Hypothesis, beats, steady
+from tests.study.synthetic import make_study, write_study
+
+MARGIN = 0.1
+
+
+def findings(count: int, claimed: Claimed = Claimed.above, seeds: int = 15) -> list[Finding]:
+    rng = np.random.default_rng(0)
+    return [contrast(f"{k}", "area", rng.normal(0.3, 0.05, seeds), MARGIN, claimed) for k in range(count)]
+
+
+@pytest.mark.parametrize("claimed", [*Claimed])
+@pytest.mark.parametrize("seeds", [5, 15])
+def test_p_values_of_all_draws_are_those_of_each(claimed: Claimed, seeds: int) -> None:
+    (one,) = findings(1, claimed, seeds)
+    # The last draw is one seed again and again, so that nothing varies.
+    chosen = np.random.default_rng(1).integers(0, seeds, (20, seeds))
+    chosen[-1] = 0
+    samples, size = benchmark.sample(one, chosen), 2.0
+    p, against, small = benchmark.p_values(one, samples, size, len(chosen))
+    is_above = claimed is Claimed.above
+    assert (small is not None) is is_above
+    for k, seeds_of_draw in enumerate(chosen):
+        differences = np.array(one.differences) - one.estimate.value + (size * MARGIN if is_above else 0.0)
+        expected = contrast("", "area", differences[seeds_of_draw], MARGIN, claimed)
+        assert (p[k], against[k]) == pytest.approx((expected.p, expected.against))
+        if small is not None:
+            assert small[k] == pytest.approx(p_below(differences[seeds_of_draw], MARGIN))
+
+
+def test_grades_follow_the_truth() -> None:
+    claims = [findings(3), findings(2), findings(1)]
+    counts = benchmark.moved(claims, 20)
+    nothing, margin, gain = counts.values()
+    assert [*counts] == ["moved to nothing", "moved to the margin", "moved to what could be gained"]
+    assert nothing[Grade.size_excluded] + nothing[Grade.undetermined] > 2.5
+    assert gain[Grade.supported] > 2.9 and margin[Grade.contradicted] == 0
+    assert all(sum(one.values()) == pytest.approx(3) for one in counts.values())
+
+
+def test_parts_without_a_known_size_stay_at_zero() -> None:
+    spread = Finding("a", "spread", Estimate(0.5, 0.1, 0.9), 0.0, 1.0, 15)
+    (unknown,) = findings(1)
+    unknown = contrast("b", "time", np.array(unknown.differences))
+    for one in (spread, unknown):
+        gain = benchmark.moved([[*findings(1), one]], 20)["moved to what could be gained"]
+        assert gain[Grade.leaning_for] > 0.8
+    (bounded,) = findings(1, Claimed.no_more)
+    assert all(one[Grade.supported] > 0.8 for one in benchmark.moved([[bounded]], 20).values())
+    assert benchmark.moved([[]], 3)["moved to nothing"][Grade.undetermined] == 1
+
+
+def test_shuffled_labels_show_nothing_where_the_study_shows_much() -> None:
+    ends = {("pairs", "high", arm): 0.4 + 0.1 * k for k, arm in enumerate(("scratch", "FE1", "FE2", "FE3"))}
+    study = make_study(ends)
+    tests = [beats("high", "FE3", "scratch"), beats("high", "FE2", "FE1")]
+    claims = [Hypothesis("A", "5", "", tests), Hypothesis("B", "5", "", [steady("high", "FE1", "FE2")])]
+    (parts, _) = measure_parts(study, claims).values()
+    assert max(one.p for one in parts) < 0.001
+    counts = benchmark.shuffled(study, 10, claims)
+    assert counts[Grade.size_excluded] + counts[Grade.undetermined] > 1.6
+    assert counts == benchmark.shuffled(study, 10, claims)
+
+
+def test_shuffling_keeps_target_and_seed_of_each_run() -> None:
+    study = make_study({("pairs", "high", arm): 0.5 for arm in ("scratch", "FE1", "FE2")}, seeds=4)
+    made = benchmark.shuffle(study, np.random.default_rng(0))
+    assert made.records.keys() == study.records.keys()
+    assert all(record.seed == key[3] for key, record in made.records.items())
+    assert sorted(map(id, made.records.values())) == sorted(map(id, study.records.values()))
+    assert any(record.arm.name != key[2] for key, record in made.records.items())
+
+
+def test_from_arguments_to_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_study(tmp_path, seeds=5)
+    benchmark.main([str(tmp_path), "--draws", "2", "--markdown"])
+    said, _, table = capsys.readouterr().out.partition("\n\n")
+    assert said.startswith("Mean number of the 31 claims with each grade, 2 draws a row.")
+    head, _, *rows = table.strip().splitlines()
+    assert head == f"| truth | {' | '.join(Grade)} |" and len(rows) == 5
+    for row in rows:
+        assert sum(float(cell) for cell in row.strip("| ").split(" | ")[1:]) == pytest.approx(31, abs=0.05)
+
+
+def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words, said in (([str(tmp_path)], "no finished run"), (["--draws", "0"], "--draws: must be")):
+        with pytest.raises(SystemExit):
+            benchmark.main(words)
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1

@@ -11,13 +11,17 @@ from matplotlib.figure import Figure
 
 from ship_trl.study.analysis.study import Study, pairs
 from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse, draw_times
+from ship_trl.study.report.forest import draw_forest
 from ship_trl.study.report.gains import draw_gains
 from ship_trl.study.report.layers import draw_layers
 from ship_trl.study.report.panels import REUSE_TITLE, pair_title
 from ship_trl.study.report.style import NARROW, WIDE, as_png, save
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.
-NAMES = ("pair_*", "reuse", "differences", "times", "gains", "gains_greedy", "layers", "forest_*")
+NAMES = (
+    *("pair_*", "reuse", "differences", "times", "gains", "gains_greedy", "gains_forest", "layers"),
+    "forest_*",
+)
 # Draws a figure of a width in inches; None if the study has no runs for it.
 Draw = Callable[[float], Figure | None]
 
@@ -34,6 +38,7 @@ def drawings(study: Study) -> dict[str, tuple[str, Draw]]:
         "times": ("Time to the threshold", partial(draw_times, study)),
         "gains": ("Gains of transfer, by source and target", partial(draw_gains, study, "area")),
         "gains_greedy": ("Gains of transfer in greedy returns", partial(draw_gains, study, "greedy area")),
+        "gains_forest": ("Gains of the pairs in greedy returns", partial(draw_forest, study)),
         "layers": ("Similarity of layers", partial(draw_layers, study)),
     }
 

@@ -66,7 +66,15 @@ def figures(study: Study) -> list[Shown]:
 def test_a_whole_study_has_all_figures(figures: list[Shown]) -> None:
     for width in (WIDE, NARROW):
         names = {one.name for one in figures if one.width == width}
-        assert names == {"pair_high", "reuse", "differences", "times", "gains", "gains_greedy"}
+        assert names == {
+            "pair_high",
+            "reuse",
+            "differences",
+            "times",
+            "gains",
+            "gains_greedy",
+            "gains_forest",
+        }
 
 
 def test_no_letter_is_smaller_than_seven_points_where_it_is_shown(figures: list[Shown]) -> None:

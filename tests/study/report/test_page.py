@@ -71,7 +71,7 @@ def test_each_figure_has_a_form_for_narrow_screens(study: Path) -> None:
         r'<img src="data:image/png;base64,([^"]*)"',
         text,
     )
-    assert len(found) == text.count("<img ") == 5
+    assert len(found) == text.count("<img ") == 6
 
     def size(data: str) -> tuple[int, int]:
         # In a PNG width and height come after its mark and the head of its first part.

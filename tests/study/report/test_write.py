@@ -32,7 +32,7 @@ def test_tables_and_figures_lie_beside_it(study: Path) -> None:
     )
     low, value, high = (float(arms["FTW"][f"transfer ratio{end}"]) for end in (" low", "", " high"))
     assert 0 < low < value < high
-    for name in ("pair_high", "differences", "times", "gains"):
+    for name in ("pair_high", "differences", "times", "gains", "gains_forest"):
         for ending in ("png", "pdf"):
             assert (study / f"report/{name}.{ending}").stat().st_size > 3_000
 

@@ -1,0 +1,100 @@
+"""The forest plot: shares of what could be gained, arms in their order, own layers beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from ship_trl.study.analysis.contrasts import gain
+from ship_trl.study.analysis.metrics import measure
+from ship_trl.study.analysis.statistics import interquartile_mean
+from ship_trl.study.analysis.study import Study
+from ship_trl.study.report.forest import METRIC, draw_forest, measure_forests
+from ship_trl.study.report.style import NARROW, WIDE
+from tests.study.report.seen import across, heights
+from tests.study.synthetic import make_record, make_study
+
+PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FTW"): 0.9, ("pairs", "high", "FE1"): 0.7}
+
+
+def drawn(study: Study, width: float = WIDE) -> Figure:
+    figure = draw_forest(study, width)
+    assert figure is not None
+    return figure
+
+
+def with_own(study: Study) -> Study:
+    """The same study, with sources: case 1 for the pair, and the target for pair self."""
+    sources = {"high": "1", "self": "2"}
+    return replace(study, records={k: replace(r, source=sources[k[1]]) for k, r in study.records.items()})
+
+
+def test_a_gain_is_a_share_of_the_way_from_scratch_to_the_best_known_return() -> None:
+    study = make_study(PAIR, seeds=6)
+    (forest,) = measure_forests(study)
+    scratch = [measure(run, METRIC) for run in study.arm("pairs", "high", "scratch").values()]
+    possible = 1 - interquartile_mean(np.array(scratch))
+    found = gain(study, ("pairs", "high", "FTW"), ("pairs", "high", "scratch"), METRIC)
+    assert found is not None and list(forest.gains) == ["FE1", "FTW"]
+    share = forest.gains["FTW"]
+    for one, other in ((share.value, found.value), (share.low, found.low), (share.high, found.high)):
+        assert one == pytest.approx(other / possible)
+    assert share.seeds == 6 and f"could be gained: {possible:+.2f}" in forest.title
+
+
+def test_arms_are_rows_and_pairs_are_panels() -> None:
+    places = PAIR | {("controls", "high", "FE3-random"): 0.3} | {("pairs", "high", "FT2"): 0.6}
+    places |= {("pairs", "low", arm): 0.6 for arm in ("scratch", "FE1")}
+    study = make_study(places, seeds=6)
+    figure = drawn(study)
+    rows = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert rows == ["FE1", "FT2", "FTW", "FE3-random"]
+    first, second = figure.axes
+    assert first.get_position().x0 < second.get_position().x0
+    upper, lower = drawn(study, NARROW).axes
+    assert upper.get_position().y0 > lower.get_position().y0
+    # From the top down, each value on its row.
+    values = {
+        float(heights(line)[0]): float(across(line)[0]) for line in first.lines if line.get_marker() == "o"
+    }
+    (forest, _) = measure_forests(study)
+    assert values[0.0] == pytest.approx(forest.gains["FE1"].value)
+    assert values[2.0] == pytest.approx(forest.gains["FTW"].value) and first.yaxis_inverted()
+
+
+def test_own_layers_lie_below_their_arm_and_say_how_many_seeds_they_have() -> None:
+    study = with_own(make_study(PAIR | {("controls", "self", "FE1"): 0.8}, seeds=6))
+    (forest,) = measure_forests(study)
+    assert list(forest.own) == ["FE1"] and forest.own["FE1"].value > forest.gains["FE1"].value
+    (legend,) = drawn(study).legends
+    words = [text.get_text() for text in legend.get_texts()]
+    assert any("own layers" in one for one in words) and not any("control" in one for one in words)
+    assert "Own layers have 6 seeds" in legend.get_title().get_text()
+    without = drawn(make_study(PAIR, seeds=6)).legends[0]
+    assert not any("own layers" in text.get_text() for text in without.get_texts())
+
+
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_the_axis_holds_zero_and_all_that_could_be_gained(width: float) -> None:
+    (axis,) = drawn(make_study(PAIR, seeds=1), width).axes
+    low, high = axis.get_xlim()
+    assert low < -0.0 and 1 < high < 1.4
+    # One seed has no interval: other lines are thin, as those at 0 and 1.
+    dots = [line for line in axis.lines if line.get_marker() == "o"]
+    ends = [line for line in axis.lines if line.get_marker() != "o"]
+    assert len(dots) == 2 and all(line.get_linewidth() < 1 for line in ends)
+
+
+def test_where_nothing_can_be_gained_there_is_no_panel() -> None:
+    best = {
+        ("pairs", "high", arm, seed): make_record(np.full(40, 1.0), "pairs", "high", arm, seed)
+        for arm in ("scratch", "FE1")
+        for seed in range(5)
+    }
+    for key, record in best.items():
+        # The first evaluation too has the best known return.
+        greedy = replace(record.greedy, returns=np.full(41, record.best_known))
+        best[key] = replace(record, greedy=greedy)
+    assert draw_forest(Study(best), WIDE) is None
+    assert draw_forest(make_study({("pairs", "high", "FE1"): 0.5}), WIDE) is None

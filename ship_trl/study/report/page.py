@@ -17,6 +17,7 @@ from ship_trl.study.analysis.contrasts import MIN_SEEDS, SPREAD, Finding, Verdic
 from ship_trl.study.analysis.metrics import THRESHOLDS
 from ship_trl.study.analysis.statistics import look_level, min_detectable_effect
 from ship_trl.study.analysis.study import Study
+from ship_trl.study.claims.grades import Graded, count_grades
 from ship_trl.study.claims.hypotheses import EXPLORATORY
 from ship_trl.study.claims.hypotheses import FIGURE as CONCLUSIONS
 from ship_trl.study.claims.verdicts import Answer
@@ -129,13 +130,19 @@ def describe_intervals(answers: Sequence[Answer], looks: int) -> str:
     return words
 
 
-def as_markdown(answers: Sequence[Answer], earlier: Earlier, looks: int) -> str:
-    """Return all verdicts as Markdown: the level of the intervals, then a table."""
-    lines = [describe_intervals(answers, looks), ""]
-    lines += ["| claim | verdict | the paper | measured |", "| --- | --- | --- | --- |"]
+def describe_grades(grades: Mapping[str, Graded]) -> str:
+    """Say how many claims have each grade."""
+    counted = count_grades([graded.grade for graded in grades.values()])
+    return f"Grades: {', '.join(f'{count} {grade}' for grade, count in counted.items())}."
+
+
+def as_markdown(answers: Sequence[Answer], grades: Mapping[str, Graded], earlier: Earlier, looks: int) -> str:
+    """Return all verdicts and grades as Markdown: the level of the intervals, counts, then a table."""
+    lines = [describe_intervals(answers, looks), "", describe_grades(grades), ""]
+    lines += ["| claim | verdict | grade | the paper | measured |", "| --- | --- | --- | --- | --- |"]
     for answer in answers:
         name, sentence = answer.hypothesis.name, answer.hypothesis.sentence
-        cells = [name, answer.word, sentence, describe_claim(answer, earlier)]
+        cells = [name, answer.word, grades[name].grade, sentence, describe_claim(answer, earlier)]
         # "|" would end the cell, and "<" could begin a tag.
         cells = [words.replace("|", "/").replace("<", "&lt;") for words in cells]
         lines.append(f"| {' | '.join(cells)} |")
@@ -143,9 +150,14 @@ def as_markdown(answers: Sequence[Answer], earlier: Earlier, looks: int) -> str:
 
 
 def render(
-    study: Study, answers: Sequence[Answer], explored: Sequence[Answer], earlier: Earlier, **shown: Any
+    study: Study,
+    answers: Sequence[Answer],
+    explored: Sequence[Answer],
+    grades: Mapping[str, Graded],
+    earlier: Earlier,
+    **shown: Any,
 ) -> str:
-    """Return the page with the paper's claims and our own contrasts (`explored`).
+    """Return the page with the paper's claims and our own contrasts (`explored`), which have no grade.
 
     `shown` goes to the template as it is: `arms` and `similar` are rows of tables, `pictures` the figures,
     `missing` the number of planned runs without a result.
@@ -186,6 +198,8 @@ def render(
         conclusions=[answer for answer in answers if answer.hypothesis.figure == CONCLUSIONS],
         claims=[answer for answer in answers if answer.hypothesis.figure != CONCLUSIONS],
         explored=explored,
+        grades=grades,
+        graded=describe_grades(grades),
         families=list(families([*answers, *explored])),
         equation=EQUATION,
         broken=study.broken,

@@ -21,6 +21,7 @@ from ship_trl.study.analysis.contrasts import MIN_SEEDS, SEED, Finding, Verdict,
 from ship_trl.study.analysis.metrics import LATER, has_reached, measure, metrics_of
 from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.analysis.study import Study
+from ship_trl.study.claims.grades import Graded
 from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.measured import COLUMNS
 from ship_trl.study.plan.config import REUSED_CASE, options, read_option
@@ -192,8 +193,11 @@ def similarity_rows() -> list[Row]:
     return sorted(rows, key=lambda row: -row["similarity"])
 
 
-def claim_rows(answers: Sequence[Answer]) -> list[Row]:
-    """Return every contrast of every claim, with the claim's verdict; one row for a claim without runs."""
+def claim_rows(answers: Sequence[Answer], grades: Mapping[str, Graded]) -> list[Row]:
+    """Return every contrast of every claim, with verdict and grade; one row for a claim without runs.
+
+    Our own contrasts have no grade.
+    """
     return [
         {
             "claim": answer.hypothesis.name,
@@ -204,10 +208,19 @@ def claim_rows(answers: Sequence[Answer]) -> list[Row]:
             "decided after seeds": answer.decided or "",
             "seeds wanted": answer.seeds_wanted() or "",
             **{name: cell(answer, found) if found else "" for name, cell in CONTRAST_CELLS.items()},
+            **grade_cells(grades.get(answer.hypothesis.name), found),
         }
         for answer in answers
         for found in answer.findings or (None,)
     ]
+
+
+def grade_cells(graded: Graded | None, found: Finding | None) -> Row:
+    """Return the grade of a claim and what a part of it shows; empty cells where there is none."""
+    if graded is None:
+        return {"grade": "", "part": ""}
+    part = graded.parts.get(found.what) if found else None
+    return {"grade": graded.grade.value, "part": part.value if part else ""}
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -10,11 +10,12 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write, links
 from ship_trl.study.analysis.contrasts import MIN_SEEDS
 from ship_trl.study.analysis.study import Study, finished_study
+from ship_trl.study.claims.grades import grade_all
 from ship_trl.study.claims.verdicts import answer, explore
 from ship_trl.study.plan.jobs import PAIRS
 from ship_trl.study.report import tables
 from ship_trl.study.report.figures import draw_all
-from ship_trl.study.report.page import Earlier, as_markdown, render
+from ship_trl.study.report.page import Earlier, as_markdown, describe_grades, render
 
 # A copy of the claims.csv of an earlier study in a study's folder: its verdicts are named too.
 EARLIER = "earlier.csv"
@@ -51,12 +52,13 @@ def say(line: str) -> None:
 
 
 def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
-    """Judge the claims, write all files, and print the verdicts."""
+    """Judge and grade the claims, write all files, and print verdicts and grades."""
     answers, explored, arms = answer(study), explore(study), tables.arm_rows(study)
+    grades = grade_all(study)
     rows = {
         "runs": tables.run_rows(study),
         "arms": tables.as_kept(arms),
-        "claims": tables.claim_rows([*answers, *explored]),
+        "claims": tables.claim_rows([*answers, *explored], grades),
         "table_2": tables.similarity_rows(),
         "transfers": tables.transfer_rows(study),
         "cka": tables.layer_rows(study),
@@ -65,16 +67,18 @@ def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
         tables.write_csv(output / f"{name}.csv", table)
     has_forgetting = any("forgetting" in row for row in arms)
     shown = {"arms": arms, "has_forgetting": has_forgetting, "similar": rows["table_2"], "missing": missing}
-    page = render(study, answers, explored, earlier, pictures=draw_all(study, output), **shown)
-    verdicts = as_markdown(answers, earlier, len(study.looks))
+    page = render(study, answers, explored, grades, earlier, pictures=draw_all(study, output), **shown)
+    verdicts = as_markdown(answers, grades, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):
         with atomic_write(output / name) as draft:
             draft.write_text(text)
     for found in answers:
         if found.findings:
-            say(f"{found.hypothesis.name:<3}  {found.word:<13} {found.hypothesis.sentence}")
+            graded = grades[found.hypothesis.name].grade
+            say(f"{found.hypothesis.name:<3}  {found.word:<13} {graded:<15} {found.hypothesis.sentence}")
     if without := [found.hypothesis.name for found in answers if not found.findings]:
         say(f"no runs: {', '.join(without)}")
+    say(describe_grades(grades))
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     judged = set(study.seeds[: study.whole_looks[-1]])
     if later := seeds & set(study.seeds) - judged:

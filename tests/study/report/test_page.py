@@ -14,6 +14,7 @@ import pytest
 from ship_trl.cli.report import main
 from ship_trl.study.analysis.contrasts import Finding, Verdict
 from ship_trl.study.analysis.statistics import Estimate, min_detectable_effect
+from ship_trl.study.claims.grades import Grade, Part
 from ship_trl.study.claims.kinds import Hypothesis, beats
 from ship_trl.study.claims.verdicts import ALL, Answer, judge
 from ship_trl.study.report.page import families, in_a_sentence, scale_of
@@ -82,9 +83,9 @@ def test_each_figure_has_a_form_for_narrow_screens(study: Path) -> None:
 
 
 def test_verdicts_are_a_markdown_table(study: Path) -> None:
-    head, _, *lines = (study / "report/verdicts.md").read_text().splitlines()
-    assert "95 % after 5 seeds" in head
-    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 3 for line in lines)
+    head, _, counts, _, *lines = (study / "report/verdicts.md").read_text().splitlines()
+    assert "95 % after 5 seeds" in head and counts.startswith("Grades: ")
+    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 4 for line in lines)
     assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in verdict(study, "H5h")
 
 
@@ -101,12 +102,31 @@ def test_the_page_begins_with_what_is_decided(study: Path) -> None:
 def test_a_claim_without_runs_is_called_so_everywhere(study: Path) -> None:
     # The study has pair high alone: figure 7 is of pair lowest.
     line = verdict(study, "H7d")
-    assert line.startswith("| H7d | no runs | ") and line.endswith(" | No runs. |")
+    assert line.startswith("| H7d | no runs | undetermined | ") and line.endswith(" | No runs. |")
     assert {row["claim"] for row in claims(study)} >= {claim.name for claim in ALL}
     (row,) = (row for row in claims(study) if row["claim"] == "H7d")
     assert row["claim's verdict"] == "no runs" and row["contrast"] == row["estimate"] == row["verdict"] == ""
     (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", page(study), re.DOTALL)
     assert ">no runs</span>" in cells and "inconclusive" not in cells
+
+
+def test_grades_stand_beside_verdicts_everywhere(study: Path) -> None:
+    rows, text = claims(study), page(study)
+    graded = {row["claim"]: row["grade"] for row in rows}
+    assert {name for name, grade in graded.items() if grade} == {claim.name for claim in ALL}
+    assert all(not row["part"] for row in rows if row["grade"] == "" or not row["contrast"])
+    # Every contrast of a claim that is graded shows something; this study has pair high whole.
+    assert {row["part"] for row in rows if row["claim"] == "H5f"} <= {*Part}
+    counted = ", ".join(f"{[graded[c.name] for c in ALL].count(grade)} {grade}" for grade in Grade)
+    summary = f"Grades: {counted}."
+    assert f"<p>{summary}</p>" in text and summary in (study / "report/verdicts.md").read_text()
+    for name in ("C1", "H5f", "H7d"):
+        assert verdict(study, name).split(" | ")[2] == graded[name]
+    (cells,) = re.findall(r"<tr><td>H5f</td>.*?</tr>", text, re.DOTALL)
+    assert f'<span class="grade">{graded["H5f"]}</span>' in cells
+    # Ours are not graded.
+    (cells,) = re.findall(r"<tr><td>E1</td>.*?</tr>", text, re.DOTALL)
+    assert "grade" not in cells and [*rows[0]][-2:] == ["grade", "part"]
 
 
 def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> None:
@@ -173,7 +193,7 @@ def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None
     rows = {row["claim"]: row for row in claims(study)}
     wanted = {name: row["seeds wanted"] for name, row in rows.items() if row["seeds wanted"]}
     assert wanted and not any(rows[name]["decided after seeds"] for name in wanted)
-    for line in (study / "report/verdicts.md").read_text().splitlines()[4:]:
+    for line in (study / "report/verdicts.md").read_text().splitlines()[6:]:
         name = line.split(" | ")[0].removeprefix("| ")
         assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
 

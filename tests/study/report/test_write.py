@@ -93,6 +93,7 @@ def test_seeds_of_the_next_look_are_told_and_not_judged(odd: Odd) -> None:
     assert "10 planned runs are missing" in odd.out
     # The study has pair high alone.
     assert "\nH5f " in odd.out and "\nH7d " not in odd.out
+    assert odd.out.count("\nGrades: ") == 1
     assert odd.out.count("no runs") == 1 and "H7d" in odd.out[odd.out.index("no runs: ") :].splitlines()[0]
     with (odd.folder / "report/claims.csv").open(newline="") as file:
         assert {row["seeds"] for row in csv.DictReader(file) if row["contrast"]} == {"5"}

@@ -18,6 +18,7 @@ import yaml
 
 from ship_trl.cli.ask import answers
 from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.claims.grades import Grade
 from tests.command import ROOT
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 
@@ -75,38 +76,40 @@ def verdicts() -> str:
 
 def facts(study: Study) -> list[str]:
     """Return the sentences of docs/findings.md that count something, from the tables."""
-    return [verdicts(), *of_claims(), *of_runs(), *of_arms(study), *of_layers(), *at_length()]
+    return [verdicts(), *of_grades(), *of_claims(), *of_runs(), *of_arms(study), *of_layers(), at_length()]
+
+
+def of_grades() -> list[str]:
+    """Return the rows of the table of grades, with the parts of each claim."""
+    rows, told = claims(), []
+    for grade in Grade:
+        names = []
+        for claim, parts in rows[rows["grade"] == grade.value].groupby("claim"):
+            counts = [(parts["part"] == part).sum() for part in ("for", "against", "size excluded")]
+            names.append(f"{claim} {', '.join(map(str, counts))} of {len(parts)}")
+        told.append(f"| {grade.value} ({len(names)}) | {'; '.join(names) or 'none'} |")
+    return told
 
 
 def of_claims() -> list[str]:
-    """Return what is counted of claims: power, contrasts that hold, p, and how many seeds would decide."""
+    """Return what is counted of claims: power, and the p of two."""
     rows = claims()
     power = rows["seen adjusted"].le(rows["margin"]).groupby(rows["claim"]).all()
-    held = rows["verdict"].eq("supported").groupby(rows["claim"]).agg(["sum", "size"])
-    first = rows.groupby("claim").first()
-    p, wanted = first["claim's p"].map("{:.3f}".format), first["seeds wanted"]
+    p = rows.groupby("claim")["claim's p"].first().map("{:.3f}".format)
     return [
         f"{'some' if power.any() else 'no'} claim had a power of 80 % at the margin in all of its contrasts",
-        f"In pair high {held['sum']['H5f']} of {held['size']['H5f']} contrasts of H5f hold.",
-        f"In pair low {held['sum']['H6e']} of {held['size']['H6e']} contrasts of H6e hold",
         f"The p of C1 and of H9b are {' or '.join(sorted({p['C1'], p['H9b']}))};",
-        ", ".join(f"{claim} {wanted[claim]:.0f}" for claim in ("H5k", "H5c", "H7a", "H5f", "C2", "C5")),
     ]
 
 
 def of_runs() -> list[str]:
-    """Return what is counted of runs: those that fell back, and sources that cannot solve the target."""
+    """Return what is counted of runs: those that fell back."""
     runs = pd.read_csv(REPORT / "runs.csv")
     pairs, controls = runs[runs["part"] == "pairs"], runs[runs["part"] == "controls"]
     is_scratch = pairs["arm"] == "scratch"
     groups = (pairs[is_scratch], pairs[~is_scratch], controls)
     fell = [f"{group['fell'].sum():.0f} of {len(group)}" for group in groups]
-    lost = pairs[(pairs["arm"] == "FTW") & (pairs["start"] <= 0.05)]["pair"].value_counts()
-    return [
-        "{} runs from scratch, {} transfers of the pairs and {} controls".format(*fell),
-        f"{lost['high']} of {SEEN} in pair high begin at 0.05 or below,",
-        f"{lost['low']} in low, {lost['lowest']} in lowest.",
-    ]
+    return ["{} runs from scratch, {} transfers of the pairs and {} controls".format(*fell)]
 
 
 def of_arms(study: Study) -> list[str]:
@@ -120,14 +123,7 @@ def of_arms(study: Study) -> list[str]:
 
     area = pd.concat(every(pair, "above scratch (area)") for pair in PAIRS)
     time = pd.concat(every(pair, "sooner than scratch (time)") for pair in PAIRS)
-    own = pd.concat(every(f"{case} to {case}", "above scratch (area)") for case in "642")
     share = area["value"] / [gains[PAIRS[name.split()[0]]]["area"] for name in area.index]
-    own_share = own["value"] / [gains[name[0]]["area"] for name in own.index]
-    more = (
-        own_share[own_share > 0.5]
-        .sort_values(ascending=False)
-        .sort_index(key=lambda names: -names.str[0].astype(int), kind="stable")
-    )
     above, below = (area["low"] > 0).sum(), (area["high"] < 0).sum()
     return [
         *(
@@ -136,7 +132,6 @@ def of_arms(study: Study) -> list[str]:
         ),
         f"Of the pairs' {len(area)} arms {WORDS[(share >= 0.5).sum()]} gains half of it in area;",
         f"the most is {100 * share.max():.0f} % ({share.idxmax()}).",
-        f"{WORDS[len(more)]} arms gain more: {', '.join(f'{n} {100 * x:.0f} %' for n, x in more.items())}.",
         "FE3 gains {:.0f} % of what could be gained in high, {:.0f} % in low, {:.0f} % in lowest".format(
             *(100 * share[f"{pair} FE3"] for pair in PAIRS)
         ),
@@ -155,19 +150,10 @@ def of_layers() -> list[str]:
     return [f"| {beside} | {' | '.join(cells.loc[beside])} |" for beside in cells.index]
 
 
-def at_length() -> list[str]:
-    """Return what is told of the study at the paper's length: its seeds, and a row for each arm."""
+def at_length() -> str:
+    """Return how many seeds of the study at the paper's length are done."""
     study = read_study(LONG)
-    rows = []
-    for arm in ("FE1", "FE2", "FE3", "FE4", "FT3", "FTW"):
-        cells = [arm]
-        for metric in ("early area", "area", "asymptote"):
-            (one,) = answers(study, [f"high: {arm} above scratch ({metric})"])
-            above = sum(value > 0 for value in one.differences)
-            cells.append(f"{one.estimate.value:+.3f} ({above} of {one.seeds})")
-        rows.append(f"| {' | '.join(cells)} |")
-    done = len({key[3] for key in study.records})
-    return [f"{done} of {len(study.seeds)} seeds are done", *rows]
+    return f"{len({key[3] for key in study.records})} of {len(study.seeds)} seeds are done"
 
 
 def main() -> None:

@@ -25,8 +25,8 @@ BATCHES, UPDATE_BATCHES = (1, 64, 4096, 65536), (32, 256, 2048)
 KINDS = {"fast=true": "ours", "fast=false": "ours, operation by operation"}
 # Steps, updates in one call of a probe.
 STEPS, UPDATES = 16, 8
-# Agents in lockstep, and environment steps that they take for their graphs to be captured.
-AGENTS, WARMUP_UPDATES = (1, 20, 80, 320), 50
+# Agents in lockstep, also on a CPU, and environment steps that they take for their graphs to be captured.
+AGENTS, FEW_AGENTS, CAPTURE_STEPS = (1, 20, 80, 320), (1, 4), 50
 LARGE = "learn.num_envs=64", "learn.batch_size=512", "learn.update_every=64"
 TITLES = {
     "simulator": "Simulation and drawing of 84x84 pixels",
@@ -94,10 +94,10 @@ def lockstep_probes(device: str) -> list[Probe]:
     from benchmarks.timing import Probe
 
     setting, found = SETTINGS["pixels"], []
-    for count in AGENTS:
+    for count in FEW_AGENTS if device == "cpu" else AGENTS:
         runs = [Task(CASE, "", "scratch", seed, True).plan(setting, Path()) for seed in range(count)]
         agents, _ = make_lockstep(runs, starts(runs, [CASE] * count).to(device), setting.source_length)
-        agents.train(runs[0].config.learn.warmup_steps + WARMUP_UPDATES)
+        agents.train(runs[0].config.learn.warmup_steps + CAPTURE_STEPS)
         steps = STEPS * agents.learn.update_every
         found.append(
             Probe(f"{count} agents", "ours", partial(agents.train, steps), steps * count, is_ours=True)

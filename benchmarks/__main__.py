@@ -29,9 +29,9 @@ ALONE = {
     "encounters": ("What policies do in suites of encounters", encounters.main),
     "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
     "sources": ("What each case's network is worth on every other case", sources.main),
-    "similarity": ("Which measure of similarity foretells that", similarity.main),
+    "similarity": ("Which measure of similarity predicts that", similarity.main),
     "questions": ("The runs of the second study", questions.main),
-    "answers": ("What they say", answers.main),
+    "answers": ("Judge the contrasts of the second study", answers.main),
     "grades": ("How often each grade of a claim comes out, by what is true", grades.main),
     "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }

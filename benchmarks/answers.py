@@ -9,12 +9,15 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from scipy import stats
 
-from benchmarks.questions import ARMS, FOLDER, PAIRS, SETTINGS, SIZES, TRAFFIC
+from benchmarks.questions import ARMS, FOLDER, FROZEN, PAIRS, SETTINGS, SIZES, TRAFFIC, plan_tasks
+from benchmarks.runs import key
+from benchmarks.similarity import run_table
 from benchmarks.sources import FOLDER as BENCHMARK
 from benchmarks.sources import IMAZU
 from benchmarks.verdicts import (
@@ -25,7 +28,8 @@ from benchmarks.verdicts import (
     Sample,
     Verdict,
     answers,
-    of,
+    is_asked,
+    metric_of,
     read_study_runs,
 )
 from ship_trl.cli.errors import refusals
@@ -37,6 +41,18 @@ from ship_trl.sources.gains import read_outcome, read_runs
 from ship_trl.study.report.tables import write_csv
 
 DRAWS, SEED = 2000, 2022
+POLICIES = ("keep_course", "vo")
+# What the table of levels has of each run, and its headings.
+METRICS = {
+    "area": "area",
+    "start": "before training",
+    "start_success": "success there",
+    "end": "end",
+    "success": "success in training",
+    "perturbed": "from drawn starts",
+    "replayed": "its actions replayed",
+    "traffic": "traffic_test",
+}
 # Colours of verdicts.
 COLOURS = {
     Verdict.more: "#0072B2",
@@ -65,10 +81,10 @@ def main(arguments: list[str]) -> None:
 
 def run(options: Namespace) -> None:
     """Judge all questions."""
-    runs = read_table(FOLDER / options.setting)
+    runs = read_table(options.setting)
     found = answers(runs)
     show_contrasts(found, options.markdown)
-    show_elsewhere(runs, options.markdown)
+    show_levels(runs, options.markdown)
     table = FOLDER / f"{options.setting}_answers.csv"
     write_csv(table, [asdict(one) for one in found])
     picture = FOLDER / f"{options.setting}.png"
@@ -76,14 +92,23 @@ def run(options: Namespace) -> None:
     sys.stdout.write(f"{table}\n{picture}\n")
 
 
-def read_table(folder: Path) -> Runs:
-    """Read the runs: those just made, or those that were kept."""
-    made = folder.with_suffix(".csv")
-    path = made if made.is_file() else folder.with_suffix(".csv.xz")
+def read_table(setting: str) -> Runs:
+    """Read the runs: those just made, or those that were kept.
+
+    Raises:
+        ConfigError: the table is no such table, or lacks runs.
+    """
+    path = run_table(FOLDER / setting)
+    made = read_runs(path)
     try:
-        return read_study_runs(read_runs(path))
+        runs = read_study_runs(made)
     except (KeyError, ValueError) as error:
         raise ConfigError(f"questions: {path} is not a table of tested runs: {error}") from None
+    wanted = {task.key(SETTINGS[setting]) for task in plan_tasks(SIZES[setting])}
+    if missing := wanted - set(map(key, made)):
+        first = f"python -m benchmarks questions {setting}"
+        raise ConfigError(f"questions: {len(missing)} runs are missing; allowed: after {first}")
+    return runs
 
 
 def show_contrasts(found: list[Contrast], markdown: bool) -> None:
@@ -95,7 +120,7 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
             one.where,
             one.what,
             f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})",
-            "" if np.isnan(one.could) else f"{one.value / one.could:.0%}",
+            "" if np.isnan(one.possible_gain) else f"{one.value / one.possible_gain:.0%}",
             one.count,
             f"{one.p:.2g}",
             one.verdict.value,
@@ -105,43 +130,47 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
     show(headings, cells, markdown)
 
 
-def show_elsewhere(runs: Runs, markdown: bool) -> None:
-    """Print how often networks reach the goal on scenes that they did not see, beside two policies."""
-    places = [(pair, [(target, source)]) for pair, (source, target) in PAIRS.items()]
-    if any(source == TRAFFIC for _, source, _, _ in runs):
-        places.append(("imazu", [(target, TRAFFIC) for target in IMAZU]))
+def show_levels(runs: Runs, markdown: bool) -> None:
+    """Print the means of each arm, also on scenes that it did not see, beside two policies."""
     cells = []
-    for where, pairs in places:
-        for arm in (SCRATCH.name, *ARMS):
-            sources = [(target, "" if arm == SCRATCH.name else source) for target, source in pairs]
-            means = [
-                [of(runs, target, source, arm, metric).mean() for metric in METRICS]
-                for target, source in sources
-                if (target, source, arm, "") in runs
-            ]
-            if means:
-                cells.append((where, arm, *(f"{value:.2f}" for value in np.mean(means, axis=0))))
-        cells += [(where, *row) for row in policies([target for target, _ in pairs])]
-    show(("where", "arm", *(METRICS.values())), cells, markdown)
+    traffic = [policy_success(name, None) for name in POLICIES]
+    for where, pairs in places_of(runs).items():
+        rows = [(SCRATCH.name, "")] + [(arm, "source") for arm in (*ARMS, FROZEN)] + [(FROZEN, "target")]
+        for arm, kind in rows:
+            groups = [(target, source_of(kind, source, target), arm, "") for target, source in pairs]
+            if any(group not in runs for group in groups):
+                continue
+            levels = [[metric_of(runs, *group, metric=name).mean() for name in METRICS] for group in groups]
+            means = np.mean(levels, axis=0)
+            name = f"{arm} of the target" if kind == "target" else arm
+            cells.append((where, name, *(f"{value:.2f}" for value in means)))
+        for name, everywhere in zip(POLICIES, traffic, strict=True):
+            share = np.mean([policy_success(name, target) for target, _ in pairs])
+            blanks = ("",) * (len(METRICS) - 3)
+            cells.append((where, name, *blanks, f"{share:.2f}", "", f"{everywhere:.2f}"))
+    show(("where", "arm", *METRICS.values()), cells, markdown)
 
 
-METRICS = {
-    "area": "area",
-    "start": "score before training",
-    "end": "end",
-    "success": "success in training",
-    "perturbed": "from drawn starts",
-    "replayed": "its actions replayed",
-    "traffic": "traffic_test",
-}
+def places_of(runs: Runs) -> dict[str, list[tuple[str, str]]]:
+    """Return targets and sources of the pairs, and of the Imazu problems if they were run."""
+    places = {pair: [(target, source)] for pair, (source, target) in PAIRS.items()}
+    if is_asked(runs, 3):
+        places["imazu"] = [(target, TRAFFIC) for target in IMAZU]
+    return places
 
 
-def policies(targets: list[str]) -> list[tuple[str, ...]]:
-    """Return the success of keeping the course and of velocity obstacles, as rows of the table."""
+def source_of(kind: str, source: str, target: str) -> str:
+    """Return the source of a row: none, the pair's, or the target itself."""
+    return {"": "", "source": source, "target": target}[kind]
+
+
+@cache
+def policy_success(name: str, target: str | None) -> float:
+    """Return how often a policy reaches the goal from the drawn starts of a case; None: in `traffic_test`."""
     from tensordict import TensorDict
     from torch import Tensor
 
-    from benchmarks.question_runs import drawn_starts
+    from benchmarks.question_runs import STARTS, drawn_starts, traffic_starts
     from ship_trl.learn.lockstep import roll_out
     from ship_trl.policies.named import keep_course
     from ship_trl.policies.vo import vo
@@ -150,22 +179,16 @@ def policies(targets: list[str]) -> list[tuple[str, ...]]:
     from ship_trl.sim.suites import load_suite
     from ship_trl.sim.transition import make_step
 
-    world, found = load_world(), list[tuple[str, ...]]()
-    env = ShipEnv(load_suite(targets[0], world), world, 1)
-    step = make_step(world)
-    for name, make in (("keep_course", keep_course), ("vo", vo)):
-        shares = []
-        for target in targets:
-            policy = make(env)
+    world = load_world()
+    policy = {"keep_course": keep_course, "vo": vo}[name](ShipEnv(load_suite("1", world), world, 1))
 
-            def choose(state: Tensor, _: int) -> Tensor:
-                flat = state.flatten(0, 1)
-                acted = policy(TensorDict({"state": flat}, batch_size=[len(flat)]))  # noqa: B023
-                return acted["action"].view(state.shape[:2])
+    def choose(state: Tensor, _: int) -> Tensor:
+        flat = state.flatten(0, 1)
+        acted = policy(TensorDict({"state": flat}, batch_size=[len(flat)]))
+        return acted["action"].view(state.shape[:2])
 
-            shares.append(float(roll_out(step, drawn_starts(target)[None], choose)[1].float().mean()))
-        found.append((name, "", "", "", "", f"{np.mean(shares):.2f}", "", ""))
-    return found
+    begin = traffic_starts(world) if target is None else drawn_starts(target, STARTS)
+    return float(roll_out(make_step(world), begin[None], choose)[1].float().mean())
 
 
 def draw(path: Path, found: list[Contrast]) -> None:
@@ -184,13 +207,18 @@ def draw(path: Path, found: list[Contrast]) -> None:
         for at in (0.0, 1.0):
             axes.axvline(at, color="#6b7280", linewidth=0.8)
         for row, one in enumerate(own):
-            low, value, high = (number / one.could for number in (one.low, one.value, one.high))
+            low, value, high = (number / one.possible_gain for number in (one.low, one.value, one.high))
             axes.plot((low, high), (row, row), color=COLOURS[one.verdict], linewidth=2)
             axes.plot(value, row, "o", color=COLOURS[one.verdict], markersize=6)
         axes.set_yticks(range(len(own)), [one.what.removesuffix(" less scratch") for one in own], fontsize=10)
         axes.set_ylim(len(own) - 0.5, -0.5)
         axes.set_title(where, fontsize=11, loc="left")
         axes.tick_params(axis="x", labelsize=9)
+    handles = [
+        panels[0].plot([], [], "o-", color=colour, label=verdict.value)[0]
+        for verdict, colour in COLOURS.items()
+    ]
+    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), fontsize=9, frameon=False)
     figure.supxlabel("gain in greedy area over scratch, as a share of what could be gained", fontsize=10)
     save(figure, path)
 

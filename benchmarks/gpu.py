@@ -89,8 +89,9 @@ def lockstep_probes(device: str) -> list[Probe]:
     """Return training loops of many agents at once; steps are those of all."""
     from pathlib import Path
 
+    from benchmarks.runs import Task
     from benchmarks.source_runs import make_lockstep, starts
-    from benchmarks.sources import SETTINGS, Task
+    from benchmarks.sources import SETTINGS
     from benchmarks.timing import Probe
 
     setting, found = SETTINGS["pixels"], []

@@ -11,8 +11,9 @@ import torch.nn.functional as F
 from torch import Generator, Tensor
 
 from benchmarks.questions import StudyRow
+from benchmarks.runs import Row, Setting, Task, make_row
 from benchmarks.source_runs import PLACES, learn, starts
-from benchmarks.sources import IMAZU, Row, Setting, Task, make_row
+from benchmarks.sources import IMAZU
 from ship_trl.config.types import World
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.sim.cases import load_case, load_world
@@ -33,11 +34,11 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
     agents, greedy, reached = learn(tasks, runs, setting, folder, device=device)
     world = runs[0].config.world
     homes = starts(runs, [task.target for task in tasks])[:, None].to(device)
-    drawn = torch.stack([drawn_starts(task.target) for task in tasks]).to(device)
-    # Sources are tested in what they are for alone.
+    drawn = torch.stack([drawn_starts(task.target, STARTS) for task in tasks]).to(device)
+    # Sources are not tested: their shares are 0.
     is_tested = not tasks[0].is_source
     perturbed = agents.evaluate(drawn)[1] if is_tested else homes.new_zeros(len(tasks), 1)
-    replayed = agents.replay(homes, drawn)[1] if is_tested else perturbed
+    replayed = agents.replay_actions(homes, drawn)[1] if is_tested else perturbed
     traffic = reach_in_traffic(agents, world, device) if is_tested else perturbed
     shares = [one.float().mean(1).tolist() for one in (perturbed, replayed, traffic)]
     seconds = (time.process_time() - began) / len(tasks)
@@ -55,18 +56,23 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
 
 
 @cache
-def drawn_starts(target: str) -> Tensor:
-    """Return drawn starts of a case, [STARTS, S], by the bounds of its suite of perturbed starts."""
+def drawn_starts(target: str, count: int) -> Tensor:
+    """Return drawn starts of a case, [count, S], by the bounds of its suite of perturbed starts."""
     world = load_world()
     bounds = load_suite("imazu_perturbed" if target in IMAZU else "paper_perturbed", world).perturbation
     suite = suite_of(load_case(target, world, "target"), bounds)
-    drawn = Starts(suite, world).sample(STARTS, Generator().manual_seed(STARTS_SEED))
+    drawn = Starts(suite, world).sample(count, Generator().manual_seed(STARTS_SEED))
     return F.pad(drawn, (0, state_size(PLACES) - drawn.shape[1]))
 
 
 def reach_in_traffic(agents: Lockstep, world: World, device: str) -> Tensor:
     """Return which episodes of `traffic_test` reach the goal, bool [K, episodes]."""
-    scenes = load_suite("traffic_test", world).cases
-    begin = torch.stack([initial_state(case, world, PLACES) for case in scenes]).to(device)
+    begin = traffic_starts(world).to(device)
     parts = begin.expand(len(agents.state), *begin.shape).split(AT_ONCE, 1)
     return torch.cat([agents.evaluate(part)[1] for part in parts], 1)
+
+
+def traffic_starts(world: World) -> Tensor:
+    """Return the initial states of `traffic_test`, [episodes, S]."""
+    scenes = load_suite("traffic_test", world).cases
+    return torch.stack([initial_state(case, world, PLACES) for case in scenes])

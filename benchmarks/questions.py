@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from benchmarks.sources import IMAZU, Row, Setting, Task, add_options, make_missing, weights_path
+from benchmarks.runs import Row, Setting, Task, make_missing, weights_path
+from benchmarks.sources import IMAZU, add_options
 from benchmarks.sources import SETTINGS as SOURCE_SETTINGS
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser

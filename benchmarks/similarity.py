@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.sources import FOLDER, SETTINGS, key, plan_tasks, prepare, weights_path
+from benchmarks.runs import key, prepare, weights_path
+from benchmarks.sources import FOLDER, SETTINGS, plan_tasks
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.cli.table import show

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 from torch import Generator, Tensor
 
-from benchmarks.sources import EVALUATIONS, Row, Setting, Task, is_on_source, make_row, weights_path
+from benchmarks.runs import EVALUATIONS, Row, Setting, Task, is_on_source, make_row, weights_path
 from ship_trl.config.types import Config
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network

@@ -19,6 +19,7 @@ from ship_trl.sources.gains import read_outcome
 from ship_trl.study.analysis.statistics import TOLERANCE, holm
 
 Sample = NDArray[np.float64]
+AGAINST_REPLAY = "less a replay of its actions"
 # Two-sided error of a test, and the share of what could be gained that counts.
 LEVEL, MARGIN = 0.05, 0.2
 
@@ -34,11 +35,15 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class Reached:
-    """What a run reached; shares of episodes that reach the goal are of its last network."""
+    """What a run reached; shares of episodes that reach the goal are of its last network.
+
+    `start` is the score before training, and `start_success` whether it reaches the goal there.
+    """
 
     seed: int
     area: float
     start: float
+    start_success: float
     end: float
     success: float
     perturbed: float
@@ -47,16 +52,16 @@ class Reached:
 
 
 # By target, source, arm and learner.
-Place = tuple[str, str, str, str]
-Runs = dict[Place, list[Reached]]
+Group = tuple[str, str, str, str]
+Runs = dict[Group, list[Reached]]
 
 
 @dataclass(frozen=True)
 class Contrast:
     """A difference of two means with its 95 % interval, unadjusted, and what it says.
 
-    `could` is what could be gained, NaN if that means nothing. `p` and `p_equal` are adjusted within the
-    question; `count` are the runs of either side.
+    `possible_gain` is NaN if that means nothing. `p` and `p_equal` are adjusted within the question; `count`
+    are the runs of either side.
     """
 
     question: int
@@ -65,7 +70,7 @@ class Contrast:
     value: float
     low: float
     high: float
-    could: float
+    possible_gain: float
     p: float
     p_equal: float
     count: str
@@ -85,28 +90,36 @@ def read_study_runs(rows: Iterable[Cells]) -> Runs:
         if int(row["length"]) > shortest:
             continue
         outcome = read_outcome(row)
-        shares = (float(row[name]) for name in ("perturbed", "replayed", "traffic"))
+        shares = {name: float(row[name]) for name in ("perturbed", "replayed", "traffic")}
         one = Reached(
-            int(row["seed"]), outcome.area, outcome.jumpstart, outcome.end, outcome.success, *shares
+            seed=int(row["seed"]),
+            area=outcome.area,
+            start=outcome.jumpstart,
+            start_success=float(row["reached"][0]),
+            end=outcome.end,
+            success=outcome.success,
+            **shares,
         )
         found.setdefault((row["target"], row["source"], row["arm"], row["learner"]), []).append(one)
     return found
 
 
-def of(runs: Runs, target: str, source: str, arm: str, metric: str, learner: str = "") -> Sample:
+def metric_of(runs: Runs, target: str, source: str, arm: str, learner: str = "", *, metric: str) -> Sample:
     """Return a metric of the runs of an arm, in the order of their seeds."""
-    own = sorted(runs.get((target, source, arm, learner), ()), key=lambda one: one.seed)
+    own = sorted(runs[target, source, arm, learner], key=lambda one: one.seed)
     return np.array([getattr(one, metric) for one in own])
 
 
 def scratch_of(runs: Runs, target: str, metric: str, learner: str = "") -> Sample:
     """Return a metric of the runs from scratch."""
-    return of(runs, target, "", SCRATCH.name, metric, learner)
+    return metric_of(runs, target, "", SCRATCH.name, learner, metric=metric)
 
 
-def unpaired(question: int, where: str, what: str, one: Sample, other: Sample, could: float) -> Contrast:
+def unpaired(
+    question: int, where: str, what: str, one: Sample, other: Sample, possible_gain: float
+) -> Contrast:
     """Compare two samples by Welch's t-test."""
-    margin, welch = MARGIN * could, {"equal_var": False}
+    margin, welch = MARGIN * possible_gain, {"equal_var": False}
     found: Any = stats.ttest_ind(one, other, **welch)
     interval = found.confidence_interval(1 - LEVEL)
     sides = (
@@ -120,15 +133,15 @@ def unpaired(question: int, where: str, what: str, one: Sample, other: Sample, c
         float(one.mean() - other.mean()),
         float(interval.low),
         float(interval.high),
-        could,
+        possible_gain,
         float(found.pvalue),
-        float(max(sides)) if np.isfinite(could) else 1.0,
+        float(max(sides)) if np.isfinite(possible_gain) else 1.0,
         f"{len(one)}, {len(other)}",
     )
 
 
 def paired(
-    question: int, where: str, what: str, differences: Sample, could: float = float("nan")
+    question: int, where: str, what: str, differences: Sample, possible_gain: float = float("nan")
 ) -> Contrast:
     """Test differences against zero by Student's t-test."""
     mean = float(differences.mean())
@@ -138,12 +151,12 @@ def paired(
         found: Any = stats.ttest_1samp(differences, 0.0)
         interval = found.confidence_interval(1 - LEVEL)
         low, high, p = float(interval.low), float(interval.high), float(found.pvalue)
-        if np.isfinite(could):
+        if np.isfinite(possible_gain):
             p_equal = max(
                 float(stats.ttest_1samp(differences, shift, alternative=side).pvalue)
-                for shift, side in ((MARGIN * could, "less"), (-MARGIN * could, "greater"))
+                for shift, side in ((MARGIN * possible_gain, "less"), (-MARGIN * possible_gain, "greater"))
             )
-    return Contrast(question, where, what, mean, low, high, could, p, p_equal, f"{len(differences)}")
+    return Contrast(question, where, what, mean, low, high, possible_gain, p, p_equal, f"{len(differences)}")
 
 
 def transferred(runs: Runs) -> list[Contrast]:
@@ -152,7 +165,7 @@ def transferred(runs: Runs) -> list[Contrast]:
     for pair, (source, target) in PAIRS.items():
         base = scratch_of(runs, target, "area")
         could = float(1 - base.mean())
-        arm = {name: of(runs, target, source, name, "area") for name in ARMS}
+        arm = {name: metric_of(runs, target, source, name, metric="area") for name in ARMS}
         found += [unpaired(1, pair, f"{name} less scratch", arm[name], base, could) for name in ARMS]
         for one, other in (("FE3", "FE3-random"), ("FTW", "FT4")):
             found.append(unpaired(1, pair, f"{one} less {other}", arm[one], arm[other], could))
@@ -163,7 +176,7 @@ def frozen_last(runs: Runs) -> list[Contrast]:
     """Question 2: does a foreign last layer cost the end?"""
     found = []
     for pair, (source, target) in PAIRS.items():
-        foreign, own = (of(runs, target, one, FROZEN, "end") for one in (source, target))
+        foreign, own = (metric_of(runs, target, one, FROZEN, metric="end") for one in (source, target))
         could = float(1 - scratch_of(runs, target, "end").mean())
         found.append(
             unpaired(2, pair, f"{FROZEN} of case {source} less that of {target}", foreign, own, could)
@@ -177,25 +190,31 @@ def from_traffic(runs: Runs) -> list[Contrast]:
     base = np.array([scratch_of(runs, target, "area").mean() for target in IMAZU])
     could = float(1 - base.mean())
     for arm in TRAFFIC_ARMS:
-        means = np.array([of(runs, target, TRAFFIC, arm, "area").mean() for target in IMAZU])
+        means = np.array([metric_of(runs, target, TRAFFIC, arm, metric="area").mean() for target in IMAZU])
         found.append(paired(3, "imazu", f"{arm} less scratch", means - base, could))
     return found
 
 
 def generalises(runs: Runs) -> list[Contrast]:
-    """Question 4: does a network reach the goal from drawn starts more often than its own actions?"""
+    """Question 4: does a network reach the goal from drawn starts more often than its own actions?
+
+    On a pair, runs are the sample; of the problems, their means.
+    """
     found = []
     for arm in (SCRATCH.name, *TUNED_ARMS):
-        groups = {pair: [(target, source)] for pair, (source, target) in PAIRS.items()}
-        groups["imazu"] = [(target, TRAFFIC) for target in IMAZU]
-        for where, places in groups.items():
-            differences = [
-                of(runs, target, "" if arm == SCRATCH.name else source, arm, "perturbed")
-                - of(runs, target, "" if arm == SCRATCH.name else source, arm, "replayed")
-                for target, source in places
-            ]
-            found.append(paired(4, where, f"{arm} less a replay of its actions", np.concatenate(differences)))
+        for pair, (source, target) in PAIRS.items():
+            found.append(paired(4, pair, f"{arm} {AGAINST_REPLAY}", beyond_replay(runs, target, source, arm)))
+        if is_asked(runs, 3):
+            means = [beyond_replay(runs, target, TRAFFIC, arm).mean() for target in IMAZU]
+            found.append(paired(4, "imazu", f"{arm} {AGAINST_REPLAY}", np.array(means)))
     return found
+
+
+def beyond_replay(runs: Runs, target: str, source: str, arm: str) -> Sample:
+    """Return each run's success from drawn starts, less that of a replay of its actions."""
+    source = "" if arm == SCRATCH.name else source
+    own, replayed = (metric_of(runs, target, source, arm, metric=name) for name in ("perturbed", "replayed"))
+    return own - replayed
 
 
 def tuned(runs: Runs) -> list[Contrast]:
@@ -203,24 +222,30 @@ def tuned(runs: Runs) -> list[Contrast]:
     found = []
     for pair, (source, target) in PAIRS.items():
         best = {
-            arm: best_half(runs, target, "" if arm == SCRATCH.name else source, arm)
+            arm: choose_on_even_seeds(runs, target, "" if arm == SCRATCH.name else source, arm)
             for arm in (SCRATCH.name, *TUNED_ARMS)
         }
         learner, base = best[SCRATCH.name]
         for arm in TUNED_ARMS:
-            words = f"{arm} ({short(best[arm][0])}) less scratch ({short(learner)})"
+            words = f"{arm} ({learner_label(best[arm][0])}) less scratch ({learner_label(learner)})"
             found.append(unpaired(6, pair, words, best[arm][1], base, float(1 - base.mean())))
     return found
 
 
-def best_half(runs: Runs, target: str, source: str, arm: str) -> tuple[str, Sample]:
+def choose_on_even_seeds(runs: Runs, target: str, source: str, arm: str) -> tuple[str, Sample]:
     """Return the learner that is best on even seeds, and the areas that it reaches on odd ones."""
-    areas = {learner: of(runs, target, source, arm, "area", learner) for learner in ("", *LEARNERS)}
-    best = max(areas, key=lambda learner: float(areas[learner][::2].mean()))
-    return best, areas[best][1::2]
+    halves = {
+        learner: [
+            np.array([one.area for one in runs[target, source, arm, learner] if one.seed % 2 == odd])
+            for odd in (0, 1)
+        ]
+        for learner in ("", *LEARNERS)
+    }
+    best = max(halves, key=lambda learner: float(halves[learner][0].mean()))
+    return best, halves[best][1]
 
 
-def short(learner: str) -> str:
+def learner_label(learner: str) -> str:
     """Name a learner by its values."""
     return ", ".join(word.split("=")[1] for word in learner.split()) or "the study's"
 

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.claims.grades import Grade
 from tests.command import ROOT
 from tests.findings import NUMBER, NUMBERS, PAGES, facts, rewrite, verdicts
 from tests.study.test_confirmatory import FOLDER
@@ -27,3 +28,10 @@ def test_every_number_of_a_contrast_is_what_the_study_answers(page: str, study: 
 def test_every_sentence_that_counts_is_true(study: Study) -> None:
     text = " ".join((ROOT / "docs/findings.md").read_text().split())
     assert [fact for fact in facts(study) if fact not in text] == []
+
+
+def test_the_table_of_grades_begins_with_the_study(study: Study) -> None:
+    text = (ROOT / "docs/findings.md").read_text()
+    (row,) = re.findall(r"\| the study \| (.*) \|\n", text)
+    counted = re.findall(rf"\| (?:{'|'.join(grade.value for grade in Grade)}) \((\d+)\) \|", text)
+    assert [float(cell) for cell in row.split(" | ")] == [float(count) for count in counted]

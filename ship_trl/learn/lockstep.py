@@ -233,7 +233,7 @@ class Lockstep:
         returns, reached, _ = roll_out(self._step, begin, lambda state, _: self.greedy_actions(state))
         return returns.cpu(), reached.cpu()
 
-    def replay(self, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
+    def replay_actions(self, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
         """Run episodes with the actions of each agent's greedy episode from `home[k]` [1, S]; see `evaluate`.
 
         After the last of these actions it is repeated.

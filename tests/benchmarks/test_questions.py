@@ -2,17 +2,27 @@
 
 import shutil
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks import answers, question_runs, questions
+from benchmarks import answers, questions
 from benchmarks.question_runs import STARTS, drawn_starts, train
-from benchmarks.questions import FIRST_SOURCE, SETTINGS, SIZES, StudyRow, plan_tasks, transfers
-from benchmarks.sources import Task, join
-from benchmarks.verdicts import Verdict, judge, paired, read_study_runs, unpaired
+from benchmarks.questions import (
+    FIRST_SOURCE,
+    LEARNERS,
+    SETTINGS,
+    SIZES,
+    Sizes,
+    StudyRow,
+    plan_tasks,
+    transfers,
+)
+from benchmarks.runs import Task, join
+from benchmarks.verdicts import Contrast, Verdict, judge, learner_label, paired, read_study_runs, unpaired
 from benchmarks.verdicts import answers as judge_all
 from ship_trl.study.report.tables import write_csv
 
@@ -33,6 +43,7 @@ def test_sources_have_seeds_of_their_own_and_are_trained_first() -> None:
 def test_sources_of_traffic_are_shared_evenly() -> None:
     tasks = transfers("imazu01", questions.TRAFFIC, ("FTW",), 20, questions.TRAFFIC_SEEDS)
     assert set(Counter(task.source_seed for task in tasks).values()) == {4}
+    assert [task.source_seed for task in transfers("2", "1", ("FTW",), 3)] == [2000, 2001, 2002]
 
 
 def test_last_networks_are_tested_on_scenes_that_they_did_not_see(tmp_path: Path) -> None:
@@ -57,7 +68,7 @@ def test_last_networks_are_tested_on_scenes_that_they_did_not_see(tmp_path: Path
 
 def test_drawn_starts_differ_by_the_bounds_of_the_suite() -> None:
     for target, bound in (("4", 20.0), ("imazu05", 5.0)):
-        spread = np.ptp(drawn_starts(target)[:, 0].numpy())
+        spread = np.ptp(drawn_starts(target, STARTS)[:, 0].numpy())
         assert bound < spread <= 2 * bound
 
 
@@ -81,22 +92,24 @@ def test_paired_differences_that_are_all_alike_decide() -> None:
     assert judge([paired(4, "", "", np.zeros(5))])[0].verdict is Verdict.open
 
 
-def made_rows(gains: dict[str, float]) -> list[dict[str, object]]:
-    """Return all runs of a small study, whose arms gain what is said."""
+Area = Callable[[Task], float]
+
+
+def made_rows(area: Area, setting: str = "numbers", sizes: Sizes | None = None) -> list[dict[str, object]]:
+    """Return all runs of a small study; `area` says what each reaches."""
     generator, rows = np.random.default_rng(9001), []
-    sizes = replace(SIZES["numbers"], scratch=8, arm=8, problem=2, tuned=8)
-    for task in plan_tasks(sizes):
-        area = 0.4 + gains.get(task.arm, 0.0) + 0.02 * generator.normal()
+    for task in plan_tasks(sizes or replace(SIZES["numbers"], scratch=8, arm=8, problem=2, tuned=8)):
+        reached = area(task) + 0.02 * generator.normal()
         made = StudyRow(
             **{name: getattr(task, name) for name in ("target", "source", "arm", "seed", "learner")},
-            length=task.length(SETTINGS["numbers"]),
+            length=task.length(SETTINGS[setting]),
             random=-100,
             best_known=100,
-            greedy=join([-100.0] + [200 * area - 100] * 15),
+            greedy=join([-100.0] + [200 * reached - 100] * 15),
             reached="0" + "1" * 15,
             source_greedy="",
             seconds=1.0,
-            perturbed=area,
+            perturbed=reached,
             replayed=0.3,
             traffic=0.5,
         )
@@ -104,31 +117,68 @@ def made_rows(gains: dict[str, float]) -> list[dict[str, object]]:
     return rows
 
 
+def some_gain(task: Task) -> float:
+    """Return 0.4, and more for FTW, for FE4 of the target itself, and for a quick learner on even seeds."""
+    area = 0.4 + {"FTW": 0.3}.get(task.arm, 0.0)
+    if task.arm == "FE4" and task.source == task.target:
+        area += 0.2
+    if task.learner == LEARNERS[0]:
+        area += 0.2 if task.seed % 2 == 0 else -0.2
+    return area
+
+
+def judged(rows: list[dict[str, object]]) -> list[Contrast]:
+    return judge_all(read_study_runs([{key: str(value) for key, value in row.items()} for row in rows]))
+
+
 def test_every_question_is_answered_by_its_runs() -> None:
-    rows = [{key: str(value) for key, value in row.items()} for row in made_rows({"FTW": 0.3, "FE4": -0.2})]
-    found = judge_all(read_study_runs(rows))
+    found = judged(made_rows(some_gain))
     assert Counter(one.question for one in found) == {1: 21, 2: 3, 3: 3, 4: 12, 6: 6}
     says = {(one.question, one.where, one.what): one.verdict for one in found}
     for pair in ("high", "low", "lowest"):
         assert says[1, pair, "FTW less scratch"] is says[1, pair, "FTW less FT4"] is Verdict.more
         assert says[1, pair, "FE3 less scratch"] is Verdict.equal
     assert says[3, "imazu", "FTW less scratch"] is Verdict.more
-    assert {one.verdict for one in found if one.question == 2} == {Verdict.equal}
-    tuned = {one.what.split()[0]: one.verdict for one in found if one.question == 6}
-    assert tuned == {"FTW": Verdict.more, "FE3": Verdict.equal}
+    # FE4 of another case ends lower than that of the target.
+    assert {one.verdict for one in found if one.question == 2} == {Verdict.less}
+    # 0.4 and 0.7 from drawn starts, and 0.3 by a replay.
+    assert {one.verdict for one in found if one.question == 4} == {Verdict.more}
+    # The learner that is best on even seeds is bad on odd ones.
+    tuned = {one.what.split()[0]: one for one in found if one.question == 6}
+    assert all(learner_label(LEARNERS[0]) in one.what for one in tuned.values())
+    assert tuned["FTW"].value == pytest.approx(0.3, abs=0.05)
+    assert 1 - tuned["FTW"].possible_gain == pytest.approx(0.2, abs=0.05)
+
+
+def test_pixels_have_no_problems_and_no_other_learners() -> None:
+    sizes = replace(SIZES["pixels"], scratch=6, arm=5)
+    found = judged(made_rows(some_gain, "pixels", sizes))
+    assert Counter(one.question for one in found) == {1: 21, 2: 3, 4: 9}
+
+
+def test_many_contrasts_are_adjusted() -> None:
+    alone = Contrast(1, "", "", 0.1, 0.0, 0.2, 1.0, 0.02, 1.0, "")
+    assert judge([alone])[0].verdict is Verdict.more
+    assert {one.verdict for one in judge([alone] * 4)} == {Verdict.open}
 
 
 def test_answers_are_printed_drawn_and_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    small = replace(SIZES["numbers"], scratch=4, arm=4, problem=2, tuned=4)
     monkeypatch.setattr(answers, "FOLDER", tmp_path)
-    write_csv(tmp_path / "numbers.csv", made_rows({"FTW": 0.3}))
-    monkeypatch.setattr(question_runs, "STARTS", 4)
+    monkeypatch.setitem(answers.SIZES, "numbers", small)
+    rows = made_rows(some_gain, sizes=small)
+    write_csv(tmp_path / "numbers.csv", rows)
     answers.main(["numbers"])
     printed = capsys.readouterr().out
-    assert "FTW less scratch" in printed and "keep_course" in printed
+    assert "FTW less scratch" in printed and "keep_course" in printed and "FE4 of the target" in printed
     assert (tmp_path / "numbers.png").stat().st_size > 10_000
     assert (tmp_path / "numbers_answers.csv").read_text().count("\n") == 46
+    write_csv(tmp_path / "numbers.csv", rows[:-3])
+    with pytest.raises(SystemExit):
+        answers.main(["numbers"])
+    assert "3 runs are missing" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["target,source\n1,2\n", ""])

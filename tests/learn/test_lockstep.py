@@ -13,7 +13,7 @@ from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.lockstep import Draws, Lockstep
+from ship_trl.learn.lockstep import Draws, Lockstep, roll_out
 from ship_trl.learn.loss import STEPS
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.schedule import learning_rate_at
@@ -218,6 +218,19 @@ def test_exploration_falls_with_the_steps_and_else_the_online_network_acts() -> 
     assert shares[0] == pytest.approx(0.55, abs=0.1) and shares[1] == pytest.approx(0.8, abs=0.1)
     assert shares[2] == 1.0
     assert many.evaluate(torch.zeros(1, 1, 2))[0].tolist() == [[-1.0 - 1.0 - 5.0]]
+
+
+def test_a_replay_takes_the_actions_of_the_greedy_episode() -> None:
+    many = lockstep((0,))
+    with torch.no_grad():
+        # Right at 0, left at 1.
+        many._exact_q = lambda _, seen: torch.stack((seen[..., 0] * PLACES - 0.5, -seen[..., 0]), -1)
+    home, begin = torch.zeros(1, 1, 2), torch.tensor([[[0.0, 0.0], [3.0, 0.0], [-1.0, 0.0]]])
+    greedy, _, actions = roll_out(step, home, lambda state, _: many.greedy_actions(state))
+    assert actions.squeeze().tolist() == [1, 0] * 6 and greedy.item() == -12.0
+    returns, reached = many.replay_actions(home, begin)
+    # Right at once: from 3 that is the goal; from -1 it goes on as from 0.
+    assert returns.tolist() == [[-12.0, 9.0, -12.0]] and reached.tolist() == [[False, True, False]]
 
 
 def test_a_stream_does_not_depend_on_the_others() -> None:

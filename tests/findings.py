@@ -19,6 +19,8 @@ import yaml
 from ship_trl.cli.ask import answers
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.grades import Grade
+from ship_trl.study.margins import margins
+from ship_trl.study.report.forest import measure_forests
 from tests.command import ROOT
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 
@@ -76,7 +78,16 @@ def verdicts() -> str:
 
 def facts(study: Study) -> list[str]:
     """Return the sentences of docs/findings.md that count something, from the tables."""
-    return [verdicts(), *of_grades(), *of_claims(), *of_runs(), *of_arms(study), *of_layers(), at_length()]
+    return [
+        verdicts(),
+        *of_grades(),
+        *of_claims(),
+        *of_runs(),
+        *of_arms(study),
+        *of_forests(study),
+        *of_layers(),
+        at_length(),
+    ]
 
 
 def of_grades() -> list[str]:
@@ -137,6 +148,20 @@ def of_arms(study: Study) -> list[str]:
         ),
         f"Of {len(time)} arms of the pairs {WORDS[(time['low'] > 0).sum()]} are sooner than scratch:",
         f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
+    ]
+
+
+def of_forests(study: Study) -> list[str]:
+    """Return what FTW gains in greedy returns, and whose interval alone lies above the margin's share."""
+    forests = measure_forests(study)
+    high, low, lowest = (f"{100 * forest.gains['FTW'].value:.0f} %" for forest in forests)
+    alone = set.intersection(
+        *({arm for arm, one in forest.gains.items() if one.low > margins().margin} for forest in forests)
+    )
+    whose = "Its interval alone lies" if alone == {"FTW"} else "Not its interval alone lies"
+    return [
+        f"{high} of what could be gained in high, {low} in low, {lowest} in lowest, in greedy returns",
+        f"{whose} above a fifth of that in every pair.",
     ]
 
 

@@ -168,6 +168,7 @@ def test_answers_are_printed_drawn_and_written(
     small = replace(SIZES["numbers"], scratch=4, arm=4, problem=2, tuned=4)
     monkeypatch.setattr(answers, "FOLDER", tmp_path)
     monkeypatch.setitem(answers.SIZES, "numbers", small)
+    monkeypatch.setattr(answers, "POLICIES", ("keep_course",))
     rows = made_rows(some_gain, sizes=small)
     write_csv(tmp_path / "numbers.csv", rows)
     answers.main(["numbers"])

@@ -87,6 +87,7 @@ def facts(study: Study) -> list[str]:
         *of_forests(study),
         *of_layers(),
         at_length(),
+        *of_second_study(),
     ]
 
 
@@ -179,6 +180,25 @@ def at_length() -> str:
     """Return how many seeds of the study at the paper's length are done."""
     study = read_study(LONG)
     return f"{len({key[3] for key in study.records})} of {len(study.seeds)} seeds are done"
+
+
+def of_second_study() -> list[str]:
+    """Return the shares of what could be gained that the second study's page has."""
+    rows = pd.read_csv(ROOT / "outputs/questions/numbers_answers.csv")
+    rows["share"] = 100 * rows["value"] / rows["possible_gain"]
+
+    def share(question: int, where: str, arm: str) -> str:
+        is_asked = (rows["question"] == question) & (rows["where"] == where)
+        return f"{rows[is_asked & rows['what'].str.match(f'{arm} .*less scratch')]['share'].item():.0f} %"
+
+    first, tuned = ([share(number, pair, "FTW") for pair in PAIRS] for number in (1, 6))
+    return [
+        f"FTW gains {first[0]} of what could be gained in high, {first[1]} in low, {first[2]} in lowest.",
+        f"level with scratch in low, gain {share(1, 'lowest', 'FE3')} in lowest, and cost in high.",
+        f"FTW gains {tuned[0]} in high, {tuned[1]} in low, {tuned[2]} in lowest.",
+        f"it gains {share(3, 'imazu', 'FTW')} of what could be gained (FTW);",
+        f"first three layers, frozen, gain {share(3, 'imazu', 'FE3')}.",
+    ]
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Measure ship_trl beside other libraries that do the same work, on this processor, one torch thread."""
+"""Measure ship_trl beside other libraries that do the same work, and run and judge its studies."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ POLICIES = ("keep_course", "vo")
 METRICS = {
     "area": "area",
     "start": "before training",
-    "start_success": "success there",
+    "start_success": "success before training",
     "end": "end",
     "success": "success in training",
     "perturbed": "from drawn starts",
@@ -99,28 +99,41 @@ def read_table(setting: str) -> Runs:
         ConfigError: the table is no such table, or lacks runs.
     """
     path = run_table(FOLDER / setting)
+    first = f"python -m benchmarks questions {setting}"
+    if not path.is_file():
+        raise ConfigError(f"answers: no runs in {path.with_suffix('')}; allowed: after {first}")
     made = read_runs(path)
     try:
         runs = read_study_runs(made)
     except (KeyError, ValueError) as error:
-        raise ConfigError(f"questions: {path} is not a table of tested runs: {error}") from None
+        raise ConfigError(f"answers: {path} is not a table of tested runs: {error}") from None
     wanted = {task.key(SETTINGS[setting]) for task in plan_tasks(SIZES[setting])}
     if missing := wanted - set(map(key, made)):
-        first = f"python -m benchmarks questions {setting}"
-        raise ConfigError(f"questions: {len(missing)} runs are missing; allowed: after {first}")
+        raise ConfigError(f"answers: {len(missing)} runs are missing; allowed: after {first}")
     return runs
 
 
 def show_contrasts(found: list[Contrast], markdown: bool) -> None:
     """Print a row for each contrast."""
-    headings = ("question", "where", "contrast", "difference", "of what could be", "runs", "p", "says")
+    headings = (
+        "question",
+        "where",
+        "contrast",
+        "difference",
+        "of possible gain",
+        "runs",
+        "p",
+        "answer",
+    )
     cells = [
         (
             str(one.question),
             one.where,
             one.what,
             f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})",
-            "" if np.isnan(one.possible_gain) else f"{one.value / one.possible_gain:.0%}",
+            ""
+            if np.isnan(one.possible_gain) or one.question == 2
+            else f"{one.value / one.possible_gain:.0%}",
             one.count,
             f"{one.p:.2g}",
             one.verdict.value,

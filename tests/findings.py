@@ -121,7 +121,9 @@ def of_runs() -> list[str]:
     is_scratch = pairs["arm"] == "scratch"
     groups = (pairs[is_scratch], pairs[~is_scratch], controls)
     fell = [f"{group['fell'].sum():.0f} of {len(group)}" for group in groups]
-    return ["{} runs from scratch, {} transfers of the pairs and {} controls".format(*fell)]
+    drawn = controls[controls["arm"].str.contains("random|permuted")]["fell"].sum()
+    told = "{} runs from scratch, {} transfers of the pairs and {} controls".format(*fell)
+    return [f"{told}, {drawn:.0f} of which have random or shuffled layers."]
 
 
 def of_arms(study: Study) -> list[str]:
@@ -136,6 +138,8 @@ def of_arms(study: Study) -> list[str]:
     area = pd.concat(every(pair, "above scratch (area)") for pair in PAIRS)
     time = pd.concat(every(pair, "sooner than scratch (time)") for pair in PAIRS)
     share = area["value"] / [gains[PAIRS[name.split()[0]]]["area"] for name in area.index]
+    parts = area[~area.index.str.endswith("FTW")]
+    whole = ", ".join(f"{100 * share[f'{pair} FTW']:.0f}" for pair in PAIRS)
     above, below = (area["low"] > 0).sum(), (area["high"] < 0).sum()
     return [
         *(
@@ -149,6 +153,8 @@ def of_arms(study: Study) -> list[str]:
         ),
         f"Of {len(time)} arms of the pairs {WORDS[(time['low'] > 0).sum()]} are sooner than scratch:",
         f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
+        f"{(parts['low'] > 0).sum()} of {len(parts)} such arms gain area;",
+        f"it gains {' and '.join(whole.rsplit(', ', 1))} % of a smaller possible gain,",
     ]
 
 
@@ -159,10 +165,13 @@ def of_forests(study: Study) -> list[str]:
     alone = set.intersection(
         *({arm for arm, one in forest.gains.items() if one.low > margins().margin} for forest in forests)
     )
+    questions = [f"{pair}: FTW above {arm} (greedy area)" for pair in PAIRS for arm in ARMS[:-1]]
+    beaten = sum(one.estimate.low > 0 for one in answers(study, questions, SEEN))
     whose = "Its interval alone lies" if alone == {"FTW"} else "Not its interval alone lies"
     return [
         f"{high} of what could be gained in high, {low} in low, {lowest} in lowest, in greedy returns",
         f"{whose} above a fifth of that in every pair.",
+        f"{'' if beaten == len(questions) else 'not '}above each of the others in every pair.",
     ]
 
 

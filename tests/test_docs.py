@@ -14,7 +14,7 @@ PAGES = [
     *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),
     *sorted((ROOT / "docs").glob("*.md")),
 ]
-MAX_PAGES, MAX_WORDS, MAX_README_BYTES = 16, 19_800, 7_000
+MAX_PAGES, MAX_WORDS, MAX_README_BYTES = 16, 20_000, 7_000
 LINK = re.compile(r"\]\(([^)#]*)(?:#([^)]*))?\)")
 
 

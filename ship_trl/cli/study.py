@@ -27,7 +27,7 @@ python -m ship_trl study: train every run of figures 5 to 7 and 9, and our contr
 
 Started again, an interrupted study continues. Keys, with their values in conf/study.yaml:
 
-  profile=NAME      smoke, quick or paper      seeds=N          how many
+  profile=NAME      smoke, quick, long, paper  seeds=N          how many
   first_seed=N      the first of them, 0      block=N          seeds that are run whole before others
   pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
   output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result

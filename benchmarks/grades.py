@@ -99,12 +99,11 @@ def run(options: Namespace) -> None:
     without = sum(any(one.margin is None for one in parts) for parts in claims)
     bounded = sum(any(one.claimed is Claimed.no_more for one in parts) for parts in claims)
     sys.stdout.write(
-        f"Mean number of the {len(claims)} claims with each grade, {options.draws} draws a row. Of moved "
-        f"differences, parts without a margin stay at zero ({without} claims have some and cannot be "
-        f"supported), and so do parts that claim no more than the margin ({bounded} claims; they are true "
-        "there).\n\n"
+        f"Mean number of the {len(claims)} claims with each grade, {options.draws} draws a row. In moved "
+        f"rows, parts without a margin stay at zero, so {without} claims cannot be supported. Parts of the "
+        f"form 'no more than the margin' ({bounded} claims) stay at zero too, where they are true.\n\n"
     )
-    show(["truth", *Grade], cells, options.markdown)
+    show(["data", *Grade], cells, options.markdown)
 
 
 def shuffled(study: Study, draws: int, hypotheses: Sequence[Hypothesis] = ALL) -> Counts:

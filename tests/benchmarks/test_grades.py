@@ -88,7 +88,7 @@ def test_from_arguments_to_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
     said, _, table = capsys.readouterr().out.partition("\n\n")
     assert said.startswith("Mean number of the 31 claims with each grade, 2 draws a row.")
     head, _, *rows = table.strip().splitlines()
-    assert head == f"| truth | {' | '.join(Grade)} |" and len(rows) == 5
+    assert head == f"| data | {' | '.join(Grade)} |" and len(rows) == 5
     for row in rows:
         assert sum(float(cell) for cell in row.strip("| ").split(" | ")[1:]) == pytest.approx(31, abs=0.05)
 

@@ -48,7 +48,7 @@ def changed(**cells: str) -> tuple[str, ...]:
         changed(source="-m"),
         changed(arm="FT3; rm\x1b[2J"),
         changed(arm="FT9"),
-        changed(profile="long"),
+        changed(profile="endless"),
         changed(epsilon_start="7"),
         changed(seeds="many"),
         changed(gain="inf", high="inf"),

@@ -16,7 +16,7 @@ from tests.config.test_config import composed
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("profile=long", "profile: no long; allowed: paper, quick, smoke"),
+        ("profile=endless", "profile: no endless; allowed: long, paper, quick, smoke"),
         ("pairs=[high,highest]", "pairs: no highest; allowed: high, low"),
         ("arms=[FE3,FE3]", "arms: must be at least one name, each once, got FE3, FE3"),
         ("arms=[]", "arms: must be at least one name, each once, got none"),

@@ -193,7 +193,7 @@ REFUSED = {
     "+arm=FE9": "arm: no FE9; allowed: FE1,",
     "hydra/launcher=banana": "hydra/launcher: no banana; allowed: ray_cluster",
     "+sweep=banana": "sweep: no banana; allowed: learning_rate",
-    "profile=banana": "profile: no banana; allowed: paper, quick, smoke",
+    "profile=banana": "profile: no banana; allowed: long, paper, quick, smoke",
     "network=six target=1 method=scratch": "network: no six; allowed: five, paper",
     "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
     "+pair=high layers=[": "overrides: no viable alternative",

@@ -1,4 +1,4 @@
-"""Measure ship_trl beside other libraries that do the same work, and run and judge its studies."""
+"""Measure speed beside other libraries; run and judge the studies."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
 
 
 def show_levels(runs: Runs, markdown: bool) -> None:
-    """Print the means of each arm, also on scenes that it did not see, beside two policies."""
+    """Print each arm's means and its success on unseen scenes, beside two policies."""
     cells = []
     traffic = [policy_success(name, None) for name in POLICIES]
     for where, pairs in places_of(runs).items():
@@ -205,7 +205,7 @@ def policy_success(name: str, target: str | None) -> float:
 
 
 def draw(path: Path, found: list[Contrast]) -> None:
-    """Write a PNG: gains over scratch as shares of what could be gained, a panel for each pair."""
+    """Write a PNG: each arm's gain as a share of the possible gain, a panel for each pair."""
     from matplotlib.figure import Figure
 
     from ship_trl.view.chart import save
@@ -259,7 +259,7 @@ def show_power(setting: str, markdown: bool) -> None:
 
 
 def residuals(kept: list[dict[str, str]], target: str, source: str, arm: str) -> tuple[Sample, Sample]:
-    """Return areas of the benchmark's runs, and their residuals, as large as those of a sample."""
+    """Return the areas of the benchmark's runs, and residuals with the sample's standard deviation."""
     length = min(int(row["length"]) for row in kept)
     areas = np.array(
         [

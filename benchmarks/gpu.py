@@ -86,7 +86,7 @@ def update_probes(device: str) -> list[Probe]:
 
 
 def lockstep_probes(device: str) -> list[Probe]:
-    """Return training loops of many agents at once; steps are those of all."""
+    """Return training loops of many agents; the steps of all agents count."""
     from pathlib import Path
 
     from benchmarks.runs import Task

@@ -1,7 +1,7 @@
 """`python -m benchmarks grades`: how often does each grade of docs/study.md come out, by what is true?
 
-Grades the claims of a study, then those of data whose truth is known: labels of arms shuffled within each
-seed, and differences moved to an effect of nothing, of the margin, and of what could be gained.
+Grades the claims of a study. Then it grades data whose truth is known: arms shuffled within each seed, and
+differences moved to zero, to the margin, and to the possible gain.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def resample(
 def sample(finding: Finding, chosen: NDArray[np.int64]) -> Samples:
     """Centre the differences of a contrast, and resample the chosen seeds, [draws, seeds].
 
-    The standard error is that of `statistics.standard_error`, for all draws at once.
+    It computes `statistics.standard_error` for all draws at once.
     """
     differences = np.array(finding.differences)
     values = (differences - interquartile_mean(differences))[chosen]

@@ -20,6 +20,7 @@ from benchmarks.sources import SETTINGS as SOURCE_SETTINGS
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.arm import SCRATCH
+from ship_trl.files.disk import atomic_write
 
 FOLDER = Path("outputs/questions")
 # Source and target of each pair, the least similar last.
@@ -28,7 +29,7 @@ PAIRS = {"high": ("1", "2"), "low": ("3", "4"), "lowest": ("5", "6")}
 ARMS, FROZEN = ("FT4", "FTW", "FTH", "FE3", "FE3-random"), "FE4"
 # Question 3. The sources have learned random encounters.
 TRAFFIC, TRAFFIC_SEEDS, TRAFFIC_ARMS = "traffic", 5, ("FE3", "FTW", "FTH")
-# Question 6: learners beside the study's own.
+# Question 6: other settings of the learner.
 LEARNERS = tuple(
     f"learn.lr={lr} learn.epsilon_start={epsilon}"
     for lr in ("5e-4", "1e-3", "2e-3")
@@ -143,4 +144,5 @@ def learn_traffic(setting: Setting, folder: Path) -> None:
         words = [f"target={TRAFFIC}", "method=scratch", f"seed={seed}", f"output={output}", *network]
         subprocess.run([sys.executable, "-m", "ship_trl", *words], check=True)
         (made,) = output.rglob(f"seed={seed}/policy.safetensors")
-        shutil.copy(made, kept)
+        with atomic_write(kept) as draft:
+            shutil.copy(made, draft)

@@ -1,4 +1,4 @@
-"""`python -m benchmarks answers numbers|pixels`: what the runs of the second study say.
+"""`python -m benchmarks answers numbers|pixels|both`: what the runs of the second study say.
 
 Judges the contrasts of docs/second-study.md, from the table of `python -m benchmarks questions` or the one
 that was kept.
@@ -13,19 +13,16 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from scipy import stats
 
+from benchmarks.power import show_power
 from benchmarks.questions import ARMS, FOLDER, FROZEN, PAIRS, SETTINGS, SIZES, TRAFFIC, plan_tasks
 from benchmarks.runs import key
 from benchmarks.similarity import run_table
-from benchmarks.sources import FOLDER as BENCHMARK
 from benchmarks.sources import IMAZU
 from benchmarks.verdicts import (
-    LEVEL,
     MARGIN,
     Contrast,
     Runs,
-    Sample,
     Verdict,
     answers,
     is_asked,
@@ -37,10 +34,10 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.cli.table import show
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
-from ship_trl.sources.gains import read_outcome, read_runs
+from ship_trl.sources.gains import read_runs
 from ship_trl.study.report.tables import write_csv
 
-DRAWS, SEED = 2000, 2022
+BOTH = "both"
 POLICIES = ("keep_course", "vo")
 # What the table of levels has of each run, and its headings.
 METRICS = {
@@ -66,14 +63,18 @@ def main(arguments: list[str]) -> None:
     """Judge, print, and write a table and a picture."""
     parser = make_parser("answers", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING_answers.csv and SETTING.png")
     parser.prog = "python -m benchmarks answers"
-    parser.add_argument("setting", choices=SETTINGS, help="what networks see")
+    parser.add_argument("setting", choices=(*SETTINGS, BOTH), help="what networks see; both: question 5")
     parser.add_argument(
         "--power", action="store_true", help="how often question 1 finds a gain, simulated; no runs are read"
     )
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
     options = parser.parse_args(arguments)
     with refusals():
-        if options.power:
+        if options.power and options.setting == BOTH:
+            raise ConfigError("answers: --power with both; allowed: with numbers or pixels")
+        if options.setting == BOTH:
+            show_beside({setting: answers(read_table(setting)) for setting in SETTINGS}, options.markdown)
+        elif options.power:
             show_power(options.setting, options.markdown)
         else:
             run(options)
@@ -131,9 +132,7 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
             one.where,
             one.what,
             f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})",
-            ""
-            if np.isnan(one.possible_gain) or one.question == 2
-            else f"{one.value / one.possible_gain:.0%}",
+            share_of(one),
             one.count,
             f"{one.p:.2g}",
             one.verdict.value,
@@ -141,6 +140,30 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
         for one in found
     ]
     show(headings, cells, markdown)
+
+
+def show_beside(found: dict[str, list[Contrast]], markdown: bool) -> None:
+    """Print what each observation says of questions 1 and 2."""
+    asked = {
+        setting: {
+            (str(one.question), one.where, one.what): one for one in contrasts if one.question in (1, 2)
+        }
+        for setting, contrasts in found.items()
+    }
+    cells = []
+    for name in next(iter(asked.values())):
+        sides = [side[name] for side in asked.values()]
+        told = [word for one in sides for word in (f"{one.value:+.3f}", share_of(one), one.verdict.value)]
+        signs = {one.value > 0 for one in sides}
+        cells.append((*name, *told, "yes" if len(signs) == 1 else "no"))
+    headings = [word for name in asked for word in (f"from {name}", "of possible gain", "answer")]
+    show(("question", "where", "contrast", *headings, "same sign"), cells, markdown)
+
+
+def share_of(one: Contrast) -> str:
+    """Write the share of what could be gained, where that means something."""
+    is_gain = np.isfinite(one.possible_gain) and one.question != 2
+    return f"{one.value / one.possible_gain:.0%}" if is_gain else ""
 
 
 def show_levels(runs: Runs, markdown: bool) -> None:
@@ -234,53 +257,3 @@ def draw(path: Path, found: list[Contrast]) -> None:
     figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), fontsize=9, frameon=False)
     figure.supxlabel("gain in greedy area over scratch, as a share of what could be gained", fontsize=10)
     save(figure, path)
-
-
-def show_power(setting: str, markdown: bool) -> None:
-    """Print how often a contrast of question 1 is found, after Bonferroni's correction.
-
-    Samples are drawn from the residuals of the benchmark's runs: from scratch, and of its arms.
-    """
-    sizes, generator = SIZES[setting], np.random.default_rng(SEED)
-    kept = read_runs(BENCHMARK / f"{setting}.csv.xz")
-    level = LEVEL / (len(PAIRS) * (len(ARMS) + 2))
-    cells = []
-    for pair, (source, target) in PAIRS.items():
-        areas = residuals(kept, target, "", SCRATCH.name)
-        could = 1 - float(np.mean(areas[0]))
-        for arm in dict.fromkeys(row["arm"] for row in kept if row["source"]):
-            _, spread = residuals(kept, target, source, arm)
-            powers = [
-                power(areas[1], spread, share * could, (sizes.scratch, sizes.arm), level, generator)
-                for share in (0.0, MARGIN, 0.5)
-            ]
-            cells.append((pair, arm, f"{could:.2f}", *(f"{one:.2f}" for one in powers)))
-    show(("pair", "arm", "could be gained", "nothing", "the margin", "half of it"), cells, markdown)
-
-
-def residuals(kept: list[dict[str, str]], target: str, source: str, arm: str) -> tuple[Sample, Sample]:
-    """Return the areas of the benchmark's runs, and residuals with the sample's standard deviation."""
-    length = min(int(row["length"]) for row in kept)
-    areas = np.array(
-        [
-            read_outcome(row).area
-            for row in kept
-            if (row["target"], row["source"], row["arm"], int(row["length"])) == (target, source, arm, length)
-        ]
-    )
-    return areas, (areas - areas.mean()) * np.sqrt(len(areas) / (len(areas) - 1))
-
-
-def power(
-    base: Sample,
-    spread: Sample,
-    gain: float,
-    sizes: tuple[int, int],
-    level: float,
-    generator: np.random.Generator,
-) -> float:
-    """Return the share of simulated studies whose Welch test finds the gain."""
-    one = generator.choice(spread, (DRAWS, sizes[1])) + gain
-    other = generator.choice(base, (DRAWS, sizes[0]))
-    found = stats.ttest_ind(one, other, axis=1, equal_var=False)
-    return float(np.mean((found.pvalue <= level) & ((found.statistic > 0) | (gain == 0.0))))

@@ -92,15 +92,26 @@ def facts(study: Study) -> list[str]:
 
 
 def of_grades() -> list[str]:
-    """Return the rows of the table of grades, with the parts of each claim."""
+    """Return the rows of the table of grades: each claim with its parts, the undetermined ones in one row."""
     rows, told = claims(), []
     for grade in Grade:
-        names = []
-        for claim, parts in rows[rows["grade"] == grade.value].groupby("claim"):
-            counts = [(parts["part"] == part).sum() for part in ("for", "against", "size excluded")]
-            names.append(f"{claim} {', '.join(map(str, counts))} of {len(parts)}")
-        told.append(f"| {grade.value} ({len(names)}) | {'; '.join(names) or 'none'} |")
+        own = [(name, parts) for name, parts in rows[rows["grade"] == grade.value].groupby("claim")]
+        if grade is Grade.undetermined:
+            cells = ["; ".join(f"{name} ({count_parts(parts)})" for name, parts in own) + " |"]
+        else:
+            cells = [f"{name}: {parts['sentence'].iloc[0]} | {count_parts(parts)}" for name, parts in own]
+        firsts = [f"{grade.value} ({len(own)})", *[""] * (len(cells) - 1)]
+        told += [
+            f"| {first} | {cell} |".replace("|  |", "| |")
+            for first, cell in zip(firsts, cells or ["none |"], strict=True)
+        ]
     return told
+
+
+def count_parts(parts: pd.DataFrame) -> str:
+    """Count a claim's parts that are for it, against it, whose size is excluded, and all."""
+    counts = [(parts["part"] == part).sum() for part in ("for", "against", "size excluded")]
+    return f"{', '.join(map(str, counts))} of {len(parts)}"
 
 
 def of_claims() -> list[str]:
@@ -153,7 +164,7 @@ def of_arms(study: Study) -> list[str]:
         ),
         f"Of {len(time)} arms of the pairs {WORDS[(time['low'] > 0).sum()]} are sooner than scratch:",
         f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
-        f"{(parts['low'] > 0).sum()} of {len(parts)} such arms gain area;",
+        f"{(parts['low'] > 0).sum()} of {len(parts)} such arms gain area,",
         f"it gains {' and '.join(whole.rsplit(', ', 1))} % of a smaller possible gain,",
     ]
 
@@ -192,21 +203,37 @@ def at_length() -> str:
 
 
 def of_second_study() -> list[str]:
-    """Return the shares of what could be gained that the second study's page has."""
-    rows = pd.read_csv(ROOT / "outputs/questions/numbers_answers.csv")
-    rows["share"] = 100 * rows["value"] / rows["possible_gain"]
+    """Return what the second study says: shares of what could be gained, and where its halves agree."""
+    numbers, pixels = (
+        pd.read_csv(ROOT / f"outputs/questions/{setting}_answers.csv") for setting in ("numbers", "pixels")
+    )
 
-    def share(question: int, where: str, arm: str) -> str:
+    def share(rows: pd.DataFrame, question: int, where: str, arm: str) -> str:
         is_asked = (rows["question"] == question) & (rows["where"] == where)
-        return f"{rows[is_asked & rows['what'].str.match(f'{arm} .*less scratch')]['share'].item():.0f} %"
+        one = rows[is_asked & rows["what"].str.match(f"{arm} .*less scratch")].iloc[0]
+        return f"{100 * one['value'] / one['possible_gain']:.0f} %"
 
-    first, tuned = ([share(number, pair, "FTW") for pair in PAIRS] for number in (1, 6))
+    first, tuned, seen = (
+        [share(rows, number, pair, "FTW") for pair in PAIRS]
+        for rows, number in ((numbers, 1), (numbers, 6), (pixels, 1))
+    )
+    both = numbers.merge(pixels, on=["question", "where", "what"])
+    both = both[both["question"] <= 2]
+    alike = (both["value_x"] > 0) == (both["value_y"] > 0)
+    decided = both[["verdict_x", "verdict_y"]].isin(["more", "less"]).all(axis=1)
+    against = (decided & ~alike).sum()
     return [
+        "from pixels FTW gains {} of what could be gained in high, {} in low, {} in lowest;".format(*seen),
         f"FTW gains {first[0]} of what could be gained in high, {first[1]} in low, {first[2]} in lowest.",
-        f"level with scratch in low, gain {share(1, 'lowest', 'FE3')} in lowest, and cost in high.",
+        "gain {} in low and {} in lowest from pixels;".format(
+            *(share(pixels, 1, pair, "FE3") for pair in ("low", "lowest"))
+        ),
+        f"level with scratch in low, and gain {share(numbers, 1, 'lowest', 'FE3')} in lowest.",
         f"FTW gains {tuned[0]} in high, {tuned[1]} in low, {tuned[2]} in lowest.",
-        f"it gains {share(3, 'imazu', 'FTW')} of what could be gained (FTW);",
-        f"first three layers, frozen, gain {share(3, 'imazu', 'FE3')}.",
+        f"it gains {share(numbers, 3, 'imazu', 'FTW')} of what could be gained (FTW);",
+        f"first three layers, frozen, gain {share(numbers, 3, 'imazu', 'FE3')}.",
+        f"{'No' if against == 0 else against} contrast is more from one observation and less from the other;",
+        f"{alike.sum()} of {len(both)} have the same sign.",
     ]
 
 

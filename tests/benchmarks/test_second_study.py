@@ -6,29 +6,53 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import answers
+from benchmarks import answers, power
 from tests.command import ROOT
 
 KEPT = ROOT / "outputs/questions"
 PAGE = ROOT / "docs/second-study.md"
 
 
+@pytest.mark.parametrize("setting", ["numbers", "pixels"])
 def test_the_page_follows_from_the_runs(
+    setting: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(answers, "FOLDER", tmp_path)
+    shutil.copy(KEPT / f"{setting}.csv.xz", tmp_path)
+    answers.main([setting, "--markdown"])
+    printed = capsys.readouterr().out
+    assert kept_block(setting) == printed[: printed.index(str(tmp_path))].strip()
+    name = f"{setting}_answers.csv"
+    assert (tmp_path / name).read_bytes() == (KEPT / name).read_bytes()
+
+
+def test_both_observations_are_compared(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(answers, "FOLDER", tmp_path)
-    shutil.copy(KEPT / "numbers.csv.xz", tmp_path)
-    answers.main(["numbers", "--markdown"])
-    printed = capsys.readouterr().out
-    kept = re.search(r"<!-- begin: numbers -->\n(.*?)<!-- end -->", PAGE.read_text(), re.S)
-    assert kept is not None and kept[1].strip() == printed[: printed.index(str(tmp_path))].strip()
-    assert (tmp_path / "numbers_answers.csv").read_bytes() == (KEPT / "numbers_answers.csv").read_bytes()
+    for setting in ("numbers", "pixels"):
+        shutil.copy(KEPT / f"{setting}.csv.xz", tmp_path)
+    answers.main(["both", "--markdown"])
+    assert kept_block("both") == capsys.readouterr().out.strip()
+
+
+def test_power_is_simulated_for_one_observation(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        answers.main(["both", "--power"])
+    assert stopped.value.code == 1
+    assert "--power with both; allowed: with numbers or pixels" in capsys.readouterr().err
+
+
+def kept_block(name: str) -> str:
+    """Return what the page has between its marks."""
+    kept = re.search(rf"<!-- begin: {name} -->\n(.*?)<!-- end -->", PAGE.read_text(), re.S)
+    assert kept is not None
+    return kept[1].strip()
 
 
 def test_its_power_is_what_the_simulation_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(answers, "BENCHMARK", ROOT / "outputs/sources")
+    monkeypatch.setattr(power, "FOLDER", ROOT / "outputs/sources")
     answers.main(["numbers", "--power", "--markdown"])
-    kept = re.search(r"<!-- begin: power -->\n(.*?)<!-- end -->", PAGE.read_text(), re.S)
-    assert kept is not None and kept[1].strip() == capsys.readouterr().out.strip()
+    assert kept_block("power") == capsys.readouterr().out.strip()

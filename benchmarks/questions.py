@@ -15,11 +15,10 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.runs import Row, Setting, Task, make_missing, weights_path
-from benchmarks.sources import IMAZU, add_options
+from benchmarks.sources import IMAZU, make_runs
 from benchmarks.sources import SETTINGS as SOURCE_SETTINGS
-from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
 from ship_trl.config.arm import SCRATCH
+from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write
 
 FOLDER = Path("outputs/questions")
@@ -111,14 +110,7 @@ def transfers(
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    parser = make_parser(
-        "questions", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING.csv and the sources' weights"
-    )
-    parser.prog = "python -m benchmarks questions"
-    add_options(parser)
-    options = parser.parse_args(arguments)
-    with refusals():
-        run(options)
+    make_runs("questions", __doc__ or "", FOLDER, run, arguments)
 
 
 def run(options: Namespace) -> None:
@@ -135,14 +127,19 @@ def run(options: Namespace) -> None:
 
 
 def learn_traffic(setting: Setting, folder: Path) -> None:
-    """Train the networks of random encounters that are missing, by the profile of such runs."""
+    """Train the networks of random encounters that are missing, by the profile of such runs.
+
+    Raises:
+        ConfigError: a run failed; it has said why.
+    """
     network = [word for word in setting.overrides if word.startswith(("observation=", "network."))]
     for seed in range(FIRST_SOURCE, FIRST_SOURCE + TRAFFIC_SEEDS):
         output, kept = folder / "runs", weights_path(folder, TRAFFIC, seed)
         if kept.exists():
             continue
         words = [f"target={TRAFFIC}", "method=scratch", f"seed={seed}", f"output={output}", *network]
-        subprocess.run([sys.executable, "-m", "ship_trl", *words], check=True)
+        if subprocess.run([sys.executable, "-m", "ship_trl", *words], check=False).returncode:
+            raise ConfigError(f"questions: the run from {TRAFFIC} with seed {seed} failed")
         (made,) = output.rglob(f"seed={seed}/policy.safetensors")
         with atomic_write(kept) as draft:
             shutil.copy(made, draft)

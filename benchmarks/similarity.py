@@ -6,6 +6,7 @@ networks are needed once; after that the table of measures is read.
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from argparse import Namespace
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from ship_trl.sources.known import Known
 
 MAX_BYTES = 20_000_000
+# Of cases, along an axis of the picture.
+MAX_NAMES = 10
 Floats = judge.Floats
 
 
@@ -227,21 +230,23 @@ def draw(path: Path, gains: Gains, arm: str, values: Mapping[str, Floats]) -> No
     panels = {f"gain of {arm} over scratch": mean}
     names = {PAPER: "equation 8"}
     panels |= {
-        f"{names.get(name, name)}, rank of similarity within target": judge.shares(value)
-        for name, value in values.items()
+        f"{names.get(name, name)}, rank within target": judge.shares(value) for name, value in values.items()
     }
-    figure = Figure(figsize=(6.2 * len(panels), 5.6), dpi=100, layout="constrained")
+    figure = Figure(figsize=(3.7 * len(panels), 4.2), dpi=100, layout="constrained")
+    # Few enough names to be read where the picture is as wide as a page.
+    named = range(0, len(gains.cases), math.ceil(len(gains.cases) / MAX_NAMES))
+    names_of_cases = [gains.cases[at] for at in named]
     reach = float(np.nanpercentile(np.abs(mean), 98))
     for number, (axes, (title, panel)) in enumerate(
         zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True)
     ):
         limits = {"cmap": "RdBu", "vmin": -reach, "vmax": reach} if number == 0 else {"cmap": "Blues"}
         image = axes.imshow(panel, **limits)
-        axes.set_xticks(range(len(gains.cases)), gains.cases, rotation=90, fontsize=8)
-        axes.set_yticks(range(len(gains.cases)), gains.cases, fontsize=8)
+        axes.set_xticks(named, names_of_cases, rotation=90, fontsize=10)
+        axes.set_yticks(named, names_of_cases, fontsize=10)
         axes.set_xlabel("source", fontsize=11)
         axes.set_ylabel("target", fontsize=11)
-        axes.set_title(title, fontsize=12, loc="left")
+        axes.set_title(title, fontsize=11, loc="left")
         axes.set_facecolor("#D4D4D4")
-        figure.colorbar(image, ax=axes, shrink=0.6)
+        figure.colorbar(image, ax=axes, location="bottom", shrink=0.8)
     save(figure, path)

@@ -9,12 +9,13 @@ that a stopped benchmark goes on.
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from benchmarks.runs import Row, Setting, Task, make_missing
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import Parser, add_number, make_parser
+from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.bounds import Positive
 
@@ -63,21 +64,21 @@ def plan_tasks(setting: Setting) -> list[Task]:
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    parser = make_parser(
-        "sources", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING.csv and the sources' weights"
-    )
-    parser.prog = "python -m benchmarks sources"
-    add_options(parser)
-    options = parser.parse_args(arguments)
-    with refusals():
-        run(options)
+    make_runs("sources", __doc__ or "", FOLDER, run, arguments)
 
 
-def add_options(parser: Parser) -> None:
-    """Add what commands that make runs share."""
+def make_runs(
+    name: str, words: str, folder: Path, run: Callable[[Namespace], None], arguments: list[str]
+) -> None:
+    """Read the options of a command that makes runs, and make them."""
+    words = f"{words}\n\nWrites:\n    {folder}/SETTING.csv and the sources' weights"
+    parser = make_parser(name, words)
+    parser.prog = f"python -m benchmarks {name}"
     parser.add_argument("setting", choices=SETTINGS, help="what networks see")
     add_number(parser, "--processes", Positive, 2, "at once (default 2)")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
+    with refusals():
+        run(parser.parse_args(arguments))
 
 
 def run(options: Namespace) -> None:

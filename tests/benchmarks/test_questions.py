@@ -24,6 +24,7 @@ from benchmarks.questions import (
 from benchmarks.runs import Task, join
 from benchmarks.verdicts import Contrast, Verdict, judge, learner_label, paired, read_study_runs, unpaired
 from benchmarks.verdicts import answers as judge_all
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.report.tables import write_csv
 
 
@@ -64,6 +65,13 @@ def test_last_networks_are_tested_on_scenes_that_they_did_not_see(tmp_path: Path
         for share in (row.perturbed, row.replayed):
             assert 0 <= share <= 1 and share * STARTS == pytest.approx(round(share * STARTS))
         assert 0 <= row.traffic <= 1 and row.traffic * 500 == pytest.approx(round(row.traffic * 500))
+
+
+def test_a_run_of_random_encounters_that_fails_is_named(tmp_path: Path) -> None:
+    setting = replace(SETTINGS["numbers"], overrides=("observation=sonar",))
+    with pytest.raises(ConfigError, match="the run from traffic with seed 2000 failed"):
+        questions.learn_traffic(setting, tmp_path)
+    assert not list(tmp_path.rglob("*.safetensors"))
 
 
 def test_drawn_starts_differ_by_the_bounds_of_the_suite() -> None:

@@ -66,7 +66,7 @@ def check(options: argparse.Namespace) -> None:
     """
     for part in options.parts:
         if part not in PARTS:
-            raise ConfigError(f"benchmarks: no part {part}; allowed: {', '.join(PARTS)}")
+            raise ConfigError(f"benchmarks: no part {part}; allowed: {', '.join([*PARTS, *ALONE])}")
     if options.rounds < 1:
         raise ConfigError(f"--rounds: must be at least 1, got {options.rounds}")
     if not options.seconds > 0:

@@ -6,6 +6,7 @@ that was kept.
 
 from __future__ import annotations
 
+import math
 import sys
 from argparse import Namespace
 from dataclasses import asdict
@@ -13,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from scipy import stats
 
 from benchmarks.power import show_power
 from benchmarks.questions import ARMS, FOLDER, FROZEN, PAIRS, SETTINGS, SIZES, TRAFFIC, plan_tasks
@@ -20,6 +22,7 @@ from benchmarks.runs import key
 from benchmarks.similarity import run_table
 from benchmarks.sources import IMAZU
 from benchmarks.verdicts import (
+    LEVEL,
     MARGIN,
     Contrast,
     Runs,
@@ -61,11 +64,14 @@ COLOURS = {
 
 def main(arguments: list[str]) -> None:
     """Judge, print, and write a table and a picture."""
-    parser = make_parser("answers", f"{__doc__}\n\nWrites:\n    {FOLDER}/SETTING_answers.csv and SETTING.png")
+    parser = make_parser(
+        "answers",
+        f"{__doc__}\n\nWrites, of numbers and pixels:\n    {FOLDER}/SETTING_answers.csv and SETTING.png",
+    )
     parser.prog = "python -m benchmarks answers"
     parser.add_argument("setting", choices=(*SETTINGS, BOTH), help="what networks see; both: question 5")
     parser.add_argument(
-        "--power", action="store_true", help="how often question 1 finds a gain, simulated; no runs are read"
+        "--power", action="store_true", help="how often question 1 finds a gain, simulated before the runs"
     )
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
     options = parser.parse_args(arguments)
@@ -106,8 +112,12 @@ def read_table(setting: str) -> Runs:
     made = read_runs(path)
     try:
         runs = read_study_runs(made)
-    except (KeyError, ValueError) as error:
-        raise ConfigError(f"answers: {path} is not a table of tested runs: {error}") from None
+    except KeyError as error:
+        raise ConfigError(f"answers: {path} is no table of tested runs: it has no column {error}") from None
+    except ValueError as error:
+        raise ConfigError(f"answers: {path} is no table of tested runs: {error}") from None
+    if len(made) > len(set(map(key, made))):
+        raise ConfigError(f"answers: {path} has a run twice; allowed: once")
     wanted = {task.key(SETTINGS[setting]) for task in plan_tasks(SIZES[setting])}
     if missing := wanted - set(map(key, made)):
         raise ConfigError(f"answers: {len(missing)} runs are missing; allowed: after {first}")
@@ -143,7 +153,7 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
 
 
 def show_beside(found: dict[str, list[Contrast]], markdown: bool) -> None:
-    """Print what each observation says of questions 1 and 2."""
+    """Print what each observation says of questions 1 and 2, and their distance in standard errors."""
     asked = {
         setting: {
             (str(one.question), one.where, one.what): one for one in contrasts if one.question in (1, 2)
@@ -155,9 +165,15 @@ def show_beside(found: dict[str, list[Contrast]], markdown: bool) -> None:
         sides = [side[name] for side in asked.values()]
         told = [word for one in sides for word in (f"{one.value:+.3f}", share_of(one), one.verdict.value)]
         signs = {one.value > 0 for one in sides}
-        cells.append((*name, *told, "yes" if len(signs) == 1 else "no"))
+        apart = (sides[0].value - sides[1].value) / math.hypot(*map(standard_error, sides))
+        cells.append((*name, *told, "yes" if len(signs) == 1 else "no", f"{apart:+.1f}"))
     headings = [word for name in asked for word in (f"from {name}", "of possible gain", "answer")]
-    show(("question", "where", "contrast", *headings, "same sign"), cells, markdown)
+    show(("question", "where", "contrast", *headings, "same sign", "apart"), cells, markdown)
+
+
+def standard_error(one: Contrast) -> float:
+    """Return about the standard error of a difference, from its 95 % interval."""
+    return (one.high - one.low) / (2 * float(stats.norm.ppf(1 - LEVEL / 2)))
 
 
 def share_of(one: Contrast) -> str:
@@ -255,5 +271,9 @@ def draw(path: Path, found: list[Contrast]) -> None:
         for verdict, colour in COLOURS.items()
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), fontsize=9, frameon=False)
-    figure.supxlabel("gain in greedy area over scratch, as a share of what could be gained", fontsize=10)
+    figure.supxlabel(
+        "gain in greedy area over scratch, as a share of what could be gained; grey band: the margin;\n"
+        "95 % intervals are not adjusted, answers are",
+        fontsize=10,
+    )
     save(figure, path)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from benchmarks.runs import Row, Setting, Task, make_missing, weights_path
-from benchmarks.sources import IMAZU, make_runs
+from benchmarks.runs import Row, Setting, Task, make_missing, read_and_run, weights_path
+from benchmarks.sources import IMAZU
 from benchmarks.sources import SETTINGS as SOURCE_SETTINGS
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
@@ -110,7 +110,7 @@ def transfers(
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    make_runs("questions", __doc__ or "", FOLDER, run, arguments)
+    read_and_run("questions", str(__doc__), FOLDER, run, arguments)
 
 
 def run(options: Namespace) -> None:

@@ -17,7 +17,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.work import plan
+from ship_trl.cli.errors import refusals
+from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.arm import Arm
+from ship_trl.config.bounds import Positive
 from ship_trl.config.types import Config
 from ship_trl.study.report.tables import write_csv
 
@@ -175,6 +178,20 @@ def read_done(table: Path) -> list[dict[str, str]]:
 def key(row: Mapping[str, object]) -> tuple[str, ...]:
     """Return what tells a run from others."""
     return tuple(str(row.get(name, "")) for name in ("target", "source", "arm", "seed", "length", "learner"))
+
+
+def read_and_run(
+    name: str, about: str, folder: Path, run: Callable[[Namespace], None], arguments: list[str]
+) -> None:
+    """Read the options of a command that makes runs of a setting, and run it."""
+    words = f"{about}\n\nWrites:\n    {folder}/SETTING.csv and the sources' weights"
+    parser = make_parser(name, words)
+    parser.prog = f"python -m benchmarks {name}"
+    parser.add_argument("setting", choices=("numbers", "pixels"), help="what networks see")
+    add_number(parser, "--processes", Positive, 2, "at once (default 2)")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
+    with refusals():
+        run(parser.parse_args(arguments))
 
 
 def make_missing(

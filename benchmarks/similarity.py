@@ -230,7 +230,7 @@ def draw(path: Path, gains: Gains, arm: str, values: Mapping[str, Floats]) -> No
     panels = {f"gain of {arm} over scratch": mean}
     names = {PAPER: "equation 8"}
     panels |= {
-        f"{names.get(name, name)}, rank within target": judge.shares(value) for name, value in values.items()
+        f"{names.get(name, name)}: rank of similarity": judge.shares(value) for name, value in values.items()
     }
     figure = Figure(figsize=(3.7 * len(panels), 4.2), dpi=100, layout="constrained")
     # Few enough names to be read where the picture is as wide as a page.
@@ -240,8 +240,8 @@ def draw(path: Path, gains: Gains, arm: str, values: Mapping[str, Floats]) -> No
     for number, (axes, (title, panel)) in enumerate(
         zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True)
     ):
-        limits = {"cmap": "RdBu", "vmin": -reach, "vmax": reach} if number == 0 else {"cmap": "Blues"}
-        image = axes.imshow(panel, **limits)
+        colours, low, high = ("RdBu", -reach, reach) if number == 0 else ("Blues", 0, 1)
+        image = axes.imshow(panel, cmap=colours, vmin=low, vmax=high)
         axes.set_xticks(named, names_of_cases, rotation=90, fontsize=10)
         axes.set_yticks(named, names_of_cases, fontsize=10)
         axes.set_xlabel("source", fontsize=11)

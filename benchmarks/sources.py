@@ -9,15 +9,11 @@ that a stopped benchmark goes on.
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks.runs import Row, Setting, Task, make_missing
-from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, make_parser
+from benchmarks.runs import Row, Setting, Task, make_missing, read_and_run
 from ship_trl.config.arm import SCRATCH
-from ship_trl.config.bounds import Positive
 
 FOLDER = Path("outputs/sources")
 
@@ -64,21 +60,7 @@ def plan_tasks(setting: Setting) -> list[Task]:
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    make_runs("sources", __doc__ or "", FOLDER, run, arguments)
-
-
-def make_runs(
-    name: str, words: str, folder: Path, run: Callable[[Namespace], None], arguments: list[str]
-) -> None:
-    """Read the options of a command that makes runs, and make them."""
-    words = f"{words}\n\nWrites:\n    {folder}/SETTING.csv and the sources' weights"
-    parser = make_parser(name, words)
-    parser.prog = f"python -m benchmarks {name}"
-    parser.add_argument("setting", choices=SETTINGS, help="what networks see")
-    add_number(parser, "--processes", Positive, 2, "at once (default 2)")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
-    with refusals():
-        run(parser.parse_args(arguments))
+    read_and_run("sources", str(__doc__), FOLDER, run, arguments)
 
 
 def run(options: Namespace) -> None:

@@ -84,6 +84,8 @@ def read_study_runs(rows: Iterable[Cells]) -> Runs:
         ValueError: a cell is wrong.
     """
     rows = list(rows)
+    if not rows:
+        raise ValueError("it has no rows")
     shortest = min(int(row["length"]) for row in rows)
     found: Runs = {}
     for row in rows:
@@ -91,6 +93,8 @@ def read_study_runs(rows: Iterable[Cells]) -> Runs:
             continue
         outcome = read_outcome(row)
         shares = {name: float(row[name]) for name in ("perturbed", "replayed", "traffic")}
+        if not all(0 <= share <= 1 for share in shares.values()):
+            raise ValueError(f"a run to {row['target']} has a share that is not from 0 to 1")
         one = Reached(
             seed=int(row["seed"]),
             area=outcome.area,

@@ -7,7 +7,7 @@ import pytest
 from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.grades import Grade
 from tests.command import ROOT
-from tests.findings import NUMBER, NUMBERS, PAGES, facts, rewrite, verdicts
+from tests.findings import NUMBER, NUMBERS, PAGES, facts, of_grades, rewrite, verdicts
 from tests.study.test_confirmatory import FOLDER
 
 
@@ -28,6 +28,12 @@ def test_every_number_of_a_contrast_is_what_the_study_answers(page: str, study: 
 def test_every_sentence_that_counts_is_true(study: Study) -> None:
     text = " ".join((ROOT / "docs/findings.md").read_text().split())
     assert [fact for fact in facts(study) if fact not in text] == []
+
+
+def test_the_table_of_claims_is_that_of_the_study() -> None:
+    text = (ROOT / "docs/findings.md").read_text()
+    kept = re.search(r"<!-- begin: claims -->\n(.*?)<!-- end -->", text, re.S)
+    assert kept is not None and kept[1].strip().split("\n")[2:] == of_grades()
 
 
 def test_the_table_of_grades_begins_with_the_study(study: Study) -> None:

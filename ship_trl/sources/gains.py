@@ -62,7 +62,8 @@ def read_outcome(row: Cells) -> Outcome:
     """Return what a run of the table reached; raise ValueError for a wrong cell."""
     random, known = float(row["random"]), float(row["best_known"])
     returns = np.array([float(word) for word in row["greedy"].split()])
-    if len(returns) != len(row["reached"]) or len(returns) <= LAST or not known > random:
+    is_whole = LAST < len(returns) == len(row["reached"]) and bool(np.isfinite(returns).all())
+    if not is_whole or not known > random:
         raise ValueError(f"the run of {row['source']} to {row['target']} has wrong numbers")
     scores = np.clip((returns - random) / (known - random), 0.0, None)
     reached = np.array([mark == "1" for mark in row["reached"]])

@@ -188,6 +188,21 @@ def test_answers_are_printed_drawn_and_written(
     with pytest.raises(SystemExit):
         answers.main(["numbers"])
     assert "3 runs are missing" in capsys.readouterr().err
+    wrong = {
+        "has a run twice": [*rows, rows[-1]],
+        "has a share that is not from 0 to 1": [*rows[:-1], rows[-1] | {"perturbed": float("nan")}],
+        "has wrong numbers": [*rows[:-1], rows[-1] | {"greedy": "nan " * 16}],
+        "it has no column 'perturbed'": [{k: v for k, v in row.items() if k != "perturbed"} for row in rows],
+        "it has no rows": [],
+    }
+    for message, made in wrong.items():
+        write_csv(tmp_path / "numbers.csv", made or rows)
+        if not made:
+            header = (tmp_path / "numbers.csv").read_text().split("\n")[0]
+            (tmp_path / "numbers.csv").write_text(header + "\n")
+        with pytest.raises(SystemExit) as error:
+            answers.main(["numbers"])
+        assert error.value.code == 1 and message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["target,source\n1,2\n", ""])

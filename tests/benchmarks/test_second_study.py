@@ -30,7 +30,7 @@ def test_both_observations_are_compared(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(answers, "FOLDER", tmp_path)
-    for setting in ("numbers", "pixels"):
+    for setting in answers.SETTINGS:
         shutil.copy(KEPT / f"{setting}.csv.xz", tmp_path)
     answers.main(["both", "--markdown"])
     assert kept_block("both") == capsys.readouterr().out.strip()
@@ -50,9 +50,10 @@ def kept_block(name: str) -> str:
     return kept[1].strip()
 
 
+@pytest.mark.parametrize(("setting", "block"), [("numbers", "power"), ("pixels", "power_pixels")])
 def test_its_power_is_what_the_simulation_says(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    setting: str, block: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(power, "FOLDER", ROOT / "outputs/sources")
-    answers.main(["numbers", "--power", "--markdown"])
-    assert kept_block("power") == capsys.readouterr().out.strip()
+    answers.main([setting, "--power", "--markdown"])
+    assert kept_block(block) == capsys.readouterr().out.strip()

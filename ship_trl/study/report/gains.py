@@ -73,7 +73,7 @@ def split_maps(columns: dict[str, Column], metric: str, width: float) -> list[Ma
     groups += [[NEW_CASE]] if NEW_CASE in columns else []
     maps = []
     for group in groups:
-        # It was measured from epsilon 1, but most networks of the new case explore from 0.1.
+        # For the new case it was measured from epsilon 1, but most of its networks explore from 0.1.
         of_pairs = [name for name in group if name != NEW_CASE]
         possible = {name: possible_gain(name.split(" to ")[-1], metric) for name in of_pairs}
         known = {name: value for name, value in possible.items() if value}

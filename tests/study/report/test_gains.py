@@ -72,6 +72,14 @@ def test_reuse_lies_apart_and_no_column_is_blank() -> None:
     assert list(found["new"]) == ["reused, \N{GREEK SMALL LETTER EPSILON} 0.1", "case 2"]
 
 
+def test_the_new_case_has_no_ceiling(
+    gains: dict[str, dict[str, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(gains, "new", {"area": 0.34})
+    shown = cells(drawn(make_study({**PAIR, **REUSED}, seeds=6)))
+    assert f"{gains['2']['area']:+.2f}" in shown and "+0.34" not in shown
+
+
 @pytest.mark.parametrize("width", [WIDE, NARROW])
 def test_a_cell_says_how_sure_its_number_is_and_what_could_be_gained(
     width: float, gains: dict[str, dict[str, float]]

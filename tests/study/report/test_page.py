@@ -93,6 +93,7 @@ def test_the_page_begins_with_what_is_decided(study: Path) -> None:
     rows = {row["claim"]: row for row in claims(study) if row["decided after seeds"]}
     top, _, _ = page(study).partition("The five conclusions")
     assert f"{len(rows)} of {len(ALL)} claims decided" in top and len(rows) > 0
+    assert "<h2>Gains of the pairs in greedy returns</h2>" in top and top.count("<img ") == 1
     told = re.findall(r'<p><span class="verdict (\w+)">\1</span> (\w+): ', top)
     assert {name: verdict for verdict, name in told} == {
         name: row["claim's verdict"] for name, row in rows.items()

@@ -77,7 +77,7 @@ def test_no_key_is_written_or_printed(logged: tuple[Path, str]) -> None:
         assert not [name for name, data in found.items() if key.encode() in data]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.long)])
 def test_a_stopped_run_is_logged_once(number: signal.Signals, tmp_path: Path) -> None:
     first = (
         "import signal\n"

@@ -49,6 +49,7 @@ def test_other_settings_have_none(change: str) -> None:
     assert scratch_returns(run("+pair=high", "+arm=FT3", change)) is None
 
 
+@pytest.mark.long
 def test_an_own_scratch_run_is_drawn_beside_a_transfer(tmp_path: Path) -> None:
     line = ("+pair=high", "+arm=FT3", *SMOKE)
     told = ship_trl(*line, "output=runs", folder=tmp_path)

@@ -98,6 +98,7 @@ def test_a_frozen_head_keeps_its_bytes_while_conv_layers_learn() -> None:
         assert torch.equal(start[key], value) == key.startswith(HEAD), key
 
 
+@pytest.mark.long
 def test_without_a_pull_and_without_belief_it_is_finetuning() -> None:
     numbers = "observation=vector", "learn.num_envs=4"
     wanted = train("one", "+arm=FT3", *numbers)

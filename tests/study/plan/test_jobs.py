@@ -144,7 +144,7 @@ def test_files_that_a_run_needs_come_from_an_earlier_stage() -> None:
     [
         pytest.param((), marks=pytest.mark.long),
         ("pairs=[low]", "reuse=false"),
-        ("arms=[FE2]", "reuse=false"),
+        pytest.param(("arms=[FE2]", "reuse=false"), marks=pytest.mark.long),
         ("pairs=[self]", "arms=[scratch,FTW]", "controls=false", "reuse=false"),
     ],
 )

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks import answers, power
+from ship_trl.cli import ask
+from ship_trl.study.analysis.study import read_study
 from tests.command import ROOT
+from tests.findings import NUMBER, NUMBERS, rewrite
 
 KEPT = ROOT / "outputs/questions"
 PAGE = ROOT / "docs/second-study.md"
@@ -57,3 +60,14 @@ def test_its_power_is_what_the_simulation_says(
     monkeypatch.setattr(power, "FOLDER", ROOT / "outputs/sources")
     answers.main([setting, "--power", "--markdown"])
     assert kept_block(block) == capsys.readouterr().out.strip()
+
+
+def test_what_ppo_says_is_what_the_kept_study_answers() -> None:
+    told = PAGE.read_text().partition("### With PPO")[2].partition("\n## ")[0]
+    assert len(re.findall(NUMBERS, told)) == 4
+    wrong = re.sub(rf"{NUMBER}(?!\d)", lambda m: "+9." + m[0].partition(".")[2], told)
+    study = read_study(KEPT / "ppo")
+    assert rewrite(wrong, study) == told
+    words = ["low: FTW above scratch (greedy area)", "low: scratch (greedy area)"]
+    whole, level = ask.answers(study, words, 10)
+    assert sum(value < 0 for value in whole.differences) == 9 and f"of {level.estimate.value:.2f}." in told

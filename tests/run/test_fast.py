@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 import yaml
 
 from ship_trl.files.result import read_result
@@ -20,6 +21,7 @@ envs.step(numpy.zeros(3, numpy.int64))
 LINE = ("profile=smoke", "+pair=high", "method=feature_extraction", "layers=3")
 
 
+@pytest.mark.long
 def test_a_whole_run_needs_no_numba(tmp_path: Path) -> None:
     ship_trl(*LINE, "fast=false", folder=tmp_path, first=WITHOUT_NUMBA, new_process=True)
     folder = tmp_path / "outputs/smoke/high/FE3/seed=0"

@@ -110,7 +110,7 @@ def transfers(
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    read_and_run("questions", str(__doc__), FOLDER, run, arguments)
+    read_and_run("questions", str(__doc__), FOLDER, SETTINGS, run, arguments)
 
 
 def run(options: Namespace) -> None:

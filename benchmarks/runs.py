@@ -181,13 +181,18 @@ def key(row: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def read_and_run(
-    name: str, about: str, folder: Path, run: Callable[[Namespace], None], arguments: list[str]
+    name: str,
+    about: str,
+    folder: Path,
+    settings: Iterable[str],
+    run: Callable[[Namespace], None],
+    arguments: list[str],
 ) -> None:
     """Read the options of a command that makes runs of a setting, and run it."""
     words = f"{about}\n\nWrites:\n    {folder}/SETTING.csv and the sources' weights"
     parser = make_parser(name, words)
     parser.prog = f"python -m benchmarks {name}"
-    parser.add_argument("setting", choices=("numbers", "pixels"), help="what networks see")
+    parser.add_argument("setting", choices=settings, help="what networks see")
     add_number(parser, "--processes", Positive, 2, "at once (default 2)")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
     with refusals():

@@ -60,7 +60,7 @@ def plan_tasks(setting: Setting) -> list[Task]:
 
 def main(arguments: list[str]) -> None:
     """Make the runs that are missing, and add them to the table."""
-    read_and_run("sources", str(__doc__), FOLDER, run, arguments)
+    read_and_run("sources", str(__doc__), FOLDER, SETTINGS, run, arguments)
 
 
 def run(options: Namespace) -> None:

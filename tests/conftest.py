@@ -1,5 +1,6 @@
 """Fixtures of all tests: an empty working directory, the paper's world, cases, one torch thread."""
 
+import gc
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,12 @@ torch.set_num_threads(1)
 # The same examples every time, and no deadline, because the machine may be busy.
 settings.register_profile("steady", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("steady")
+
+
+def pytest_collection_finish() -> None:
+    """Leave what has been imported out of every later search for garbage; each run makes one."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

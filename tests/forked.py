@@ -6,6 +6,7 @@ as a study does, forks instead.
 
 import atexit
 import contextlib
+import gc
 import importlib
 import io
 import os
@@ -65,6 +66,9 @@ def warm_up() -> None:
         with contextlib.redirect_stdout(io.StringIO()):
             call(words)
         torch.set_flush_denormal(False)
+    # A child that collects garbage would copy and search all of this.
+    gc.collect()
+    gc.freeze()
 
 
 def call(words: Sequence[str]) -> None:

@@ -85,9 +85,9 @@ def read_runs(path: Path) -> list[Cells]:
         data = path.read_bytes()
         return rows(lzma.decompress(data) if path.suffix == ".xz" else data, COLUMNS)
     except (OSError, EOFError, lzma.LZMAError) as error:
-        raise ConfigError(f"sources: {path} cannot be read: {error}") from None
+        raise ConfigError(f"runs: {path} cannot be read: {error}") from None
     except ValueError as error:
-        raise ConfigError(f"sources: {path} is not a table of runs: {error}") from None
+        raise ConfigError(f"runs: {path} is not a table of runs: {error}") from None
 
 
 def make_gains(table: Sequence[Cells], cases: Sequence[str]) -> Gains:
@@ -99,7 +99,7 @@ def make_gains(table: Sequence[Cells], cases: Sequence[str]) -> Gains:
     try:
         return _make_gains(table, tuple(cases))
     except (ValueError, KeyError) as error:
-        raise ConfigError(f"sources: the table of runs is not whole: {error}") from None
+        raise ConfigError(f"runs: the table is not whole: {error}") from None
 
 
 def _make_gains(table: Sequence[Cells], cases: tuple[str, ...]) -> Gains:

@@ -123,7 +123,9 @@ def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> Non
     taken = trained / "outputs/smoke/1/scratch/seed=3"
     ship_trl("profile=smoke", "target=1", "method=scratch", "seed=3", "learn.episodes=2", folder=trained)
     before = files(taken)
-    done = ship_trl("-m", "profile=smoke", "target=1", "method=scratch", "seed=1,3,2", folder=trained, code=1)
+    # In this process, which has imported torch.
+    grid = ("-m", "hydra.launcher.n_jobs=1", "profile=smoke", "target=1", "method=scratch", "seed=1,3,2")
+    done = ship_trl(*grid, folder=trained, code=1)
     assert "seed=3 holds a finished run of other settings" in done.stderr
     assert "Traceback" not in done.stderr and files(taken) == before
     for seed in (1, 2):

@@ -77,5 +77,5 @@ def test_a_table_that_is_not_whole_is_refused(rows: list[str], words: str, tmp_p
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"none\.csv cannot be read"):
+    with pytest.raises(ConfigError, match=r"^runs: .*none\.csv cannot be read"):
         read_gains(tmp_path / "none.csv")

@@ -1,4 +1,4 @@
-"""`python -m benchmarks answers numbers|pixels|both`: what the runs of the second study say.
+"""`python -m benchmarks answers [numbers|pixels|both]`: what the runs of the second study say.
 
 Judges the contrasts of docs/second-study.md, from the table of `python -m benchmarks questions` or the one
 that was kept.
@@ -69,34 +69,47 @@ def main(arguments: list[str]) -> None:
         f"{__doc__}\n\nWrites, of numbers and pixels:\n    {FOLDER}/SETTING_answers.csv and SETTING.png",
     )
     parser.prog = "python -m benchmarks answers"
-    parser.add_argument("setting", choices=(*SETTINGS, BOTH), help="what networks see; both: question 5")
+    parser.add_argument(
+        "setting",
+        nargs="?",
+        choices=(*SETTINGS, BOTH),
+        help="what networks see; both: question 5; default: one after the other",
+    )
     parser.add_argument(
         "--power", action="store_true", help="how often question 1 finds a gain, simulated before the runs"
     )
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
     options = parser.parse_args(arguments)
     with refusals():
-        if options.power and options.setting == BOTH:
-            raise ConfigError("answers: --power with both; allowed: with numbers or pixels")
-        if options.setting == BOTH:
-            show_beside({setting: answers(read_table(setting)) for setting in SETTINGS}, options.markdown)
-        elif options.power:
-            show_power(options.setting, options.markdown)
-        else:
-            run(options)
+        run(options)
 
 
 def run(options: Namespace) -> None:
-    """Judge all questions."""
-    runs = read_table(options.setting)
+    """Do what the options ask for."""
+    if options.power:
+        if options.setting not in SETTINGS:
+            raise ConfigError(f"answers: --power with {options.setting}; allowed: with numbers or pixels")
+        show_power(options.setting, options.markdown)
+        return
+    asked = [setting for setting in SETTINGS if options.setting in (setting, None)]
+    found = {setting: judge(setting, options.markdown) for setting in asked}
+    if options.setting in (BOTH, None):
+        both = {setting: found.get(setting) or answers(read_table(setting)) for setting in SETTINGS}
+        show_beside(both, options.markdown)
+
+
+def judge(setting: str, markdown: bool) -> list[Contrast]:
+    """Judge the contrasts of a setting; print and write them."""
+    runs = read_table(setting)
     found = answers(runs)
-    show_contrasts(found, options.markdown)
-    show_levels(runs, options.markdown)
-    table = FOLDER / f"{options.setting}_answers.csv"
+    show_contrasts(found, markdown)
+    show_levels(runs, markdown)
+    table = FOLDER / f"{setting}_answers.csv"
     write_csv(table, [asdict(one) for one in found])
-    picture = FOLDER / f"{options.setting}.png"
+    picture = FOLDER / f"{setting}.png"
     draw(picture, found)
     sys.stdout.write(f"{table}\n{picture}\n")
+    return found
 
 
 def read_table(setting: str) -> Runs:

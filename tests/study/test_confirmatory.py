@@ -83,6 +83,7 @@ main()
 """
 
 
+@pytest.mark.long
 def test_the_report_that_is_kept_follows_from_the_tables(tmp_path: Path) -> None:
     made = tmp_path / "made"
     # In a process of its own, which goes by conf/analysis.yaml and not by the tests' margins.

@@ -65,12 +65,14 @@ def test_its_power_is_what_the_simulation_says(
     assert kept_block(block) == capsys.readouterr().out.strip()
 
 
-def test_what_ppo_says_is_what_the_kept_study_answers() -> None:
-    told = PAGE.read_text().partition("### With PPO")[2].partition("\n## ")[0]
+@pytest.mark.parametrize(("folder", "below"), [("ppo", 9), ("n_step", 0)])
+def test_what_another_learner_says_is_what_its_kept_study_answers(folder: str, below: int) -> None:
+    told, study = kept_block(folder), read_study(KEPT / folder)
     assert len(re.findall(NUMBERS, told)) == 4
     wrong = re.sub(rf"{NUMBER}(?!\d)", lambda m: "+9." + m[0].partition(".")[2], told)
-    study = read_study(KEPT / "ppo")
     assert rewrite(wrong, study) == told
     words = ["low: FTW above scratch (greedy area)", "low: scratch (greedy area)"]
-    whole, level = ask.answers(study, words, 10)
-    assert sum(value < 0 for value in whole.differences) == 9 and f"of {level.estimate.value:.2f}." in told
+    gain, scratch = ask.answers(study, words, 10)
+    assert len(gain.differences) == 10 and sum(value < 0 for value in gain.differences) == below
+    text = PAGE.read_text().partition("### With PPO")[2].partition("<!--")[0]
+    assert f"{scratch.estimate.value:.2f}" in text

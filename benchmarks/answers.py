@@ -88,20 +88,22 @@ def run(options: Namespace) -> None:
     """Do what the options ask for."""
     if options.power:
         if options.setting not in SETTINGS:
-            raise ConfigError(f"answers: --power with {options.setting}; allowed: with numbers or pixels")
+            setting = options.setting or "no setting"
+            raise ConfigError(f"answers: --power with {setting}; allowed: with numbers or pixels")
         show_power(options.setting, options.markdown)
         return
-    asked = [setting for setting in SETTINGS if options.setting in (setting, None)]
-    found = {setting: judge(setting, options.markdown) for setting in asked}
-    if options.setting in (BOTH, None):
-        both = {setting: found.get(setting) or answers(read_table(setting)) for setting in SETTINGS}
-        show_beside(both, options.markdown)
+    settings = tuple(SETTINGS) if options.setting in (BOTH, None) else (options.setting,)
+    runs = {setting: read_table(setting) for setting in settings}
+    found = {setting: answers(read) for setting, read in runs.items()}
+    for setting in settings if options.setting != BOTH else ():
+        sys.stdout.write(f"From {setting}\n\n" if len(settings) > 1 else "")
+        write(setting, runs[setting], found[setting], options.markdown)
+    if len(settings) > 1:
+        show_beside(found, options.markdown)
 
 
-def judge(setting: str, markdown: bool) -> list[Contrast]:
-    """Judge the contrasts of a setting; print and write them."""
-    runs = read_table(setting)
-    found = answers(runs)
+def write(setting: str, runs: Runs, found: list[Contrast], markdown: bool) -> None:
+    """Print what was found of a setting; write a table and a picture."""
     show_contrasts(found, markdown)
     show_levels(runs, markdown)
     table = FOLDER / f"{setting}_answers.csv"
@@ -109,7 +111,6 @@ def judge(setting: str, markdown: bool) -> list[Contrast]:
     picture = FOLDER / f"{setting}.png"
     draw(picture, found)
     sys.stdout.write(f"{table}\n{picture}\n")
-    return found
 
 
 def read_table(setting: str) -> Runs:

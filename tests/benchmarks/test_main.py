@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from benchmarks import __main__ as command
-from benchmarks import memory, simulator, work
+from benchmarks import checkpoints, memory, simulator, work
 from benchmarks.checkpoints import measure_checkpoints
 from benchmarks.table import compare
 from benchmarks.timing import measure
@@ -84,12 +84,13 @@ def test_bytes_are_counted_once() -> None:
     assert memory.held_bytes(Holder(), tensor) == 43
 
 
-def test_checkpoints_are_written_and_read() -> None:
+def test_checkpoints_are_written_and_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkpoints, "ARMS", ("scratch", "FE4"))
     found = measure_checkpoints(2, 0.01, "learn.replay_size=100")
     groups = [one.group for one in found]
-    assert groups == [name for name in ("write", "read", "2 on the disk") for _ in range(3)]
+    assert groups == [name for name in ("write", "read", "2 on the disk") for _ in range(2)]
     assert all(value > 0 for one in found for value in one.values)
-    assert [row.of_first is None for row in compare("checkpoints", found)] == 3 * [True, False, False]
+    assert [row.of_first is None for row in compare("checkpoints", found)] == 3 * [True, False]
 
 
 def test_every_simulator_steps(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -88,8 +88,7 @@ def test_same_seed_same_bytes(trained: Path, tmp_path: Path) -> None:
             assert mine.read_bytes() == other.read_bytes(), (run, name)
 
 
-@pytest.mark.precision
-@pytest.mark.parametrize("algorithm", ["double_dqn", "ppo"])
+@pytest.mark.parametrize("algorithm", [pytest.param("double_dqn", marks=pytest.mark.precision), "ppo"])
 def test_frozen_layers_are_the_source_s_bytes(trained: Path, algorithm: str) -> None:
     output = trained / ("outputs/smoke" if algorithm == "double_dqn" else "outputs/ppo")
     line = ("profile=smoke", "+pair=high", "+arm=FE3", f"algorithm={algorithm}", f"output='{output}'")

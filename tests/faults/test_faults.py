@@ -35,7 +35,7 @@ def test_a_full_disk_is_reported_and_loses_nothing(fault: object, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["a stopped run", "case base", "results", "report of tables"])
 def test_a_command_names_damaged_files(name: str, tmp_path: Path) -> None:
-    passed(*(files.trial(name, random.Random(k), tmp_path / str(k)) for k in range(2)))
+    passed(files.trial(name, random.Random(0), tmp_path / "0"))
 
 
 @pytest.mark.parametrize("kind", inputs.KINDS)

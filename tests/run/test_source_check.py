@@ -38,7 +38,7 @@ def test_at_most_so_many_evaluations_are_measured_evenly(episodes: int, every: i
     assert max(gaps) - min(gaps) <= 1
 
 
-@pytest.mark.parametrize("observation", ["pixels", "vector"])
+@pytest.mark.parametrize("observation", ["pixels", pytest.param("vector", marks=pytest.mark.long)])
 def test_what_is_learned_has_the_same_bits_without_it(
     observation: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

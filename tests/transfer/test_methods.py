@@ -242,6 +242,7 @@ def test_copied_layers_thaw_from_the_last_one_down(arm: str, count: int) -> None
     assert found == [count, *(max(0, count - k) for k in range(1, 6))]
 
 
+@pytest.mark.long
 def test_layers_of_a_network_of_numbers_thaw() -> None:
     weights = train("out", "+arm=GUW", "observation=vector", "learn.num_envs=4")
     assert all(bool(value.isfinite().all()) for value in weights.values())

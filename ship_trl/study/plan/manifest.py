@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
 
-from ship_trl.config.algorithm import non_default_algorithm
+from ship_trl.config.algorithm import DEFAULT, ON_POLICY, non_default_algorithm
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.hydra import explain_hydra
@@ -173,7 +173,9 @@ def read_manifest(folder: Path) -> Manifest:
     if not seeds:
         raise ConfigError(f"folder: {path} is not a study's plan: it has no seeds")
     try:
-        warmup = max(0, int(plan.settings["learn"]["warmup_steps"] // plan.settings["world"]["max_steps"]))
+        has_replay = plan.settings.get("algorithm", DEFAULT)["build"] not in ON_POLICY
+        steps = plan.settings["learn"]["warmup_steps"] if has_replay else 0
+        warmup = max(0, int(steps // plan.settings["world"]["max_steps"]))
     except (KeyError, TypeError, ValueError, ArithmeticError):
         warmup = 0
     folders = {job.folder(folder): job.seed for job in plan.jobs}

@@ -69,18 +69,22 @@ def draw_returns(study: Study, sections: Sections, width: float, columns: int) -
         Line2D([], [], color=look_of(SCRATCH).colour, linewidth=1.5, label=scratch),
         Line2D([], [], color=GREY, linestyle=BEST_DASHES, linewidth=1, label="best known return"),
         Line2D([], [], color=GREY, linestyle=RANDOM_DASHES, linewidth=1.2, label="random actions"),
-        Patch(color=PALE, label="exploration rate"),
-        Line2D([], [], color=GREY, marker="|", markersize=9, linewidth=0, label="exploration ends"),
     ]
+    panels = [panel for section in sections.values() for panel in section]
+    if any(explores(run) for panel in panels for run in study.arm(*panel.scratch).values()):
+        handles += [
+            Patch(color=PALE, label="exploration rate"),
+            Line2D([], [], color=GREY, marker="|", markersize=9, linewidth=0, label="exploration ends"),
+        ]
     if study.plan.warmup:
         handles.append(Patch(color=PALE, alpha=WARMUP_ALPHA, label="warm-up, no update yet"))
     training, greedy = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
     heights = {"training return": training, "greedy return": greedy}
     figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
-    panels = [one for section in drawn for one in section]
-    ranges = [draw_panel(study, panel, axes) for panel, axes in panels]
+    shown = [one for section in drawn for one in section]
+    ranges = [draw_panel(study, panel, axes) for panel, axes in shown]
     for row, below in enumerate((STRIP, 0.0)):
-        set_range([axes[row] for _, axes in panels], [each[row] for each in ranges], below)
+        set_range([axes[row] for _, axes in shown], [each[row] for each in ranges], below)
     return figure
 
 
@@ -108,10 +112,15 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
     return ranges
 
 
+def explores(run: Record) -> bool:
+    """Return whether the run had an exploration rate."""
+    return not bool(np.isnan(run.training.epsilon).all())
+
+
 def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
     """Draw the exploration rate along the bottom of the first axes, and its end in all of them."""
     rate = run.training.epsilon
-    if np.isnan(rate).all():
+    if not explores(run):
         return
     shown = points(len(rate))
     bottom = axes[0].get_xaxis_transform()

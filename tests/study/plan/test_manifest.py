@@ -95,6 +95,8 @@ def test_a_plan_says_after_how_many_episodes_runs_learn_at_the_earliest(tmp_path
     assert read_manifest(tmp_path).warmup == 33
     plan = json.loads((tmp_path / PLAN).read_text())
     wrongs: list[dict[str, object]] = [{}, {"learn": {"warmup_steps": 10}, "world": {"max_steps": 0}}]
+    algorithms: list[object] = [[], {}, {"build": "ship_trl.learn.ppo:build"}]
+    wrongs += [plan["settings"] | {"algorithm": one} for one in algorithms]
     for wrong in (*wrongs, {"learn": []}):
         (tmp_path / PLAN).write_text(json.dumps(plan | {"settings": wrong}))
         assert read_manifest(tmp_path).warmup == 0

@@ -135,6 +135,15 @@ def test_the_reader_sees_where_exploration_ends() -> None:
     assert up.max() == pytest.approx(STRIP) and up[up > 0].min() == pytest.approx(STRIP / 10)
 
 
+def test_what_has_no_exploration_rate_is_not_explained_either() -> None:
+    def explained(study: Study) -> set[str]:
+        return {text.get_text() for legend in drawn(study).legends for text in legend.get_texts()}
+
+    study = collapsing(4)
+    without = explained(with_epsilon(study, np.full(120, np.nan)))
+    assert explained(study) - without == {"exploration rate", "exploration ends"} and without
+
+
 def test_of_a_constant_rate_no_end_is_drawn() -> None:
     assert all(upright(axis) == [] for axis in drawn(collapsing(4)).axes)
 

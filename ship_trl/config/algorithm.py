@@ -41,7 +41,9 @@ class NStep:
 class PPO:
     """Proximal policy optimisation.
 
-    An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments.
+    An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments. From
+    `imitation_start` on, a share of the episodes, each step also raises the probability of the actions of the
+    best episode so far.
     """
 
     rollout_steps: Annotated[int, limit(2, MAX_ROLLOUT_STEPS)]
@@ -52,6 +54,8 @@ class PPO:
     entropy_coeff: Annotated[float, limit(0, 1)]
     critic_coeff: Annotated[float, limit(0, 1000)]
     max_grad_norm: Annotated[float, limit(above=0)]
+    imitation_coeff: Annotated[float, limit(0, 1000)]
+    imitation_start: Share
 
 
 @dataclass
@@ -137,5 +141,13 @@ def ignored_keys(build: str, words: Iterable[str]) -> list[str]:
 
 
 def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the values of `algorithm`, and None for those of the paper's, which files do not name."""
-    return None if algorithm == DEFAULT else algorithm
+    """Return the values of `algorithm`, and None for those of the paper's, which files do not name.
+
+    Imitation is left out where there is none, so that older results keep their digest.
+    """
+    named = (
+        algorithm
+        if algorithm.get("imitation_coeff")
+        else {key: value for key, value in algorithm.items() if not key.startswith("imitation_")}
+    )
+    return None if named == DEFAULT else named

@@ -3,6 +3,8 @@
 Actor and critic are the two streams of the dueling network. Its outputs are value + advantage - mean of the
 advantages: their softmax is that of the advantages, and their mean is the value. So one forward pass gives
 both, and the greedy action, the files and the transfer of layers are the same as with Q-values.
+
+With `imitation_coeff` it also imitates the best episode so far (`imitation.py`).
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from ship_trl.learn.algorithm import DivergedError, Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.fast.weights_version import count_untracked_write
+from ship_trl.learn.imitation import Best, BestEpisodes
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups, learning_parameters
 from ship_trl.learn.policy import greedy_policy
@@ -102,6 +105,8 @@ class PPO:
         self.optimiser = ChannelsLastAdam(learning_groups(network, method.rate_factor), lr=learn.lr)
         self._rollout: list[dict[NestedKey, Tensor]] = []
         self._output: Tensor | None = None
+        self._best = BestEpisodes() if settings.imitation_coeff else None
+        self._imitates = False
         # Evaluations compute whole frames in float32.
         self.network: DuelingNetwork = copy.copy(network)
         self.network.backend = Dense()
@@ -113,6 +118,7 @@ class PPO:
         if self._method.thaws:
             self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
         self.optimiser.set_lr(learning_rate_at(episode, self._learn))
+        self._imitates = episode >= self._settings.imitation_start * self._learn.episodes
         self._output = check_finite(self.online_network(self._draw(step["state"])))
         action = torch.multinomial(self._output.softmax(-1), 1, generator=self._exploration)
         return step.set("action", action.squeeze(-1))
@@ -120,6 +126,8 @@ class PPO:
     def observe(self, step: TensorDictBase) -> None:
         """Add a step to the rollout."""
         assert self._output is not None, "call act() first"
+        if self._best is not None:
+            self._best.observe(step)
         following = step["next"]
         self._rollout.append(
             {
@@ -177,6 +185,8 @@ class PPO:
         batch = batch.set(self.online_network.observes, seen).set(OUTPUT, output)
         parts = self.loss(batch)
         loss: Tensor = parts["loss_objective"] + parts["loss_critic"] + parts["loss_entropy"]
+        if self._imitates and self._best:
+            loss = loss - self._settings.imitation_coeff * self._log_likelihood(self._best.take())
         if (penalty := self._method.penalty(self.online_network, batch)) is not None:
             loss = loss + penalty
         self.optimiser.zero_grad(set_to_none=True)
@@ -184,6 +194,11 @@ class PPO:
         nn.utils.clip_grad_norm_(learning_parameters(self.online_network), self._settings.max_grad_norm)
         self.optimiser.step()
         return loss.detach()
+
+    def _log_likelihood(self, best: Best) -> Tensor:
+        """Return the mean log probability of an episode's actions."""
+        output = check_finite(self.online_network(self._draw(best.states)))
+        return output.log_softmax(-1).gather(-1, best.actions.unsqueeze(-1)).mean()
 
     def freeze(self, layers: int) -> None:
         """Freeze the first `layers` layers, and let the others learn."""
@@ -198,6 +213,7 @@ class PPO:
         return {
             **add_prefix("online", self.online_network.state_dict()),
             **add_prefix("adam", self.optimiser.averages(self.online_network)),
+            **add_prefix("best", self._best.state_dict() if self._best is not None else {}),
             **add_prefix("rollout", {join_key(key): value for key, value in rollout.items()}),
             "exploration": self._exploration.get_state(),
             "shuffle": self._shuffle.get_state(),
@@ -222,6 +238,8 @@ class PPO:
         }
         count = len(rows["action"]) if rows else 0
         self._rollout = [{key: value[time] for key, value in rows.items()} for time in range(count)]
+        if self._best is not None:
+            self._best.load_state_dict(strip_prefix("best", state), device)
         self._exploration.set_state(state["exploration"].cpu())
         self._shuffle.set_state(state["shuffle"].cpu())
 

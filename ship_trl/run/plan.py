@@ -79,6 +79,9 @@ def make_run(config: Config) -> Run:
         if not target.is_fixed:
             raise ConfigError("demonstrations: allowed with one case as target, and with no perturbation")
         demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target.case, world))
+    if target.is_drawn and config.algorithm.get("imitation_coeff"):
+        allowed = f"0 with starts that do not come again, as in {target.name}"
+        raise ConfigError(f"algorithm.imitation_coeff: must be {allowed}")
     digest = hash_of(config, target, source, pretrained, demonstrations)
     # Without a pair, its label is the names of the cases.
     folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"

@@ -180,9 +180,9 @@ def test_groups_of_learn_yield_to_the_algorithm_and_that_to_profiles() -> None:
     rates = [composed(*HIGH, f"profile={name}", "algorithm=ppo").learn.lr for name in ("paper", "quick")]
     assert rates == [2.5e-4, 1e-3]  # what conf/tuned sets wins
     assert composed(*HIGH, "algorithm=n_step").learn.lr == 5e-4
-    long, ppo = (composed(*HIGH, "profile=long", *more) for more in ((), ("algorithm=ppo",)))
-    assert (long.algorithm["steps"], long.learn.episodes) == (5, 1500)
-    assert (ppo.algorithm["epochs"], ppo.learn.episodes) == (4, 6000)
+    long, dqn = (composed(*HIGH, "profile=long", *more) for more in ((), ("algorithm=n_step",)))
+    assert (long.algorithm["imitation_coeff"], long.learn.episodes) == (0.3, 5500)
+    assert (dqn.algorithm["steps"], dqn.learn.episodes) == (5, 1500)
 
 
 def test_large_values_are_accepted() -> None:

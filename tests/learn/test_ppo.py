@@ -27,6 +27,8 @@ OPTIONS = {
     "entropy_coeff": 0.01,
     "critic_coeff": 0.5,
     "max_grad_norm": 0.5,
+    "imitation_coeff": 0.0,
+    "imitation_start": 0.0,
 }
 
 
@@ -50,12 +52,14 @@ def make(
     return build(Setup(network, draw, 3, values, exploration, replay, method or Method(), options))
 
 
-def walk(learner: PPO, steps: int, limit: int = 12, num_envs: int = 4) -> list[TensorDictBase]:
+def walk(
+    learner: PPO, steps: int, limit: int = 12, num_envs: int = 4, episode: int = 0
+) -> list[TensorDictBase]:
     """Let the algorithm act and observe, without updates, and return the steps."""
     env, seen = Corridor(num_envs, limit), []
     current = env.reset()
     for _ in range(steps):
-        stepped, current = env.step_and_maybe_reset(learner.act(current, 0))
+        stepped, current = env.step_and_maybe_reset(learner.act(current, episode))
         learner.observe(stepped)
         seen.append(stepped.clone())
     return seen
@@ -214,16 +218,36 @@ def test_evaluation_is_greedy_and_uses_the_latest_weights() -> None:
     torch.testing.assert_close(judged[OUTPUT], wanted, rtol=0.02, atol=0.02)
 
 
+@pytest.mark.parametrize(("episode", "imitates"), [(59, False), (60, True)])
+def test_the_best_episode_is_imitated_from_a_share_of_the_episodes_on(episode: int, imitates: bool) -> None:
+    losses = []
+    for coeff in (0.0, 2.0):
+        learner = make(imitation_coeff=coeff, imitation_start=0.5)
+        seen = walk(learner, 16, limit=4, episode=episode)
+        steps = learner.judge(learner._stacked()).flatten()
+        losses.append(float(learner.learn_from(steps)))
+    # Episodes of four steps; of equally good ones the first is kept.
+    taken: TensorDict = torch.stack(seen).unflatten(0, (4, 4))
+    number = int(taken["next", "reward"].sum(1).flatten().argmax())
+    best = taken[number // 4, :, number % 4]
+    with torch.no_grad():
+        output = make().online_network(draw(best["state"]))
+    likelihood = output.log_softmax(-1).gather(-1, best["action"][:, None]).mean()
+    assert losses[1] == pytest.approx(losses[0] - 2.0 * float(likelihood) * imitates, rel=1e-4)
+
+
 @pytest.mark.parametrize("until", [2.0, 0.0, 0.05])
-@pytest.mark.parametrize("cut", [16, 23])
-def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, until: float) -> None:
+@pytest.mark.parametrize(("cut", "imitation"), [(16, 0.0), (23, 0.0), (23, 1.0)])
+def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, imitation: float, until: float) -> None:
     learn = schedule(episodes=120, num_envs=4)
-    whole = Training(Corridor(4), Corridor(1), make(method=Freezing(until)), learn)
+    whole = Training(Corridor(4), Corridor(1), make(method=Freezing(until), imitation_coeff=imitation), learn)
     whole.begin()
     for _ in range(cut):
         list(whole.advance())
     state = {key: value.clone() for key, value in whole.state_dict().items()}
-    again = Training(Corridor(4), Corridor(1), make(seed=5, method=Freezing(until)), learn)
+    again = Training(
+        Corridor(4), Corridor(1), make(seed=5, method=Freezing(until), imitation_coeff=imitation), learn
+    )
     again.load_state_dict(state)
     for _ in range(20):
         found = [[e for e in one.advance() if isinstance(e, Finished)] for one in (whole, again)]

@@ -41,9 +41,8 @@ class NStep:
 class PPO:
     """Proximal policy optimisation.
 
-    An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments. From
-    `imitation_start` on, a share of the episodes, each step also raises the probability of the actions of the
-    best episode so far.
+    An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments. After
+    `imitation_start`, a share of the episodes, it also imitates the best episode from each start.
     """
 
     rollout_steps: Annotated[int, limit(2, MAX_ROLLOUT_STEPS)]
@@ -83,6 +82,8 @@ SETTINGS: dict[str, type] = {
 ON_POLICY = ("ship_trl.learn.ppo:build",)
 # Those that learn the Q-values of a teacher.
 DISTILS = ("ship_trl.learn.pupil:build",)
+# PPO's keys of imitation.
+IMITATION = ("imitation_coeff", "imitation_start")
 # Keys that they do not read.
 REPLAY_KEYS = ("batch_size", "update_every", "tau", "loss", "huber_delta", "replay_size", "warmup_steps")
 EPSILON_KEYS = ("epsilon_start", "epsilon_end", "epsilon_fraction")
@@ -143,11 +144,10 @@ def ignored_keys(build: str, words: Iterable[str]) -> list[str]:
 def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:
     """Return the values of `algorithm`, and None for those of the paper's, which files do not name.
 
-    Imitation is left out where there is none, so that older results keep their digest.
+    PPO's imitation is left out where there is none, so that older results keep their digest.
     """
-    named = (
-        algorithm
-        if algorithm.get("imitation_coeff")
-        else {key: value for key, value in algorithm.items() if not key.startswith("imitation_")}
-    )
-    return None if named == DEFAULT else named
+    if algorithm == DEFAULT:
+        return None
+    if algorithm["build"] in ON_POLICY and not algorithm["imitation_coeff"]:
+        return {key: value for key, value in algorithm.items() if key not in IMITATION}
+    return algorithm

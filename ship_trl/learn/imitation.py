@@ -1,8 +1,8 @@
 """The best episode from each start so far, which a learner may imitate.
 
-As in self-imitation learning (Oh et al., 2018), which keeps all steps and imitates those whose return is
-above their value. Ours keeps one whole episode for each start: steps are deterministic here, so the same
-actions from the same start give the same return again.
+After self-imitation learning (Oh et al., 2018). That keeps all steps and imitates those whose return is above
+their value; this keeps one whole episode for each start: steps are deterministic here, so the same actions
+from the same start give the same return again.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Best:
 class BestEpisodes:
     """Cuts episodes out of the steps of a batched environment, and keeps the best from each start.
 
-    Starts must come again, so memory holds one episode for each.
+    Starts must come again: each new one adds an episode to what is kept.
     """
 
     def __init__(self) -> None:

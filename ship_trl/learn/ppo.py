@@ -4,7 +4,7 @@ Actor and critic are the two streams of the dueling network. Its outputs are val
 advantages: their softmax is that of the advantages, and their mean is the value. So one forward pass gives
 both, and the greedy action, the files and the transfer of layers are the same as with Q-values.
 
-With `imitation_coeff` it also imitates the best episode so far (`imitation.py`).
+With `imitation_coeff` it also imitates the best episode from each start (`imitation.py`).
 """
 
 from __future__ import annotations

@@ -11,8 +11,9 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from ship_trl.config.algorithm import non_default_algorithm
+from ship_trl.config.algorithm import ON_POLICY, non_default_algorithm
 from ship_trl.config.arm import SCRATCH, SourceWeights
+from ship_trl.config.checks import require
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
@@ -79,9 +80,9 @@ def make_run(config: Config) -> Run:
         if not target.is_fixed:
             raise ConfigError("demonstrations: allowed with one case as target, and with no perturbation")
         demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target.case, world))
-    if target.is_drawn and config.algorithm.get("imitation_coeff"):
-        allowed = f"0 with starts that do not come again, as in {target.name}"
-        raise ConfigError(f"algorithm.imitation_coeff: must be {allowed}")
+    if target.is_drawn and config.algorithm["build"] in ON_POLICY:
+        imitation, allowed = config.algorithm["imitation_coeff"], "0 with starts that do not come again"
+        require(not imitation, "algorithm.imitation_coeff", f"{allowed}, as in {target.name}", imitation)
     digest = hash_of(config, target, source, pretrained, demonstrations)
     # Without a pair, its label is the names of the cases.
     folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"

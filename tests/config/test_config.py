@@ -7,7 +7,7 @@ from hydra import compose, initialize_config_dir
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from ship_trl.config.algorithm import ignored_keys
+from ship_trl.config.algorithm import ignored_keys, non_default_algorithm
 from ship_trl.config.arm import Arm, Method
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
@@ -175,14 +175,30 @@ def test_a_builder_of_ones_own_takes_any_keys() -> None:
     assert composed(*HIGH, "algorithm.build='json.decoder:build'").algorithm["build"] == "json.decoder:build"
 
 
+def test_files_name_imitation_only_where_there_is_some() -> None:
+    without, some = (
+        composed(
+            *HIGH, "algorithm=ppo", "algorithm.imitation_start=0.5", f"algorithm.imitation_coeff={value}"
+        )
+        for value in (0, 1)
+    )
+    keys = {"imitation_coeff", "imitation_start"}
+    assert non_default_algorithm(without.algorithm) == {
+        key: value for key, value in without.algorithm.items() if key not in keys
+    }
+    assert non_default_algorithm(some.algorithm) == some.algorithm and keys < set(some.algorithm)
+    own = {"build": "mine.py:build", "imitation_coeff": 0}
+    assert non_default_algorithm(own) == own
+
+
 def test_groups_of_learn_yield_to_the_algorithm_and_that_to_profiles() -> None:
     assert composed(*HIGH, "algorithm=ppo").learn.num_envs == 16
     rates = [composed(*HIGH, f"profile={name}", "algorithm=ppo").learn.lr for name in ("paper", "quick")]
     assert rates == [2.5e-4, 1e-3]  # what conf/tuned sets wins
     assert composed(*HIGH, "algorithm=n_step").learn.lr == 5e-4
-    long, dqn = (composed(*HIGH, "profile=long", *more) for more in ((), ("algorithm=n_step",)))
-    assert (long.algorithm["imitation_coeff"], long.learn.episodes) == (0.3, 5500)
-    assert (dqn.algorithm["steps"], dqn.learn.episodes) == (5, 1500)
+    long, ppo = (composed(*HIGH, "profile=long", *more) for more in ((), ("algorithm=ppo",)))
+    assert (long.algorithm["steps"], long.learn.episodes) == (5, 1500)
+    assert (ppo.algorithm["imitation_coeff"], ppo.learn.episodes) == (0.3, 5500)
 
 
 def test_large_values_are_accepted() -> None:

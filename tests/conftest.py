@@ -1,4 +1,4 @@
-"""Fixtures of all tests: an empty working directory, the paper's world, cases, one torch thread."""
+"""Fixtures of all tests: an empty working directory, the paper's world, cases, a study, one torch thread."""
 
 import gc
 from collections.abc import Callable, Iterator
@@ -11,6 +11,8 @@ from hypothesis import settings
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case, TargetShip, load_world
+from tests.command import KEYS
+from tests.study.commands import SMALL, study
 
 torch.set_num_threads(1)
 # The same examples every time, and no deadline, because the machine may be busy.
@@ -49,6 +51,19 @@ def finished_run(tmp_path: Path) -> Path:
     folder.mkdir()
     (folder / "policy.safetensors").write_bytes(b"weights")
     (folder / "config.yaml").write_text("seed: 0\n")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study that ran through, for tests that compare with it."""
+    folder = tmp_path_factory.mktemp("whole")
+    with pytest.MonkeyPatch.context() as patch:
+        for name, key in KEYS.items():
+            patch.setenv(name, key)
+        # In the command's own process; others would import torch again.
+        done = study(*SMALL, "processes=1", folder=folder)
+    assert "6 of 6 runs to do, about" in done.stdout
     return folder
 
 

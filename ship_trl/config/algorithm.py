@@ -142,9 +142,9 @@ def ignored_keys(build: str, words: Iterable[str]) -> list[str]:
 
 
 def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the values of `algorithm`, and None for those of the paper's, which files do not name.
+    """Return the values of `algorithm` that files and digests hold; None for the paper's.
 
-    PPO's imitation is left out where there is none, so that older results keep their digest.
+    Without imitation PPO's two keys of it are left out, so that older results keep their digest.
     """
     if algorithm == DEFAULT:
         return None

@@ -34,7 +34,7 @@ class BestEpisodes:
         self._best: dict[tuple[float, ...], Best] = {}
         # Whose turn it is in `take`.
         self._turn = 0
-        # Steps [N] since the oldest episode that goes on began; those of each row, and their rewards.
+        # Steps [N] since the oldest running episode began; length and return of each row's episode so far.
         self._states: list[Tensor] = []
         self._actions: list[Tensor] = []
         self._lengths: list[int] = []

@@ -8,7 +8,8 @@
 # All install into .venv first, by requirements.lock, once for each change of it or of pyproject.toml;
 # `make LOCK= test` takes the newest versions instead.
 
-PYTHON ?= python3
+# The first that fits makes .venv, unless there is one that fits, however it was made.
+PYTHON ?= $(BIN)/python python3 python3.14 python3.13 python3.12 python3.11
 VENV ?= .venv
 LOCK ?= requirements.lock
 UPGRADE ?=
@@ -23,8 +24,14 @@ PRECISION = tests/benchmarks tests/cli
 # A second thread makes these small networks slower: one thread a process, one process a core.
 export OMP_NUM_THREADS = 1
 
-python_fits = $(shell $(PYTHON) -c "import sys; print((3, 11) <= sys.version_info[:2] <= (3, 12))" 2>/dev/null)
-check_python = $(if $(filter True,$(python_fits)),,$(error ship_trl needs Python 3.11 or 3.12, and $(PYTHON) is not: try make PYTHON=python3.11))
+# Debian and Ubuntu leave ensurepip, which venv needs, to a package of its own.
+FITS = import sys; __import__('pip' if sys.prefix != sys.base_prefix else 'ensurepip'); \
+	sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
+python = $(or $(shell for one in $(PYTHON); do "$$one" -c "$(FITS)" 2>/dev/null && echo "$$one" && break; done), \
+	$(error ship_trl needs Python 3.11 to 3.14 with venv, and none of $(PYTHON) is one. Install it \
+	(Debian, Ubuntu: apt install python3-venv), name it (make PYTHON=python3.13), or make $(VENV) yourself: \
+	uv venv --seed --python 3.13 $(VENV)))
+make_venv = $(foreach found,$(python),$(if $(filter $(BIN)/python,$(found)),,$(found) -m venv $(VENV)))
 
 .PHONY: run install watch test test-long format lock audit clean
 .NOTPARALLEL:
@@ -65,19 +72,16 @@ clean:
 	rm -rf $(VENV) $(TOOLS) dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 $(VENV)/.run: pyproject.toml $(LOCK)
-	$(check_python)
-	$(PYTHON) -m venv $(VENV)
+	$(make_venv)
 	$(INSTALL) .
 	touch $@
 
 $(VENV)/.test: pyproject.toml $(LOCK)
-	$(check_python)
-	$(PYTHON) -m venv $(VENV)
+	$(make_venv)
 	$(INSTALL) '.[dev]'
 	touch $(VENV)/.run $@
 
 $(TOOLS)/.made:
-	$(check_python)
-	$(PYTHON) -m venv $(TOOLS)
+	$(python) -m venv $(TOOLS)
 	$(TOOLS)/bin/python -m pip install "uv>=0.9,<1" "pip-audit>=2.9,<3"
 	touch $@

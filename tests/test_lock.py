@@ -6,18 +6,20 @@ from itertools import chain
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 
 from tests.command import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-# Supported environments: both Pythons, on the system of images and workflows.
+PYTHONS = [one.rpartition(" ")[2] for one in PROJECT["classifiers"] if "Python :: 3." in one]
+# Supported environments: every Python, on the system of images and workflows.
 PLACES = [
     {"python_version": version, "python_full_version": f"{version}.9", "sys_platform": "linux"}
     | {"platform_machine": "x86_64", "platform_system": "Linux", "os_name": "posix", "extra": ""}
     | {"implementation_name": "cpython", "platform_python_implementation": "CPython"}
-    for version in ("3.11", "3.12")
+    for version in PYTHONS
 ]
 
 
@@ -42,6 +44,11 @@ def test_every_range_of_the_project_holds_its_locked_version(place: dict[str, st
     for wanted in map(Requirement, chain(PROJECT["dependencies"], *EXTRAS.values())):
         found = version(pins[canonicalize_name(wanted.name)])
         assert wanted.specifier.contains(found), f"{wanted}: the lock has {found}; run `make lock`"
+
+
+def test_the_project_names_every_python_that_it_allows() -> None:
+    allowed = SpecifierSet(PROJECT["requires-python"])
+    assert [f"3.{minor}" for minor in range(40) if f"3.{minor}.9" in allowed] == PYTHONS
 
 
 def test_it_names_versions_but_no_index() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import sys
@@ -95,6 +96,8 @@ def check_words(words: list[str]) -> None:
 
     if words and re.fullmatch(r"[a-z]+", words[0]):
         raise ConfigError(f"{words[0]}: no such verb; allowed: {', '.join(VERBS)}, or overrides as target=4")
+    # Python 3.14 checks each help; Hydra 1.3 has one that is no string, in its own parser too.
+    argparse.ArgumentParser._check_help = lambda *_: None  # type: ignore[attr-defined]  # noqa: SLF001
     parser = get_args_parser()
     vars(parser)["error"] = refuse
     parser.parse_args(words)

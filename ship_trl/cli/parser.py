@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ship_trl.cli.errors import refusals
 from ship_trl.config.bounds import Seed
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import Reader
@@ -26,13 +27,9 @@ class Parser(argparse.ArgumentParser):
         print_error(f"{message}; see {self.prog} --help")
         sys.exit(1)
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse arguments, and refuse a value that is not allowed."""
-        try:
-            return super().parse_known_args(args, namespace)
-        except ConfigError as error:
-            print_error(str(error))
-            sys.exit(1)
+    # A value that is not allowed. From Python 3.12.8 on the second no longer calls the first.
+    parse_known_args = refusals()(argparse.ArgumentParser.parse_known_args)
+    parse_known_intermixed_args = refusals()(argparse.ArgumentParser.parse_known_intermixed_args)
 
 
 def make_parser(verb: str, description: str | None) -> Parser:

@@ -20,6 +20,12 @@ def is_name(word: str) -> bool:
     return word not in ("", ".", "..") and is_short and word.isprintable() and "/" not in word
 
 
+def stem(path: str | Path) -> str:
+    """Return a file's name without its suffix; from Python 3.14 on pathlib finds none in `...yaml`."""
+    name, _, suffix = Path(path).name.rpartition(".")
+    return name if name and suffix else Path(path).name
+
+
 def is_path(text: str) -> bool:
     """Return whether a file system accepts a text as a path, with a little added to it."""
     try:

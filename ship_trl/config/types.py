@@ -9,7 +9,6 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from enum import Enum
-from pathlib import Path
 from typing import Annotated, Any
 
 from omegaconf import OmegaConf
@@ -40,6 +39,7 @@ from ship_trl.config.bounds import (
     ShipShares,
 )
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import stem
 from ship_trl.config.schema import Rule, limit
 from ship_trl.config.transfer import Transfer
 from ship_trl.config.world import Reward as Reward
@@ -286,7 +286,7 @@ class Config:
     @property
     def label(self) -> str:
         """Name of the pair: as shipped, else `source-target`, else the target case alone."""
-        cases = [Path(case).stem for case in (self.source, self.target) if case is not None]
+        cases = [stem(case) for case in (self.source, self.target) if case is not None]
         return self.pair or "-".join(cases)
 
 

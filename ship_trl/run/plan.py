@@ -16,7 +16,7 @@ from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.checks import require
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_dir, stem
 from ship_trl.config.transfer import Transfer
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
@@ -130,7 +130,7 @@ def hash_of(
         origin = "random"
     elif pretrained is not None:
         # Includes the name of the case, because the random streams depend on it.
-        origin = f"pretrained {Path(str(config.source)).stem} {pretrained.sha256}"
+        origin = f"pretrained {stem(str(config.source))} {pretrained.sha256}"
     elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
     learn = plain(config.learn)

@@ -11,6 +11,7 @@ from filelock import FileLock
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import stem
 from ship_trl.config.types import Config
 from ship_trl.policies.demonstrations import Demonstration
 from ship_trl.policies.pretrained import Pretrained
@@ -59,7 +60,7 @@ class Run:
     def entry_arm(self) -> str:
         """Name of its network in the case base: the arm and, after a transfer, the source case."""
         label = self.config.arm_label
-        return label if self.arm.is_scratch else f"{label}-from-{Path(str(self.config.source)).stem}"
+        return label if self.arm.is_scratch else f"{label}-from-{stem(str(self.config.source))}"
 
     def stream(self, purpose: str) -> int:
         """Return the seed of the random stream for one purpose.
@@ -69,7 +70,7 @@ class Run:
         """
         # The stem, so that a bundled case by name and by path gets the same streams.
         source = "" if self.arm.is_scratch else self.config.source
-        source = Path(source).stem if source else source
+        source = stem(source) if source else source
         words = (self.config.seed, source, self.target.fingerprint, purpose)
         return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
 

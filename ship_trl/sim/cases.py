@@ -16,7 +16,7 @@ from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir, is_name, list_names
+from ship_trl.config.paths import conf_dir, is_name, list_names, stem
 from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_file
@@ -103,7 +103,7 @@ def case_folders() -> list[Path]:
 
 def case_names() -> list[str]:
     """Return the sorted names of all cases."""
-    return sorted({path.stem for folder in case_folders() for path in folder.glob("*.yaml")})
+    return sorted({stem(path) for folder in case_folders() for path in folder.glob("*.yaml")})
 
 
 def shadowing_file(kind: str, name: str) -> Path | None:
@@ -125,11 +125,11 @@ def load_case(name: str, world: World, key: str = "case", unit: float | None = N
     if path is None:
         allowed = f"{list_names(case_names())}, or a path to a YAML file"
         raise ConfigError(f"{key}: no case {name}; allowed: {allowed}")
-    if not is_name(path.stem):
+    if not is_name(stem(path)):
         # Results are written to a folder of this name.
         raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
     found = read_as(CaseFile, read_values(path), f"{path}: ")
-    case = replace(found, unit=unit or found.unit).in_metres(path.stem)
+    case = replace(found, unit=unit or found.unit).in_metres(stem(path))
     check_case(case, world, str(path))
     return case
 

@@ -14,7 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.bounds import Metres
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir, is_name, list_names
+from ship_trl.config.paths import conf_dir, is_name, list_names, stem
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.sim.cases import Case, case_names, check_case, find_case, load_case, read_values
@@ -118,7 +118,7 @@ def suite_of(case: Case, perturbation: Perturbation = UNPERTURBED) -> Suite:
 def suite_files() -> dict[str, Path]:
     """Return the file of each suite by name: the working directory's conf/suite, then the bundled ones."""
     folders = conf_dir() / "suite", Path("conf/suite")
-    return {path.stem: path for folder in folders for path in sorted(folder.glob("*.yaml"))}
+    return {stem(path): path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
 def is_suite(name: str) -> bool:

@@ -3,10 +3,13 @@
     python -m ship_trl metrics scratch='logs/scratch/*/monitor.csv' FT3='logs/ft3/*/monitor.csv'
     python -m ship_trl metrics scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
 
-FILE is Stable-Baselines3's monitor.csv, TensorBoard's event file or exported scalars, a curve.csv of ours, or
-a table with columns step, return and, for several runs, seed. A FILE with * names several files; each is a
-run. The first arm is the baseline. Returns are scaled to scores from --low to --high, by default the extremes
-of all runs. Less time and forgetting are better; the other metrics are better when larger.
+FILE is Stable-Baselines3's monitor.csv or progress.csv, TensorBoard's event file or exported scalars, a
+curve.csv of ours, or a table with columns step, return and, for several runs, seed. Steps are environment
+steps of all workers. A FILE with * names several files, with ** in folders at any depth; each is a run, but
+0.monitor.csv, 1.monitor.csv and so on in one folder are workers of one run, and event files in one folder are
+one resumed run. A run must begin near step 0. The first arm is the baseline. Returns are scaled to scores
+from --low to --high, by default random actions and the best known plan (runs of ours say both), else the
+extremes of all runs. Less time and forgetting are better; the other metrics are better when larger.
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, make_parser
@@ -32,6 +37,8 @@ if TYPE_CHECKING:
 Return = Annotated[float, limit(-1e9, 1e9)]
 # In the steps that all runs have.
 MIN_RETURNS = 10
+# A first return holds for the steps before it. They may be this share of the steps, or two of the run's gaps.
+MAX_BEGINNING = 0.1
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -56,23 +63,24 @@ def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
     Raises:
         ConfigError: a word is not NAME=FILE, or a file cannot be used.
     """
-    arms: dict[str, list[LearningCurve]] = {}
-    read: set[str] = set()
+    arms: dict[str, list[Path]] = {}
+    read: set[Path] = set()
     for word in words:
         name, equals, pattern = word.partition("=")
         if not name or not equals:
             raise ConfigError(f"metrics: allowed: NAME=FILE, got {word}; FILE: {KINDS}")
         # Path.glob takes no absolute pattern.
         is_pattern = glob.has_magic(pattern) and not Path(pattern).is_file()
-        paths = sorted(glob.glob(pattern)) if is_pattern else [pattern]  # noqa: PTH207
+        paths = sorted(glob.glob(pattern, recursive=True)) if is_pattern else [pattern]  # noqa: PTH207
         if not paths:
             raise ConfigError(f"{name}: no file {pattern}; allowed: {KINDS}")
         for path in paths:
-            if path in read:
+            # One file may be spelled in several ways.
+            if Path(path).resolve() in read:
                 raise ConfigError(f"{name}: {path} is given twice; allowed: each run once")
-            read.add(path)
-            arms.setdefault(name, []).extend(read_logs(Path(path), name))
-    return arms
+            read.add(Path(path).resolve())
+            arms.setdefault(name, []).append(Path(path))
+    return {name: read_logs(paths, name) for name, paths in arms.items()}
 
 
 def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
@@ -100,8 +108,8 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
             rows.append([f"{name} - {baseline}", "", *cells, describe(forward, "+")])
     show(("arm", "runs", *base, "forward transfer"), rows, options.markdown)
     sys.stdout.write(
-        f"scores: 0 is a return of {low:g}, 1 is {high:g}; the first {steps:,.0f} steps; time: share of them "
-        f"until a score of {scale.threshold:g}; 95 % intervals over runs\n"
+        f"scores: 0 is a return of {low:g}, 1 is {high:g}; areas over the first {steps:,.0f} steps; time: "
+        f"share of them until a score of {scale.threshold:g}; 95 % intervals over runs\n"
     )
     if options.csv is not None:
         from ship_trl.study.report.tables import write_csv
@@ -119,10 +127,10 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
 
 
 def check_steps(arms: dict[str, list[LearningCurve]], steps: float) -> None:
-    """Check that every run has returns in the steps that all runs have.
+    """Check that every run has returns in the steps that all runs have, from near their beginning on.
 
     Raises:
-        ConfigError: a run has none, or no steps.
+        ConfigError: a run has too few, begins later, or has no steps.
     """
     for name, curves in arms.items():
         for curve in curves:
@@ -132,6 +140,11 @@ def check_steps(arms: dict[str, list[LearningCurve]], steps: float) -> None:
                 raise ConfigError(
                     f"{name}: {curve.name} has fewer than {MIN_RETURNS} returns in {where}; "
                     f"allowed: {allowed}"
+                )
+            if curve.steps[0] > max(MAX_BEGINNING * steps, 2 * np.diff(curve.steps).max()):
+                raise ConfigError(
+                    f"{name}: {curve.name} begins at step {curve.steps[0]:,.0f} of the {steps:,.0f} that all "
+                    "runs have; allowed: runs from step 0 on, with the file before if it was resumed"
                 )
 
 

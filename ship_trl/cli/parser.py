@@ -22,6 +22,11 @@ MIN_WIDTH, MIN_HEIGHT, MAX_SIDE = 640, 360, 9999
 class Parser(argparse.ArgumentParser):
     """Prints errors in one line."""
 
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        # Before Python 3.14 argparse takes -1e3 for an option.
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
     def error(self, message: str) -> NoReturn:
         """Print what is wrong with the arguments, and exit."""
         print_error(f"{message}; see {self.prog} --help")

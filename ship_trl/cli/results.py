@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
 from math import floor
 from pathlib import Path
@@ -66,6 +67,7 @@ def main(arguments: list[str] | None = None) -> None:
             from ship_trl.study.report import transfer_table
 
             show(transfer_table.HEADINGS, transfer_table.rows(folders_of(found)), options.markdown)
+            sys.stdout.write(transfer_table.describe_scales(one.result for one in found))
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)
 

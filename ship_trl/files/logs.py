@@ -1,15 +1,17 @@
 """Read learning curves of other libraries: returns over environment steps. No torch.
 
-Known are Stable-Baselines3's `monitor.csv`, scalars of TensorBoard (as CleanRL writes them: an event file, or
-the CSV that TensorBoard exports), our `curve.csv`, and tables with a row for each run, step and return.
+Known are Stable-Baselines3's `monitor.csv` and `progress.csv`, scalars of TensorBoard (as CleanRL writes
+them: event files, or the CSV that TensorBoard exports), our `curve.csv`, and tables with a row for each run,
+step and return.
 """
 
 from __future__ import annotations
 
 import codecs
+import json
 import math
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,47 +23,82 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.files.curve import CURVE
 from ship_trl.files.disk import read_file
 from ship_trl.files.result import ResultError, read_result
-from ship_trl.files.table import rows
+from ship_trl.files.table import Cells, rows
 
-# Names of columns, in small letters; the first that a table has counts.
-STEPS = ("step", "steps", "global_step", "timesteps", "total_timesteps")
-RETURNS = ("return", "episode_return", "episodic_return", "value", "reward", "r")
-RUNS = ("seed", "run", "run_id")
-# Columns of Stable-Baselines3's monitor: an episode's return and length.
+# Tags of TensorBoard. CleanRL's and Stable-Baselines3's are logged over steps, ours over episodes,
+# with the environment steps as a scalar of their own.
+OURS, OUR_STEPS = "train/return", "train/steps"
+TAGS = ("charts/episodic_return", "rollout/ep_rew_mean", OURS)
+# Names of columns, in small letters. A table has one of each kind.
+NAMES = {
+    "step": (
+        "step",
+        "steps",
+        "global_step",
+        "timesteps",
+        "total_timesteps",
+        "time/total_timesteps",
+        OUR_STEPS,
+    ),
+    "return": ("return", "episode_return", "episodic_return", "value", "reward", "r", *TAGS),
+    "run": ("seed", "run", "run_id"),
+}
+# Columns of Stable-Baselines3's monitor: an episode's return, its length, and the seconds at its end.
 MONITOR = ("r", "l")
-# Tags of TensorBoard: CleanRL's, Stable-Baselines3's and ours.
-TAGS = ("charts/episodic_return", "rollout/ep_rew_mean", "train/return")
+SECONDS = "t"
+# A monitor of one of the environments that a run steps together.
+WORKER = re.compile(r"\d+\.monitor\.csv")
+WORKERS = "*.monitor.csv"
 # Of a greedy evaluation in our `curve.csv`.
 SUCCESS = "greedy_success_rate"
 MAX_RETURN = 1e9
 EVENTS = "events.out.tfevents"
-KINDS = "a monitor.csv, a TensorBoard file, a curve.csv, or a table with columns step and return"
+KINDS = (
+    "a monitor.csv or progress.csv, a TensorBoard file, a curve.csv, or a table with columns step and return"
+)
+
+Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class LearningCurve:
     """Returns [N] of one run, each at a number of environment steps [N] that never falls.
 
-    Runs of ours also have the success rates of the greedy evaluations, [E], and after a transfer the
-    `forgetting` of `SourceReturns`.
+    Runs of ours also have the success rates of the greedy evaluations, [E], the returns `known` of random
+    actions and of the best known plan, and after a transfer the `forgetting` of `SourceReturns`.
     """
 
     name: str
-    steps: NDArray[np.float64]
-    returns: NDArray[np.float64]
-    success_rates: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    steps: Numbers
+    returns: Numbers
+    success_rates: Numbers = field(default_factory=lambda: np.empty(0))
+    known: tuple[float, float] | None = None
     forgetting: float = math.nan
 
 
-def read_logs(path: Path, key: str) -> list[LearningCurve]:
-    """Read the curves in a file; `key` begins the messages.
+def read_logs(paths: Sequence[Path], key: str) -> list[LearningCurve]:
+    """Read the curves in files; `key` begins the messages.
+
+    Event files of one folder are one run, and so are monitors of numbered workers.
 
     Raises:
         ConfigError: there is no such file, or it is of no known kind, or holds too little.
     """
-    if not path.is_file():
-        raise ConfigError(f"{key}: no file {path}; allowed: {KINDS}")
-    found = read_events(path, key) if EVENTS in path.name else read_csv(path, key)
+    runs: dict[Path, list[Path]] = {}
+    for path in paths:
+        if not path.is_file():
+            raise ConfigError(f"{key}: no file {path}; allowed: {KINDS}")
+        name = EVENTS + "*" if EVENTS in path.name else WORKERS if WORKER.fullmatch(path.name) else path.name
+        runs.setdefault(path.parent.resolve() / name, []).append(path)
+    found = []
+    for run, files in runs.items():
+        name = str(files[0] if len(files) == 1 else files[0].with_name(run.name))
+        if EVENTS in run.name:
+            found.append(make_curve(name, read_events(files, key)))
+        elif run.name == WORKERS:
+            found.append(make_curve(name, read_workers(files, key)))
+        else:
+            found += read_csv(files[0], key)
     for curve in found:
         whole = np.isfinite(curve.steps).all() and (np.abs(curve.returns) <= MAX_RETURN).all()
         if len(curve.steps) < 2 or not whole or (np.diff(curve.steps) < 0).any():
@@ -72,67 +109,164 @@ def read_logs(path: Path, key: str) -> list[LearningCurve]:
     return found
 
 
-def read_csv(path: Path, key: str) -> list[LearningCurve]:
-    """Read a CSV file; without a column of runs it is one run."""
+def make_curve(name: str, points: Numbers) -> LearningCurve:
+    """Make the curve of points [N, 2] of steps and returns; NaN at the beginning means no return yet."""
+    begun = np.maximum.accumulate(~np.isnan(points[:, 1]))
+    return LearningCurve(name, points[begun, 0], points[begun, 1])
+
+
+def read_rows(path: Path, key: str) -> tuple[str, list[tuple[int, Cells]]]:
+    """Read a CSV file: its first line if it begins with #, as a monitor's does, and numbered rows."""
+    if path.suffix == ".npz":
+        raise ConfigError(f"{key}: {path} has no training returns, only evaluations; allowed: {KINDS}")
     try:
         data = read_file(path).removeprefix(codecs.BOM_UTF8)
-        # Stable-Baselines3's monitor begins with a line of JSON behind a #.
-        start = data.partition(b"\n")[2] if data.startswith(b"#") else data
-        table = rows(start, ())
+        comment = data.partition(b"\n")[0].decode() if data.startswith(b"#") else ""
+        table = rows(data, ())
+        # These two end with a line's end; a last line without one may have lost digits.
+        if (comment or path.name == CURVE) and not data.endswith(b"\n"):
+            raise ValueError(f"line {len(data.splitlines())} is cut")
     except (OSError, ValueError) as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error}); allowed: {KINDS}") from None
-    columns = {str(name).strip().lower(): str(name) for name in (table[0] if table else {})}
-    names = {
-        kind: next((one for one in words if one in columns), None)
-        for kind, words in (("step", STEPS), ("return", RETURNS), ("run", RUNS))
-    }
-    is_monitor = set(MONITOR) <= set(columns)
-    if names["return"] is None or (names["step"] is None and not is_monitor):
-        got = ", ".join(columns) or "no rows"
-        raise ConfigError(f"{key}: {path} has {got}; allowed: {KINDS}")
-    runs: dict[str, list[tuple[float, float]]] = {}
-    step_column = columns["l" if is_monitor else str(names["step"])]
-    return_column = columns[str(names["return"])]
-    for row in table:
-        if not row[return_column]:  # an evaluation between the episodes of a curve.csv
-            continue
+    return comment, table
+
+
+def to_numbers(path: Path, table: Sequence[tuple[int, Cells]], columns: Sequence[str], key: str) -> Numbers:
+    """Return the numbers in columns of a table, [rows, columns]."""
+    found = np.empty((len(table), len(columns)))
+    for k, (line, row) in enumerate(table):
         try:
-            pair = float(row[step_column]), float(row[return_column])
-        except (TypeError, ValueError):
-            raise ConfigError(f"{key}: {path} has a row without numbers: {list(row.values())}") from None
-        runs.setdefault(str(row[columns[names["run"]]]) if names["run"] else "", []).append(pair)
-    curves = [make_curve(path, run, np.array(pairs), is_monitor) for run, pairs in runs.items()]
+            found[k] = [float(row[name]) for name in columns]
+        except (KeyError, ValueError):
+            told = f"no numbers {' and '.join(columns)} in line {line}: {list(row.values())}"
+            raise ConfigError(f"{key}: {path} has {told}") from None
+    return found
+
+
+def read_workers(paths: Sequence[Path], key: str) -> Numbers:
+    """Read the monitors of a run's workers: episodes by their ends, over steps of all workers.
+
+    Raises:
+        ConfigError: a worker is left out, or they did not work at the same time.
+    """
+    folder, names = paths[0].parent, {path.name for path in paths}
+    for one in folder.iterdir():
+        if WORKER.fullmatch(one.name) and one.name not in names:
+            allowed = f"all workers of a run, {folder / WORKERS}"
+            raise ConfigError(f"{key}: {one} is left out; allowed: {allowed}")
+    parts, starts = [], []
+    for path in paths:
+        comment, table = read_rows(path, key)
+        part = to_numbers(path, table, (*MONITOR, SECONDS), key)
+        if len(paths) == 1:
+            return sum_lengths(part)
+        try:
+            start = float(json.loads(comment[1:])["t_start"])
+            if (np.diff(part[:, 2]) < 0).any():
+                raise ValueError
+        except (KeyError, TypeError, ValueError):
+            allowed = f"workers with a t_start in the first line, and a {SECONDS} that rises"
+            raise ConfigError(f"{key}: {path}: allowed: {allowed}") from None
+        if len(part):
+            parts.append(part + np.array([0, 0, start]))
+            starts.append(start)
+    if parts and max(starts) > min(part[-1, 2] for part in parts):
+        told = f"{folder / WORKERS} are not workers of one run, as one began after another's end"
+        raise ConfigError(f"{key}: {told}; allowed: a folder for each run")
+    episodes = np.concatenate([np.empty((0, 3)), *parts])
+    return sum_lengths(episodes[np.argsort(episodes[:, 2], kind="stable")])
+
+
+def sum_lengths(episodes: Numbers) -> Numbers:
+    """Return the steps after each episode, and its return, [N, 2], of episodes as `MONITOR` has them."""
+    return np.column_stack((np.cumsum(episodes[:, 1]), episodes[:, 0]))
+
+
+def read_csv(path: Path, key: str) -> list[LearningCurve]:
+    """Read a CSV file; without a column of runs it is one run."""
+    comment, table = read_rows(path, key)
+    names = list(table[0][1]) if table else []
+    columns = {kind: [one for one in names if one.strip().lower() in words] for kind, words in NAMES.items()}
+    if set(MONITOR) <= set(names) and (comment or not columns["step"]):
+        return [make_curve(str(path), sum_lengths(to_numbers(path, table, MONITOR, key)))]
+    for kind, fitting in columns.items():
+        if len(fitting) > 1:
+            told = f"{' and '.join(fitting)}, of which each may be the {kind}"
+            raise ConfigError(f"{key}: {path} has {told}; allowed: one of them")
+    if not columns["step"] or not columns["return"]:
+        is_chart = any(" - " in name for name in names)
+        got = "a chart of wandb, a sample over its own count" if is_chart else ", ".join(names) or "no rows"
+        raise ConfigError(f"{key}: {path} has {got}; allowed: {KINDS}")
+    if re.search("tag-train.return", path.name):
+        raise ConfigError(f"{key}: {path} counts episodes; allowed: the run's {CURVE}")
+    # Blank are the evaluations of a `curve.csv`, and what a logger wrote at other steps.
+    filled = [(line, row) for line, row in table if row[columns["return"][0]]]
+    points = to_numbers(path, filled, (columns["step"][0], columns["return"][0]), key)
+    runs = np.array([row[columns["run"][0]] if columns["run"] else "" for _, row in filled])
+    curves = [
+        make_curve(f"{path} {run}".strip(), points[runs == run]) for run in dict.fromkeys(runs.tolist())
+    ]
     return [add_own(curves[0], path, table, key)] if path.name == CURVE and len(curves) == 1 else curves
 
 
-def add_own(curve: LearningCurve, path: Path, table: Sequence[Mapping[str, str]], key: str) -> LearningCurve:
+def add_own(curve: LearningCurve, path: Path, table: Sequence[tuple[int, Cells]], key: str) -> LearningCurve:
     """Add what our `curve.csv`, and the result beside it if there is one, say besides returns."""
     try:
-        rates = np.array([float(row[SUCCESS]) for row in table if row.get(SUCCESS)])
+        rates = np.array([float(row[SUCCESS]) for _, row in table if row.get(SUCCESS)])
     except ValueError:
         raise ConfigError(f"{key}: {path} has a {SUCCESS} that is no number") from None
-    source = None
-    with suppress(ResultError):
-        source = read_result(path.parent).on_source
-    return replace(curve, success_rates=rates, forgetting=math.nan if source is None else source.forgetting)
+    try:
+        result = read_result(path.parent)
+    except ResultError:
+        return replace(curve, success_rates=rates)
+    low, high = result.random_return, result.best_known_return
+    return replace(
+        curve,
+        success_rates=rates,
+        known=(low, high) if high is not None and high > low else None,
+        forgetting=math.nan if result.on_source is None else result.on_source.forgetting,
+    )
 
 
-def make_curve(path: Path, run: str, pairs: NDArray[np.float64], are_lengths: bool) -> LearningCurve:
-    """Make the curve of pairs [N, 2] of steps, or of lengths of episodes, and returns."""
-    steps = np.cumsum(pairs[:, 0]) if are_lengths else pairs[:, 0]
-    return LearningCurve(f"{path} {run}".strip(), steps, pairs[:, 1])
+def read_events(paths: Sequence[Path], key: str) -> Numbers:
+    """Read the returns in the event files of a run: a later file replaces what it overlaps.
+
+    Raises:
+        ConfigError: no file has returns over environment steps, or two were written at the same time.
+    """
+    parts = [part for path in paths if (part := read_scalars(path, key)) is not None]
+    if not parts:
+        raise ConfigError(f"{key}: {paths[0]} has none of the scalars {', '.join(TAGS)}")
+    parts.sort(key=lambda part: float(part[0, 2]))
+    points = parts[0]
+    for part in parts[1:]:
+        if part[0, 2] < points[-1, 2]:
+            told = f"{paths[0].parent} holds event files of several runs at the same time"
+            raise ConfigError(f"{key}: {told}; allowed: a folder for each run")
+        points = np.concatenate((points[points[:, 0] < part[0, 0]], part))
+    return points[:, :2]
 
 
-def read_events(path: Path, key: str) -> list[LearningCurve]:
-    """Read the returns in a TensorBoard event file."""
+def read_scalars(path: Path, key: str) -> Numbers | None:
+    """Return steps, returns and times (s), [N, 3], in an event file; None if it has no returns."""
     try:
         from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
     except ImportError:
         raise ConfigError(f"{key}: {missing_extra('tensorboard', 'tensorboard')}") from None
     log: Any = EventAccumulator(str(path), {"scalars": 0})
     log.Reload()
-    tags = [tag for tag in TAGS if tag in log.Tags()["scalars"]]
-    if not tags:
-        raise ConfigError(f"{key}: {path} has none of the scalars {', '.join(TAGS)}")
-    points = [(one.step, one.value) for one in log.Scalars(tags[0])]
-    return [make_curve(path, "", np.array(points, np.float64), are_lengths=False)]
+    tags = log.Tags()["scalars"]
+    found = [tag for tag in TAGS if tag in tags]
+    if len(found) > 1:
+        raise ConfigError(f"{key}: {path} has {' and '.join(found)}; allowed: one of them")
+    if not found:
+        return None
+    scalars, steps = log.Scalars(found[0]), {}
+    if found[0] == OURS:
+        steps = {one.step: one.value for one in log.Scalars(OUR_STEPS)} if OUR_STEPS in tags else {}
+        if any(one.step not in steps for one in scalars):
+            told = f"counts {OURS} over something else than environment steps"
+            raise ConfigError(f"{key}: {path} {told}; allowed: the run's {CURVE}")
+    return np.array(
+        [(steps.get(one.step, one.step), one.value, one.wall_time) for one in scalars], np.float64
+    )

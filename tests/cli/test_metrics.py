@@ -4,12 +4,15 @@ import csv
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ship_trl.cli.metrics import main
+from ship_trl.cli.results import main as results
 from ship_trl.files.result import SourceReturns, write_result
 from tests.a_result import a_result
 from tests.command import refused
+from tests.study.synthetic import write_run
 
 
 def write(name: str, slope: float, seeds: int = 3) -> None:
@@ -95,6 +98,42 @@ def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
     assert (rows["a"][0], rows["b"][0]) == ("2", "1")
 
 
+def test_two_stars_reach_all_depths(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("logs/x.csv", "logs/a/x.csv", "logs/a/b/x.csv"):
+        Path(name).parent.mkdir(exist_ok=True)
+        write(name, 0.1, seeds=1)
+    rows, _ = table(capsys, "a=logs/**/x.csv")
+    assert rows["a"][0] == "3"
+
+
+def test_late_evaluations_are_no_resumed_run(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [f"{100 * k},{k}" for k in range(1, 11)]
+    Path("few.csv").write_text("\n".join(["step,return", *lines]))
+    rows, _ = table(capsys, "a=few.csv", "--low", "-1e3", "--high", "1_000")
+    # A mean return of 5.5.
+    assert rows["a"][3] == "0.50"
+
+
+def test_runs_of_ours_have_the_scale_of_results(capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(0)
+    for arm, level in (("scratch", 0.2), ("FT3", 0.5)):
+        for seed in range(3):
+            place = write_run(Path("out"), level + 0.2 * rng.random(200), arm=arm, seed=seed)
+            # Episodes of ten steps, so that areas over episodes and over steps are the same.
+            path = place / "curve.csv"
+            heading, *lines = path.read_text().splitlines()
+            lines = [f"{line},{10 * int(line.split(',')[0])}" for line in lines]
+            path.write_text("\n".join([f"{heading},steps", *lines]) + "\n")
+    rows, printed = table(capsys, "scratch=out/**/scratch/*/curve.csv", "FT3=out/**/FT3/*/curve.csv")
+    results(["out", "--transfer", "--markdown"])
+    told = capsys.readouterr().out
+    (ft3,) = [line.split(" | ") for line in told.splitlines() if line.startswith("| high FT3 | 3 |")]
+    assert ft3[-1].split()[0] == rows["FT3 - scratch"][-1].split()[0].lstrip("+")
+    scale = "0 is a return of -320, 1 is 80"
+    assert f"scores: {scale}; areas over the first 2,000 steps" in printed
+    assert f"scores on 2: {scale}\nareas over training episodes" in told
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -102,11 +141,18 @@ def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
         (["a=none*.csv"], "a: no file none*.csv"),
         (["a=slow.csv", "--low", "5", "--high", "5"], "--low: must be below --high, got 5 and 5"),
         (["a=slow.csv", "b=slow.csv"], "b: slow.csv is given twice; allowed: each run once"),
+        (["a=slow.csv", "b=./slow.csv"], "b: ./slow.csv is given twice; allowed: each run once"),
+        (["a=slow.csv", "b=link.csv"], "b: link.csv is given twice; allowed: each run once"),
         (["a=slow.csv", "b=late.csv"], "b: late.csv has fewer than 10 returns in the first 1,000 steps"),
+        (["a=slow.csv", "b=resumed.csv"], "b: resumed.csv begins at step 500 of the 1,000"),
         (["a=slow.csv", "--threshold", "2"], "--threshold: must be"),
+        (["a=slow.csv", "--low", "-1e10"], "--low: must be"),
     ],
 )
 def test_wrong_words_are_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     write("slow.csv", 0.1)
     Path("late.csv").write_text("step,return\n5000,1\n6000,2\n")
+    Path("link.csv").symlink_to("slow.csv")
+    lines = [f"{step},1" for step in range(500, 1001, 10)]
+    Path("resumed.csv").write_text("\n".join(["step,return", *lines]))
     assert told in refused(capsys, main, *words)

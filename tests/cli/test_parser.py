@@ -1,10 +1,12 @@
 """Arguments of verbs: each way of parsing refuses a wrong value in one line."""
 
 from importlib import import_module
+from typing import Annotated
 
 import pytest
 
-from ship_trl.cli.parser import add_output, add_policies, add_seed, add_size, make_parser
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
+from ship_trl.config.schema import limit
 
 
 @pytest.mark.parametrize("words", [["--seed", "x"], ["--size", "1x1"], ["--output", "film.doc"]])
@@ -40,3 +42,14 @@ def test_verbs_with_words_between_options_refuse_it_too(
         import_module(f"ship_trl.cli.{verb}").main(words)
     (line,) = capsys.readouterr().err.splitlines()
     assert ended.value.code == 1 and line.startswith(f"ship_trl: {words[-2]}: must be ")
+
+
+@pytest.mark.parametrize("text", ["-1e3", "-1E+3", "-1000", "-1000.0", "-1_000", "-.1e4", "-10.e2"])
+def test_a_negative_number_in_any_form_is_no_option(text: str) -> None:
+    parser = make_parser("verb", None)
+    parser.add_argument("words", nargs="*")
+    add_number(parser, "--low", Annotated[float, limit(-1e9, 1e9)], None, "")
+    found = parser.parse_args(["--low", text, "word"])
+    assert (found.low, found.words) == (-1000.0, ["word"])
+    found = parser.parse_intermixed_args(["one", "--low", text, "two"])
+    assert (found.low, found.words) == (-1000.0, ["one", "two"])

@@ -20,7 +20,7 @@ CURVE = "episode,steps,epsilon,return,greedy_return\n0,0,1,,5\n1,20,1,-4,\n2,50,
 
 def read(text: str, name: str = "log.csv") -> list[tuple[list[float], list[float]]]:
     Path(name).write_text(text)
-    return [(one.steps.tolist(), one.returns.tolist()) for one in read_logs(Path(name), "arm")]
+    return [(one.steps.tolist(), one.returns.tolist()) for one in read_logs([Path(name)], "arm")]
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_an_event_file_is_read() -> None:
         writer.add_scalar("charts/episodic_return", torch.tensor(step / 2), step)
     writer.close()
     (file,) = Path("events").iterdir()
-    (curve,) = read_logs(file, "arm")
+    (curve,) = read_logs([file], "arm")
     assert (curve.steps.tolist(), curve.returns.tolist()) == ([5, 9], [2.5, 4.5])
 
 
@@ -56,7 +56,7 @@ def test_an_event_file_is_read() -> None:
         ("step,return\n2,2\n1,2\n", "allowed: two returns or more, steps that rise"),
         ("step,return\n1,2\n2,nan\n", "allowed: two returns or more, steps that rise, finite numbers"),
         ("step,return\n1,2\n2,1e300\n", "finite numbers up to 1e+09"),
-        ("step,return\n1,2\n2,x\n", "log.csv has a row without numbers: ['2', 'x']"),
+        ("step,return\n1,2\n2,x\n", "log.csv has no numbers step and return in line 3: ['2', 'x']"),
         ("step,return\n1\n", "log.csv cannot be read"),
         ("\x00", "log.csv"),
     ],
@@ -69,17 +69,17 @@ def test_other_files_are_refused(text: str, told: str) -> None:
 
 def test_a_missing_file_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"^arm: no file nothing.csv; allowed: a monitor.csv"):
-        read_logs(Path("nothing.csv"), "arm")
+        read_logs([Path("nothing.csv")], "arm")
 
 
 def test_a_curve_of_ours_has_success_rates_and_with_a_result_the_forgetting() -> None:
     lines = "episode,steps,return,greedy_success_rate\n0,0,,0.5\n1,20,-4,\n2,50,6,\n2,50,,{}\n"
     path = Path("curve.csv")
     path.write_text(lines.format("1.0"))
-    (curve,) = read_logs(path, "arm")
+    (curve,) = read_logs([path], "arm")
     assert curve.success_rates.tolist() == [0.5, 1.0] and math.isnan(curve.forgetting)
     write_result(Path(), a_result(on_source=SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)))
-    assert read_logs(path, "arm")[0].forgetting == 0.5
+    assert read_logs([path], "arm")[0].forgetting == 0.5
     path.write_text(lines.format("x"))
     with pytest.raises(ConfigError, match=r"^arm: curve.csv has a greedy_success_rate that is no number"):
-        read_logs(path, "arm")
+        read_logs([path], "arm")

@@ -84,7 +84,13 @@ def measure_arms(
 
 
 def find_scale(arms: Mapping[str, Sequence[LearningCurve]], steps: float) -> Scale:
-    """Return the scale from the least to the largest moving return of any run."""
+    """Return the scale of `Record.score`: 0 is random actions, 1 the best known return.
+
+    If no runs of one target say both, it goes from the least to the largest moving return of any run.
+    """
+    known = {one.known for curves in arms.values() for one in curves if one.known is not None}
+    if len(known) == 1:
+        return Scale(*known.pop())
     returns = np.concatenate([scores(curves, steps, Scale(0.0, 1.0)) for curves in arms.values()])
     low, high = float(returns.min()), float(returns.max())
     return Scale(low, high if high > low else low + 1.0)

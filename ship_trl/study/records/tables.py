@@ -67,7 +67,7 @@ def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list
         if not isinstance(kept, dict) or not path.is_file() or digest(path) != kept.get(path.name):
             raise ConfigError(f"{key}: {path} is not the file that {PLAN} was kept with")
     with refused(key, folder / RUNS):
-        results = [from_cells(cells) for cells in rows(read_file(folder / RUNS), ("part",))]
+        results = [from_cells(cells) for _, cells in rows(read_file(folder / RUNS), ("part",))]
         places = [place_of(part, result) for part, result in results]
     if not results or len(set(places)) < len(results):
         raise ConfigError(f"{key}: {folder / RUNS} has no run, or a run twice")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 
+from ship_trl.files.result import Result
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.records.record import read_groups
 from ship_trl.study.report.tables import FORWARD, Row, arm_rows
@@ -35,3 +36,13 @@ def describe(row: Row, name: str) -> str:
     if value == "":
         return "-"
     return f"{value:.2f} ({low:.2f} to {high:.2f})" if isfinite(low) else f"{value:.2f}"
+
+
+def describe_scales(results: Iterable[Result]) -> str:
+    """Return a line for each target that says what scores of 0 and 1 are, and one on areas."""
+    lines = {
+        f"scores on {one.target}: 0 is a return of {one.random_return:g}, 1 is {one.best_known_return:g}\n"
+        for one in results
+        if one.best_known_return is not None
+    }
+    return "".join(sorted(lines)) + "areas over training episodes; forward transfer: paired by seed\n"

@@ -3,9 +3,6 @@
 Bearings here are clockwise from the bow in radians, starboard positive, as the rules count them; headings and
 rates of turn are counter-clockwise, as everywhere in the package. The sectors are Pedersen's (2023, as in
 DNV's traffic generator). They say what the rules would ask, not whether there is a risk of collision.
-
-Compiled loops hold the sectors, and numba does not notice a change in this file: then delete its caches
-(`__pycache__/*.nb*`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The reward (equations 4 to 6), with the paper's weights from `World`. The formula is written only here.
 
 torch evaluates `step_reward` with tensors (`transition`, `value_bound`), and `write_rewards` with numbers in
-a loop that `fast.step_kernel` compiles. It is in this file because numba recompiles a loop only when its own
-file changes.
+a loop that `fast.step_kernel` compiles.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 Step, reward and picture are functions of this row and of the world's constants, so the rows of a batch may
 be different cases. Only this file says which number stands where. Metres, radians and seconds; x is east, y
-is north; headings are counter-clockwise from east. Compiled loops hold these constants, and numba does not
-notice a change in this file: then delete its caches (`__pycache__/*.nb*`).
+is north; headings are counter-clockwise from east.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Speed vectors in the compiled drawing: `Rasteriser._draw_vectors` for one state.
-
-`draw_kernels` holds this loop, and numba does not notice a change in this file: then delete its caches
-(`__pycache__/*.nb*`).
-"""
+"""Speed vectors in the compiled drawing: `Rasteriser._draw_vectors` for one state."""
 
 from __future__ import annotations
 

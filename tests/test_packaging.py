@@ -46,26 +46,6 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return found
 
 
-def wheel(source: Path, built: Path) -> Path:
-    """Build the wheel of an sdist or of a folder."""
-    built.mkdir(exist_ok=True)
-    python(*PIP, "wheel", *ALONE, "--no-build-isolation", "-w", built, source, cwd=built)
-    (found,) = built.glob("*.whl")
-    return found
-
-
-PIP = ("-m", "pip", "--quiet", "--disable-pip-version-check")
-ALONE = ("--no-deps", "--no-index")
-
-
-@pytest.fixture(scope="module")
-def sdist(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    built = tmp_path_factory.mktemp("built")
-    python("-m", "hatchling", "build", "-t", "sdist", "-d", built, cwd=ROOT)
-    (found,) = built.glob("*.tar.gz")
-    return found
-
-
 def build_wheel(source: Path, built: Path) -> Path:
     """Build the wheel of an sdist or of a folder."""
     built.mkdir(exist_ok=True)
@@ -104,33 +84,6 @@ def test_wheel_runs_the_main_line(installed: Path, tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"outputs"}
     folder = tmp_path / "outputs" / "smoke" / "high" / "FT3" / "seed=0"
     assert {"result.json", "curve.csv", "policy.safetensors"} <= {path.name for path in folder.iterdir()}
-
-
-# Prints in how many of 256 scenes with ships that react compiled loops and torch differ after 40 steps.
-COMPARE = """
-import torch
-from ship_trl.sim.cases import load_world
-from ship_trl.sim.scene_table import SceneTable
-from ship_trl.sim.suites import load_suite
-from ship_trl.sim.transition import make_step
-"""
-
-
-def test_an_upgrade_leaves_no_stale_loops(sdist: Path, tmp_path: Path) -> None:
-    shutil.unpack_archive(sdist, tmp_path)
-    (source,) = (path for path in tmp_path.iterdir() if path.is_dir())
-    first = wheel(source, tmp_path / "first")
-    sectors = source / "ship_trl" / "sim" / "encounter.py"
-    text = sectors.read_text()
-    assert text.count("math.radians(112.5)") == 1
-    sectors.write_text(text.replace("math.radians(112.5)", "math.radians(60)"))
-    second = wheel(source, tmp_path / "second")
-    python("-m", "venv", "--without-pip", "place", cwd=tmp_path)
-    own = tmp_path / "place" / "bin" / "python"
-    for one in (first, second):
-        install = ("--python", own, "install", *ALONE, "--force-reinstall", one)
-        python(*PIP, *install, cwd=tmp_path)
-        assert python("-c", COMPARE, cwd=tmp_path, path=Path(torch.__file__).parents[1], program=own) == "0\n"
 
 
 # Prints in how many of 256 scenes with ships that react compiled loops and torch differ after 40 steps.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -39,6 +40,8 @@ ALONE = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the parts, print their tables, and write the JSON file if one is asked for."""
+    # As `ship_trl.__main__` does.
+    os.environ["MPLBACKEND"] = "agg"
     words = sys.argv[1:] if arguments is None else arguments
     if words and words[0] in ALONE:
         ALONE[words[0]][1](words[1:])

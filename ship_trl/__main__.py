@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 
@@ -10,6 +11,8 @@ from ship_trl.cli.help import HELP_FLAGS, VERBS, print_help
 
 def main() -> None:
     """Run a verb, print the help, or train."""
+    # No command opens a window of matplotlib, which refuses a notebook's backend where it is not installed.
+    os.environ["MPLBACKEND"] = "agg"
     words = sys.argv[1:]
     if words and words[0] in VERBS:
         import_module(f"ship_trl.cli.{words[0]}").main(words[1:])

@@ -58,8 +58,9 @@ class Logger(Enum):
     all = "all"
 
     def includes(self, other: Logger) -> bool:
-        """Return whether the numbers go to `other`, which `all` includes."""
-        return self in (other, Logger.all)
+        """Return whether the numbers go to `other`, which `all` includes; `WANDB_MODE` may disable wandb."""
+        disabled = other is Logger.wandb and os.environ.get("WANDB_MODE") == "disabled"
+        return self in (other, Logger.all) and not disabled
 
 
 Loss = Enum("Loss", ["l2", "huber"])

@@ -21,7 +21,7 @@ from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
-from ship_trl.learn.prefix import add_prefix, strip_prefix
+from ship_trl.learn.prefix import add_prefix, copy_exactly, strip_prefix
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
 from ship_trl.learn.rollout import Policy
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
@@ -176,7 +176,7 @@ class DoubleDQN:
         self.freeze(frozen)
         for name, network in (("online", self.online_network), ("target", self.network)):
             for key, value in network.state_dict().items():
-                value.copy_(state.get(f"{name}.{key}", state[f"online.{key}"]))
+                copy_exactly(value, state.get(f"{name}.{key}", state[f"online.{key}"]))
         # Makes caches of weights stale.
         count_untracked_write()
         self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.prefix import copy_exactly
 
 
 class ChannelsLastAdam(torch.optim.Optimizer):
@@ -98,7 +99,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
         for name, parameter in network.named_parameters():
             if f"{name}.step" in averages:
                 for key, value in self.init_state(parameter).items():
-                    value.copy_(averages[f"{name}.{key}"])
+                    copy_exactly(value, averages[f"{name}.{key}"])
 
 
 def learning_groups(network: DuelingNetwork, factor: Callable[[str], float]) -> list[dict[str, Any]]:

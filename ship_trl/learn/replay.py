@@ -14,6 +14,8 @@ from torch import Generator, Tensor
 from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictReplayBuffer
 from torchrl.envs.transforms import Transform
 
+from ship_trl.learn.prefix import strip_prefix
+
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
 # Number of steps that are collected before they are written to the storage.
 MAX_PENDING = 256
@@ -96,7 +98,9 @@ class TransitionStorage(Storage):
         return {"rows": {key: rows.clone() for key, rows in self._rows.items()}, "length": self._len}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Load what `state_dict` returned."""
+        """Load what `state_dict` of a storage of this capacity returned; raise ValueError for another one."""
+        for rows in state_dict["rows"].values():
+            check_capacity(len(rows), self.max_size)
         self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
         self._len = state_dict["length"]
 
@@ -110,6 +114,12 @@ class TransitionStorage(Storage):
 
     def _empty(self) -> None:
         self._len = 0
+
+
+def check_capacity(found: int, wanted: int) -> None:
+    """Raise ValueError if a replay's state does not hold as many rows as it must."""
+    if found != wanted:
+        raise ValueError(f"the state of a replay has {found} rows; allowed: {wanted}, of the same capacity")
 
 
 def join_key(key: NestedKey) -> str:
@@ -211,9 +221,9 @@ class StateReplay(TensorDictReplayBuffer):
         return dict(super().state_dict())
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Load what `state_dict` returned, and drop pending steps."""
-        self._pending.clear()
+        """Load what `state_dict` returned, and drop pending steps; raise ValueError for another capacity."""
         super().load_state_dict(state_dict)
+        self._pending.clear()
 
     def compact_state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to resume with the same transitions and draws, by dotted names.
@@ -230,14 +240,20 @@ class StateReplay(TensorDictReplayBuffer):
         }
 
     def load_compact_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Load what `compact_state_dict` returned, and recompute the observations that it left out."""
-        self._pending.clear()
-        named = {name.removeprefix("rows."): v for name, v in state.items() if name.startswith("rows.")}
+        """Load what `compact_state_dict` returned, and recompute the observations that it left out.
+
+        Raises:
+            ValueError: the state is of another capacity, or its rows do not fit.
+        """
+        named = strip_prefix("rows", state)
         rows: dict[NestedKey, Tensor] = {unravel_key(tuple(name.split("."))): v for name, v in named.items()}
+        cursor, count = state["cursor"].tolist()
+        for value in rows.values():
+            check_capacity(len(value), min(count, self._storage.max_size))
+        self._pending.clear()
         self._storage.load_rows(rows)
         if rows:
             self._recompute(rows)
-        cursor, count = state["cursor"].tolist()
         self._writer.load_state_dict({"_cursor": cursor, "_write_count": count})
         self.generator.set_state(state["generator"].cpu())
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 import torch
 from tensordict import TensorDict
 from torch import Generator
@@ -139,3 +140,31 @@ def test_the_replay_copies_its_input() -> None:
     memory.extend(given)
     given["state"].fill_(-7.0)
     assert (memory[:]["state"] >= 0).all()
+
+
+def filled(capacity: int, count: int) -> StateReplay:
+    memory = replay(capacity)
+    for first in range(0, count, 4):
+        memory.extend(steps(first, 4))
+    return memory
+
+
+@pytest.mark.parametrize("compact", [False, True])
+@pytest.mark.parametrize(("capacity", "count"), [(8, 24), (20, 24), (8, 8)])
+def test_the_state_of_another_capacity_is_refused(capacity: int, count: int, compact: bool) -> None:
+    other, memory = filled(12, 24), filled(capacity, count)
+    before = memory.sample(50)["action"]
+    load = memory.load_compact_state_dict if compact else memory.load_state_dict
+    state = other.compact_state_dict() if compact else other.state_dict()
+    with pytest.raises(ValueError, match=r"the state of a replay has 12 rows; allowed: \d+, of the same"):
+        load(state)
+    memory.generator.manual_seed(0)
+    assert len(memory) == capacity and torch.equal(memory.sample(50)["action"], before)
+
+
+def test_a_replay_that_is_not_full_fits_a_larger_one() -> None:
+    memory = replay(20)
+    memory.load_compact_state_dict(filled(12, 8).compact_state_dict())
+    for first in range(8, 24, 4):
+        memory.extend(steps(first, 4))
+    assert set(memory.sample(500)["state"][:, 0].int().tolist()) == set(range(4, 24))

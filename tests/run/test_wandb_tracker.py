@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Logger
 from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
+from ship_trl.run.tracking import Tracker
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
 from tests.config.test_config import composed
 from tests.run.test_tracking import FINISHED
@@ -142,3 +144,18 @@ def test_other_settings_are_another_run(server: Server) -> None:
     tracker()
     tracker("learn.lr=1e-3")
     assert server.begun[0]["id"] != server.begun[1]["id"] and len(list(server.root.glob("wandb/*"))) == 2
+
+
+@pytest.mark.parametrize(("mode", "begun"), [("disabled", 0), ("online", 1), (None, 1)])
+def test_of_wandbs_own_variable_only_disabled_counts(
+    mode: str | None, begun: int, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if mode is None:
+        monkeypatch.delenv("WANDB_MODE", raising=False)
+    else:
+        monkeypatch.setenv("WANDB_MODE", mode)
+    for logger in ("csv", "wandb"):
+        with Tracker(make_run(composed(*LINE, f"logger={logger}", f"output={logger}"))) as tracked:
+            tracked.log(FINISHED)
+    assert [one["mode"] for one in server.begun] == ["offline"] * begun
+    assert Logger.all.includes(Logger.tensorboard) and Logger.all.includes(Logger.wandb) == bool(begun)

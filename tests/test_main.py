@@ -1,0 +1,36 @@
+"""The commands as a whole: what they must not take from their surroundings."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.command import environment
+
+# The first is what a notebook sets for the commands of its cells.
+BACKENDS = ("module://matplotlib_inline.backend_inline", "banana")
+BENCHMARKS = (
+    "from benchmarks.__main__ import main\ntry: main(['--help'])\nexcept SystemExit: import matplotlib"
+)
+ENTRIES = {
+    "ship_trl": ("-m", "ship_trl", "cases", "target=1", "--picture", "drawn.png"),
+    "benchmarks": ("-c", BENCHMARKS),
+}
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_the_backend_of_a_notebook_is_not_asked_for(entry: str, backend: str, tmp_path: Path) -> None:
+    words, surroundings = [sys.executable, *ENTRIES[entry]], environment() | {"MPLBACKEND": backend}
+    done = subprocess.run(words, cwd=tmp_path, env=surroundings, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert entry == "benchmarks" or (tmp_path / "drawn.png").exists()
+
+
+def test_a_library_leaves_the_users_backend(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "svg")
+    import ship_trl.view.curves
+
+    assert ship_trl.view.curves and os.environ["MPLBACKEND"] == "svg"

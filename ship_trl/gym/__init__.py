@@ -10,10 +10,12 @@ alone is enough.
 import gymnasium
 
 from ship_trl.gym.env import ENV_ID
+from ship_trl.sim.cases import load_world
 
 if ENV_ID not in gymnasium.registry:
     gymnasium.register(
         ENV_ID,
-        entry_point="ship_trl.gym.env:ShipCollisionEnv",
+        entry_point="ship_trl.gym.env:UnlimitedEnv",
         vector_entry_point="ship_trl.gym.vector:ShipCollisionVectorEnv",
+        max_episode_steps=load_world().max_steps,
     )

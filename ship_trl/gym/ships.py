@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from torch import Generator
 
 from ship_trl.config.bounds import Seconds
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.schema import Reader
 from ship_trl.config.types import Observation
@@ -21,6 +23,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import make_starts
+from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation
@@ -30,6 +33,9 @@ Pixels = NDArray[np.uint8]
 Observations = NDArray[Any]
 Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
+LARGE_PICTURE = 600
+# Steps. States are float32, which holds whole numbers up to it.
+NO_LIMIT = 2**24
 
 
 class Ships:
@@ -37,7 +43,8 @@ class Ships:
 
     They are observed as `pixels`, with speed vectors of `vector_time` seconds, or as a `vector` of numbers,
     as conf/network/vector.yaml wants them. If not `fast`, torch steps and draws in place of compiled loops,
-    and rounds differently.
+    and rounds differently. Each ship has its own random numbers. `max_steps` is by default the world's; -1
+    sets no limit.
 
     Raises:
         ConfigError: no such case or observation.
@@ -47,15 +54,29 @@ class Ships:
     _step: Callable[..., None]
 
     def __init__(
-        self, count: int, case: str, colour: bool, fast: bool, observation: str, vector_time: float
+        self,
+        count: int,
+        case: str,
+        colour: bool,
+        fast: bool,
+        observation: str,
+        vector_time: float,
+        max_steps: int | None = None,
     ) -> None:
         kind: Observation = Reader().read(Observation, observation, "observation")
-        self.world, self._is_seeded = load_world(), False
+        self.world = load_world()
         self.suite = load_suite(str(case), self.world, "case")
-        self._starts, self._generator = make_starts(self.suite, self.world), Generator().manual_seed(0)
+        self._starts = make_starts(self.suite, self.world)
+        self._generators = [Generator() for _ in range(count)]
+        for generator in self._generators:
+            generator.seed()
         self.vector_time: float = Reader().read(Seconds, vector_time, "vector_time")
         rasteriser = Rasteriser(self.world, colour=colour, vector_time=self.vector_time, fast=fast)
-        transition = Transition(self.world)
+        # The starts of random encounters must not depend on the limit.
+        limit = self.world.max_steps if max_steps is None else NO_LIMIT if max_steps == -1 else max_steps
+        if limit < 1:
+            raise ConfigError(f"max_episode_steps: must be at least 1, or -1 for no limit, got {limit}")
+        transition = Transition(replace(self.world, max_steps=limit))
         if rasteriser.compiled is not None:
             # Imported here: without compiled loops nothing needs numba.
             from ship_trl.sim.fast.compiled import CompiledStep
@@ -75,13 +96,17 @@ class Ships:
         self.dcpa = np.empty(count, np.float32)
         self.reset()
 
-    def seed(self, seed: int | None, random: np.random.Generator) -> None:
-        """Seed the random numbers of the starts; the first time without a seed, by a random one."""
-        if seed is None and not self._is_seeded:
-            seed = int(random.integers(2**62))
-        if seed is not None:
-            self._generator.manual_seed(seed)
-            self._is_seeded = True
+    def seed(self, seeds: Iterable[int | None]) -> None:
+        """Seed the random numbers of each ship's starts; None goes on with those that it has.
+
+        Raises:
+            ValueError: a seed is not a whole number from 0 to 2**64 - 1.
+        """
+        for generator, seed in zip(self._generators, seeds, strict=True):
+            if seed is not None:
+                if not (isinstance(seed, int | np.integer) and 0 <= seed < 2**64):
+                    raise ValueError(f"seed: must be a whole number from 0 to 2**64 - 1, got {seed!r:.40}")
+                generator.manual_seed(int(seed))
 
     def reset(self, rows: Flags | slice = slice(None)) -> None:
         """Begin an episode in some rows, or in all."""
@@ -89,18 +114,25 @@ class Ships:
         if self.suite.is_fixed:  # `draw` would add a twentieth to a step of 64 ships
             self.state[rows] = self._starts.states.numpy()
         else:
-            self.state[rows] = self._starts.draw(len(self.dcpa[rows]), self._generator)
+            drawn = np.arange(len(self.dcpa))[rows].tolist()
+            self.state[rows] = np.concatenate([self._starts.draw(1, self._generators[row]) for row in drawn])
 
-    def advance(self, actions: NDArray[np.int64]) -> tuple[NDArray[np.float32], Flags]:
+    def advance(self, actions: object, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], Flags]:
         """Advance by a step; return raw rewards [N], and goal, collision and truncated [3, N].
 
         Raises:
-            IndexError: an action index is out of range.
+            ValueError: `actions` are not of the shape, no whole numbers, or out of range.
         """
-        count = len(actions)
+        count, last, given = len(self.state), int(self.action_space.n) - 1, np.asarray(actions)
+        if given.shape != shape or given.dtype.kind not in "iu":
+            got = f"{given.dtype} {given.shape}"
+            raise ValueError(f"actions: must be whole numbers from 0 to {last} of shape {shape}, got {got}")
+        if (wrong := given[(given < 0) | (given > last)]).size:
+            raise ValueError(f"actions: must be whole numbers from 0 to {last}, got {wrong[0]}")
+        chosen = given.astype(np.int64).reshape(count)
         after, flags = np.empty_like(self.state), np.empty((3, count), np.bool_)
         reward, distance = np.empty((2, count), np.float32)
-        self._step(self.state, actions, after, reward, flags, distance)
+        self._step(self.state, chosen, after, reward, flags, distance)
         self.state, self.dcpa = after, np.minimum(self.dcpa, distance)
         return reward, flags
 
@@ -114,6 +146,30 @@ class Ships:
         self._draw(state, pictures)
         return np.ascontiguousarray(pictures.swapaxes(1, 2)).reshape(len(state), *image, channels)
 
+    def draw_large(self, row: int) -> Any:
+        """Draw the scene of a row for people; return a pygame surface of 600 x 600 pixels."""
+        # Imported here: training needs no pygame.
+        from ship_trl.view.painter import draw_scene
+
+        state = torch.from_numpy(self.state[row])
+        return draw_scene(first_case(self.suite, state), self.world, state, LARGE_PICTURE, self.vector_time)
+
+    def picture(self, row: int) -> Pixels:
+        """Draw the scene of a row for people: uint8 [600, 600, 3]."""
+        from ship_trl.view.pen import to_array
+
+        return to_array(self.draw_large(row))
+
+
+def check_render_mode(mode: str | None, allowed: Sequence[str]) -> None:
+    """Check the argument `render_mode`.
+
+    Raises:
+        ConfigError: it is no allowed mode.
+    """
+    if mode is not None and mode not in allowed:
+        raise ConfigError(f"render_mode: must be None or one of {', '.join(allowed)}, got {mode!r:.40}")
+
 
 def step_into(
     transition: Transition,
@@ -125,8 +181,6 @@ def step_into(
     distance: NDArray[np.float32],
 ) -> None:
     """Take a step in torch and write its results, as `CompiledStep.step_into`."""
-    if action.min() < 0:  # torch would count from the last action
-        raise IndexError("action index out of range")
     outcome = transition(torch.from_numpy(state), torch.from_numpy(action))
     after[:], reward[:], distance[:] = outcome.state, outcome.reward, outcome.min_distance
     flags[:] = torch.stack((outcome.goal, outcome.collision, outcome.truncated))

@@ -4,81 +4,167 @@ import re
 import subprocess
 import sys
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
+import torch
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import vector as wrappers
+from hypothesis import given, settings, strategies
 from numpy.typing import NDArray
-from torch import Generator, Tensor
+from torchrl.envs import GymWrapper
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
-from ship_trl.gym.ships import Observations
 from ship_trl.gym.vector import ShipCollisionVectorEnv
-from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import Perturbation, Suite, load_suite
 from tests.command import ROOT, environment
 
+KEYS = ("state", "goal", "collision", "dcpa")
 
+
+@cache
 def pair(
-    count: int, case: str, colour: bool = False, observation: str = "pixels"
+    count: int, case: str, mode: AutoresetMode, colour: bool = False, observation: str = "pixels"
 ) -> tuple[ShipCollisionVectorEnv, SyncVectorEnv]:
     options: dict[str, Any] = {"colour": colour, "observation": observation, "reward_scale": 0.5}
     single = lambda: ShipCollisionEnv(case, **options)  # noqa: E731
-    singles = SyncVectorEnv([single] * count, autoreset_mode=AutoresetMode.SAME_STEP)
-    return ShipCollisionVectorEnv(count, case, **options), singles
+    singles = SyncVectorEnv([single] * count, autoreset_mode=mode)
+    return ShipCollisionVectorEnv(count, case, autoreset_mode=mode, **options), singles
 
 
-def alike(got: object, wanted: object) -> None:
-    """Compare arrays, also in nested dictionaries."""
-    if isinstance(wanted, dict):
-        assert isinstance(got, dict)
-        for key in wanted:
-            # A mask of what every row has says nothing.
-            if not (key.startswith("_") and np.asarray(wanted[key]).all()):
-                alike(got[key], wanted[key])
-    elif isinstance(wanted, np.ndarray) and wanted.dtype == object:
-        for one, other in zip(np.asarray(got), wanted, strict=True):
+def compare_infos(got: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Compare infos in the rows that Gymnasium's masks name; in the others it has zeros."""
+    for key in KEYS:
+        rows = wanted[f"_{key}"]
+        np.testing.assert_array_equal(got[key][rows], wanted[key][rows])
+        # Without a mask all rows count.
+        assert np.array_equal(got.get(f"_{key}", np.ones_like(rows)), rows)
+
+
+def compare(got: tuple[Any, ...], wanted: tuple[Any, ...]) -> None:
+    """Compare what `reset` or `step` returns."""
+    for one, other in zip(got[:-1], wanted[:-1], strict=True):
+        np.testing.assert_array_equal(one, other)
+    ours, theirs = got[-1], dict(wanted[-1])
+    assert ours.keys() >= {key for key in theirs if not key.startswith("_")}
+    if "final_info" in theirs:
+        over = theirs["_final_info"]
+        for key in KEYS:
+            np.testing.assert_array_equal(ours["final_info"][key][over], theirs["final_info"][key][over])
+        for one, other in zip(ours["final_obs"], theirs["final_obs"], strict=True):
             assert (one is None) == (other is None) and np.array_equal(one, other)
-    else:
-        np.testing.assert_array_equal(np.asarray(got), np.asarray(wanted))
+        assert np.array_equal(ours["_final_info"], over) and np.array_equal(ours["_final_obs"], over)
+    compare_infos(ours, theirs)
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize(
     ("case", "colour", "observation"),
-    [("1", False, "pixels"), ("4", False, "pixels"), ("6", True, "pixels"), ("4", False, "vector")],
+    [("4", False, "pixels"), ("6", True, "pixels"), ("paper", False, "vector"), ("traffic", False, "vector")],
 )
-def test_it_is_gymnasiums_vector_of_single_ones(case: str, colour: bool, observation: str) -> None:
-    ours, singles = pair(5, case, colour, observation)
+@settings(max_examples=2, deadline=None)
+@given(first=strategies.integers(0, 2**40), draws=strategies.integers(0, 2**32))
+def test_it_is_gymnasiums_vector_of_single_ones(
+    case: str, colour: bool, observation: str, mode: AutoresetMode, first: int, draws: int
+) -> None:
+    count, ended = 3, 0
+    ours, singles = pair(count, case, mode, colour, observation)
     assert ours.single_observation_space == singles.single_observation_space
     assert ours.observation_space == singles.observation_space
     assert ours.single_action_space == singles.single_action_space
-    for got, wanted in zip(ours.reset(seed=1), singles.reset(seed=1), strict=True):
-        alike(got, wanted)
-    draws, ended = np.random.default_rng(3), 0
-    for _ in range(220):
-        actions = draws.integers(7, size=5)
+    compare(ours.reset(seed=first), singles.reset(seed=first))
+    random = np.random.default_rng(draws)
+    for _ in range(80):
+        actions = random.integers(7, size=count)
         # One ship goes straight, so that episodes end at different times.
         actions[0] = 3
         got, wanted = ours.step(actions), singles.step(actions)
-        for one, other in zip(got[:4], wanted[:4], strict=True):
-            alike(one, other)
-        ends = wanted[2] | wanted[3]
-        infos = dict(wanted[4])
-        if ends.any():
-            ended += int(ends.sum())
-            # For rows that go on, Gymnasium's final info holds zeros and ours the present values.
-            final = infos.pop("final_info")
-            for key in ("state", "goal", "collision", "dcpa"):
-                alike(got[4]["final_info"][key][ends], final[key][ends])
-            alike(got[4]["_final_info"], ends)
-        alike(got[4], infos)
-    assert ended > 5
+        compare(got, wanted)
+        over = wanted[2] | wanted[3]
+        ended += int(over.sum())
+        if mode is AutoresetMode.DISABLED and over.any():
+            seeds: list[int | None] = [None, 7, first]
+            # Gymnasium's takes the mask out of the options.
+            again = [envs.reset(seed=seeds, options={"reset_mask": over}) for envs in (ours, singles)]
+            compare(*again)
+    assert ended > 2
+
+
+def test_a_row_has_the_scene_of_its_seed() -> None:
+    def scenes(seeds: list[int]) -> list[NDArray[np.float32]]:
+        return [ShipCollisionEnv("traffic").reset(seed=seed)[1]["state"] for seed in seeds]
+
+    envs = ShipCollisionVectorEnv(3, "traffic")
+    assert np.array_equal(envs.reset(seed=[5, 6, 7])[1]["state"], scenes([5, 6, 7]))
+    assert np.array_equal(envs.reset(seed=np.int64(4))[1]["state"], scenes([4, 5, 6]))  # type: ignore[arg-type]
+    assert len({scene.tobytes() for scene in scenes([4, 5, 6, 7])}) == 4
+    # None goes on with the row's random numbers, as a reset without a seed does.
+    single = ShipCollisionEnv("traffic")
+    single.reset(seed=5)
+    after = envs.reset(seed=[9, None, 9])[1]["state"]
+    assert np.array_equal(after[1], single.reset()[1]["state"])
+    assert np.array_equal(after[[0, 2]], scenes([9, 9]))
+
+
+def test_a_mask_resets_those_rows_alone() -> None:
+    envs = ShipCollisionVectorEnv(3, "4", autoreset_mode="Disabled")
+    start = envs.reset()[1]["state"]
+    moved = envs.step(np.array([3, 3, 3]))[4]["state"]
+    rows = np.array([False, True, False])
+    options = {"reset_mask": rows}
+    _, infos = envs.reset(options=options)
+    assert np.array_equal(infos["state"], np.where(rows[:, None], start, moved))
+    assert np.array_equal(infos["_state"], rows) and options["reset_mask"] is rows
+    for _ in range(60):
+        over = np.logical_or(*envs.step(np.array([3, 0, 3]))[2:4])
+        if over.any():
+            break
+    with pytest.raises(ResetNeeded, match=r"episodes \[0, 2\] have ended; reset them by options="):
+        envs.step(np.array([3, 0, 3]))
+    envs.reset(options={"reset_mask": over})
+    envs.step(np.array([3, 0, 3]))
+
+
+@pytest.mark.parametrize(
+    ("mode", "wrapper"),
+    [
+        ("NextStep", wrappers.NormalizeObservation),
+        ("NextStep", wrappers.FlattenObservation),
+        ("Disabled", wrappers.FlattenObservation),
+        *((mode.value, wrappers.RecordEpisodeStatistics) for mode in AutoresetMode),
+        *((mode.value, wrappers.DictInfoToList) for mode in AutoresetMode),
+    ],
+)
+def test_gymnasiums_wrappers_take_it(mode: str, wrapper: Callable[[Any], Any]) -> None:
+    ours, theirs = (wrapper(envs) for envs in pair(2, "4", AutoresetMode(mode), observation="vector"))
+    assert np.array_equal(ours.reset(seed=1)[0], theirs.reset(seed=1)[0])
+    for _ in range(18 if mode == "Disabled" else 50):
+        got, wanted = ours.step(np.array([3, 0])), theirs.step(np.array([3, 0]))
+        assert all(np.array_equal(one, other) for one, other in zip(got[:4], wanted[:4], strict=True))
+        if "episode" in wanted[4]:
+            assert all(np.array_equal(got[4]["episode"][key], wanted[4]["episode"][key]) for key in "rl")
+
+
+@pytest.mark.parametrize("mode", ["SameStep", "Disabled"])
+def test_torchrl_wraps_it(mode: str) -> None:
+    envs = ShipCollisionVectorEnv(2, "3", observation="vector", autoreset_mode=mode)
+    env = GymWrapper(envs, categorical_action_encoding=True)
+    straight = lambda _: torch.full((2,), 3)  # noqa: E731
+    steps = env.rollout(40, straight, break_when_any_done=False)
+    # An episode lasts 19 steps.
+    assert steps["next", "done"][..., 0].nonzero()[:, 1].tolist() == [18, 37, 18, 37]
+    first = torch.from_numpy(envs.reset()[0])
+    assert torch.equal(steps["observation"][:, [0, 19, 38]], first[:, None].expand(-1, 3, -1))
+    assert not torch.equal(steps["next", "observation"][:, 18], first)
 
 
 def test_returned_arrays_are_not_overwritten() -> None:
@@ -122,12 +208,81 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(ConfigError, match="nowhere"):
         ShipCollisionVectorEnv(2, "nowhere")
     for make in (ShipCollisionEnv, ShipCollisionVectorEnv):
-        with pytest.raises(ConfigError, match="observation: must be one of pixels, vector, got sound"):
-            make(observation="sound")
-    with pytest.raises(IndexError, match="action index out of range"):
-        ShipCollisionVectorEnv(2).step(np.array([0, 7]))
-    with pytest.raises(ValueError, match="actions: must have the shape"):
-        ShipCollisionVectorEnv(2).step(np.array([0, 1, 2]))
+        for options, message in (
+            ({"observation": "sound"}, "observation: must be one of pixels, vector, got sound"),
+            ({"render_mode": "ansi"}, r"render_mode: must be None or one of .*rgb_array, got 'ansi'"),
+            ({"max_episode_steps": 0}, "max_episode_steps: must be at least 1, or -1 for no limit, got 0"),
+        ):
+            with pytest.raises(ConfigError, match=message):
+                make(**options)
+    with pytest.raises(ConfigError, match="autoreset_mode: must be one of NextStep, SameStep, Disabled"):
+        ShipCollisionVectorEnv(2, autoreset_mode="never")
+    with pytest.raises(ConfigError, match="render_mode: must be None or one of rgb_array, got 'human'"):
+        ShipCollisionVectorEnv(2, render_mode="human")
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        ([0, 7], "must be whole numbers from 0 to 6, got 7"),
+        ([-1, 0], "must be whole numbers from 0 to 6, got -1"),
+        ([0, 1, 2], r"of shape \(2,\), got int64 \(3,\)"),
+        ([[0], [1]], r"of shape \(2,\), got int64 \(2, 1\)"),
+        (3, r"of shape \(2,\), got int64 \(\)"),
+        ([1.0, 2.0], r"of shape \(2,\), got float64 \(2,\)"),
+        ([True, False], r"of shape \(2,\), got bool \(2,\)"),
+        (None, r"of shape \(2,\), got object \(\)"),
+    ],
+)
+@pytest.mark.parametrize("fast", [True, False])
+def test_what_are_no_actions_is_refused(actions: object, message: str, fast: bool) -> None:
+    envs = ShipCollisionVectorEnv(2, fast=fast)
+    before = envs.reset()[1]["state"]
+    with pytest.raises(ValueError, match=message) as refused:
+        envs.step(actions)  # type: ignore[arg-type]
+    assert "\n" not in str(refused.value)
+    assert np.array_equal(envs.step(np.array([3, 3]))[4]["state"][:, 7], before[:, 7] + 1)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"seed": [1, 2]}, "seed: must be one number or a list of 3, got a list of 2"),
+        ({"seed": [1, 2, 3, 4]}, "seed: must be one number or a list of 3, got a list of 4"),
+        ({"seed": -1}, "seed: must be a whole number from 0 to .*, got -1"),
+        ({"seed": 2**64 - 2}, "seed: must be a whole number from 0 to .*, got 18446744073709551616"),
+        ({"seed": 1.5}, "seed: must be a whole number from 0 to .*, got 1.5"),
+        ({"seed": [1, "a", 2]}, "seed: must be a whole number from 0 to .*, got 'a'"),
+        ({"options": {"reset_mask": np.zeros(3, bool)}}, r"reset_mask: must be bool \[3\] with at least one"),
+        ({"options": {"reset_mask": np.ones(2, bool)}}, r"reset_mask: .*, got bool \[2\]"),
+        ({"options": {"reset_mask": [1, 0, 0]}}, r"reset_mask: .*, got int64 \[3\]"),
+    ],
+)
+def test_wrong_seeds_and_masks_are_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        ShipCollisionVectorEnv(3, "paper").reset(**given)
+
+
+def test_the_limit_of_steps_is_the_one_that_is_given() -> None:
+    for limit, length in ((None, 60), (5, 5), (100, 100), (-1, None)):
+        options: dict[str, Any] = {} if limit is None else {"max_episode_steps": limit}
+        for kind in ("vector_entry_point", "sync"):
+            envs = gymnasium.make_vec(ENV_ID, 2, vectorization_mode=kind, case="2", **options)
+            envs.reset()
+            steps = (envs.step(np.array([0, 0])) for _ in range(120))
+            ends = [n for n, (*_, truncated, _) in enumerate(steps, 1) if truncated[0]]
+            assert ends[:1] == ([] if length is None else [length]), (limit, kind)
+
+
+def test_it_draws_a_large_picture_of_each_row() -> None:
+    envs = gymnasium.make_vec(ENV_ID, num_envs=2, case="4", render_mode="rgb_array")
+    single = ShipCollisionEnv("4", render_mode="rgb_array")
+    envs.reset()
+    single.reset()
+    pictures, wanted = envs.render(), single.render()
+    assert pictures is not None and wanted is not None and wanted.shape == (600, 600, 3)
+    assert all(np.array_equal(np.asarray(picture), wanted) for picture in pictures)
+    assert ShipCollisionVectorEnv(2).render() is None
 
 
 @pytest.fixture
@@ -138,38 +293,6 @@ def mixed(world: World, monkeypatch: pytest.MonkeyPatch) -> Suite:
     )
     monkeypatch.setattr("ship_trl.gym.ships.load_suite", lambda *_: suite)
     return suite
-
-
-def begin(single: ShipCollisionEnv, state: Tensor) -> tuple[Observations, NDArray[np.float32]]:
-    """Begin an episode in a given state; return picture and state."""
-    single.reset()
-    ships = single._ships
-    ships.state[0] = state.numpy()
-    return ships.observe(ships.state)[0], ships.state[0]
-
-
-def test_a_mixed_perturbed_batch_and_its_resets_equal_single_ships(mixed: Suite, world: World) -> None:
-    count, ended, draws = 8, 0, np.random.default_rng(3)
-    envs, starts, chance = ShipCollisionVectorEnv(count), Starts(mixed, world), Generator().manual_seed(5)
-    pixels, infos = envs.reset(seed=5)
-    singles, begun = [ShipCollisionEnv() for _ in range(count)], starts.sample(count, chance)
-    alone = [begin(single, state) for single, state in zip(singles, begun, strict=True)]
-    for _ in range(90):
-        for n, (picture, state) in enumerate(alone):
-            assert np.array_equal(pixels[n], picture) and np.array_equal(infos["state"][n], state)
-        actions = draws.integers(7, size=count)
-        pixels, reward, terminated, truncated, infos = envs.step(actions)
-        over = terminated | truncated
-        fresh, ended = iter(starts.sample(int(over.sum()), chance)), ended + int(over.sum())
-        for n, single in enumerate(singles):
-            picture, *result, info = single.step(actions[n])
-            assert result == [reward[n], terminated[n], truncated[n]]
-            alone[n] = picture, info["state"]
-            if over[n]:
-                assert np.array_equal(infos["final_obs"][n], picture)
-                alike({key: values[n] for key, values in infos["final_info"].items()}, info)
-                alone[n] = begin(single, next(fresh))
-    assert ended > count
 
 
 def test_gymnasium_accepts_a_mixed_perturbed_suite(mixed: Suite) -> None:
@@ -192,7 +315,7 @@ def test_a_suite_draws_its_starts_from_the_seed() -> None:
             states.append(infos["state"][terminated | truncated])
         return states
 
-    one, same, other = starts(1), starts(1), starts([1, None, 3, 4, 5, 6, 7, 8])
+    one, same, other = starts(1), starts([1, 2, 3, 4, 5, 6, 7, 8]), starts(2)
     assert all(np.array_equal(a, b) for a, b in zip(one, same, strict=True))
     assert not np.array_equal(one[0], other[0]) and sum(map(len, one)) > 12
     # Without a seed, two environments begin differently.

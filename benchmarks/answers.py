@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from benchmarks.gains import read_runs
 from benchmarks.power import show_power
 from benchmarks.questions import ARMS, FOLDER, FROZEN, PAIRS, SETTINGS, SIZES, TRAFFIC, plan_tasks
 from benchmarks.runs import key
@@ -37,7 +38,6 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.cli.table import show
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
-from ship_trl.sources.gains import read_runs
 from ship_trl.study.report.tables import write_csv
 
 BOTH = "both"

@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from benchmarks import judge
+from benchmarks.gains import KEPT, KINDS, Gains, make_gains, read_runs
 from benchmarks.runs import key, prepare, weights_path
 from benchmarks.sources import FOLDER, SETTINGS, plan_tasks
 from ship_trl.cli.errors import refusals
@@ -28,8 +30,6 @@ from ship_trl.cli.table import show
 from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.table import read_table
-from ship_trl.sources import judge
-from ship_trl.sources.gains import KEPT, KINDS, Gains, make_gains, read_runs
 from ship_trl.sources.judgements import FITTED, ORACLE, PAPER, Judgement, winner
 from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.report.tables import write_csv

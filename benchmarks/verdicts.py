@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from benchmarks.gains import read_outcome
 from benchmarks.questions import ARMS, FROZEN, LEARNERS, PAIRS, TRAFFIC, TRAFFIC_ARMS, TUNED_ARMS
 from benchmarks.sources import IMAZU
 from ship_trl.config.arm import SCRATCH
 from ship_trl.files.table import Cells
-from ship_trl.sources.gains import read_outcome
 from ship_trl.study.analysis.statistics import TOLERANCE, holm
 
 Sample = NDArray[np.float64]

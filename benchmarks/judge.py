@@ -123,7 +123,7 @@ def interval(values: Floats, seed: int = 0) -> Estimate:
 
 
 def judge(values: Floats, gains: Floats) -> dict[str, Estimate]:
-    """Return correlation, regret, top and gain of a measure for an arm, see `judgements.Judgement`."""
+    """Return correlation, regret, top and gain of a measure for an arm, see `ship_trl.sources.judgements`."""
     mean = gains.mean(0)
     return {
         "correlation": interval(by_target(values, mean)),

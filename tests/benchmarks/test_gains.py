@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.gains import KEPT, KINDS, Gains, make_gains, read_runs
 from ship_trl.config.errors import ConfigError
-from ship_trl.sources.gains import KEPT, KINDS, Gains, make_gains, read_runs
 
 HEADING = "target,source,arm,seed,length,random,best_known,greedy,reached,source_greedy\n"
 CASES = ("1", "2", "3")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.sources import judge
+from benchmarks import judge
 
 SEEDS, CASES = 2, 8
 

@@ -1,4 +1,4 @@
-"""Choose the scenes of `traffic_test`: `python -m ship_trl.policies.scene_choice` writes the table again.
+"""Choose the scenes of `traffic_test`: `python -m benchmarks.scene_choice` writes the table again.
 
 Seeds are taken in turn, and a scene is kept while its stratum has room and the planner reaches the goal in
 it. A stratum is a number of ships and the class of encounter of the first one. Runs draw their scenes from

@@ -23,8 +23,7 @@ from ship_trl.sim.vector import VectorObservation
 from ship_trl.transfer.layers import save_weights
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
-from ship_trl.transfer.methods.finetune import Finetune
-from ship_trl.transfer.methods.scratch import Scratch
+from ship_trl.transfer.methods.method import TransferMethod
 
 # Places for target ships; no case has more.
 PLACES = 3
@@ -122,7 +121,7 @@ def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
     weights = Generator().manual_seed(run.stream("weights"))
     network = make_network(run.config.network, len(run.config.world.actions), weights)
     method, source = make_method(run.arm, run.config.transfer), read_source(run)
-    if type(method) not in (Scratch, FeatureExtraction, Finetune):
+    if type(method) not in (TransferMethod, FeatureExtraction):
         raise ValueError(f"arm {run.arm} cannot be trained in lockstep")
     if source is not None:
         method.copy(network, source.weights)

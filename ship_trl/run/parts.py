@@ -10,7 +10,7 @@ from functools import cache, partial
 import torch
 from torch import Generator
 
-from ship_trl.config.arm import Method
+from ship_trl.config.arm import USES_FUNCTION, Method
 from ship_trl.config.errors import ConfigError
 from ship_trl.learn.algorithm import Algorithm, Setup, build_algorithm
 from ship_trl.learn.backend import Draw
@@ -122,7 +122,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     scratch = rollout(eval_env, greedy_policy(network, draw))
     method = make_method(run.arm, config.transfer)
     if source is not None:
-        if method.needs_origin:
+        if run.arm.method in USES_FUNCTION:
             method.attach(make_origin(run, network, source, draw, eval_env, scratch))
         method.copy(network, source.weights)
     setup = Setup(

@@ -23,7 +23,7 @@ from torch import Tensor
 from ship_trl.config.transfer import Guide as Settings
 from ship_trl.config.transfer import GuideSchedule
 from ship_trl.sim.state import STEP
-from ship_trl.transfer.methods.method import Origin, TransferMethod
+from ship_trl.transfer.methods.method import TransferMethod
 
 
 def probability(settings: Settings, progress: float, step: Tensor) -> Tensor:
@@ -38,13 +38,6 @@ def probability(settings: Settings, progress: float, step: Tensor) -> Tensor:
 
 class Guide(TransferMethod):
     """Copies the arm's layers, if any, and lets the source choose some of the actions."""
-
-    needs_origin = True
-    _origin: Origin
-
-    def attach(self, origin: Origin) -> None:
-        """Take the source's function, which chooses actions."""
-        self._origin = origin
 
     @torch.no_grad()
     def act(self, step: TensorDictBase, progress: float) -> None:

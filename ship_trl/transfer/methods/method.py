@@ -54,17 +54,14 @@ def fixed_copy(network: DuelingNetwork, weights: Weights) -> DuelingNetwork:
 
 
 class TransferMethod(Method):
-    """Copy the arm's layers, and let every layer learn.
+    """Copy the arm's layers, from scratch none, and let every layer learn.
 
     Args:
         arm: which layers are copied.
         settings: of all methods.
-
-    Attributes:
-        needs_origin: whether `attach` must be called before learning.
     """
 
-    needs_origin = False
+    _origin: Origin
 
     def __init__(self, arm: Arm, settings: Transfer) -> None:
         self.arm, self.settings = arm, settings
@@ -77,4 +74,5 @@ class TransferMethod(Method):
                 parameter.data.copy_(weights[key])
 
     def attach(self, origin: Origin) -> None:
-        """Take the source's function, if the method `needs_origin`."""
+        """Take the source's function, which methods of `USES_FUNCTION` need before they learn."""
+        self._origin = origin

@@ -11,18 +11,11 @@ import torch
 from ship_trl.config.arm import OUTPUT
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.transfer.layers import Weights
-from ship_trl.transfer.methods.method import Origin, TransferMethod, fixed_copy
+from ship_trl.transfer.methods.method import TransferMethod, fixed_copy
 
 
 class QReuse(TransferMethod):
     """Copies the arm's layers, if any, and adds the source's Q-values."""
-
-    needs_origin = True
-    _origin: Origin
-
-    def attach(self, origin: Origin) -> None:
-        """Take the scales of the source's and the target's rewards."""
-        self._origin = origin
 
     @torch.no_grad()
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:

@@ -26,12 +26,9 @@ EPISODES = 10
 class QDagger(TransferMethod):
     """Copies the arm's layers, if any, and adds the divergence from the source's policy to the loss."""
 
-    needs_origin = True
-    _origin: Origin
-
     def attach(self, origin: Origin) -> None:
         """Take the source's function, whose returns are compared with the target's."""
-        self._origin = origin
+        super().attach(origin)
         self._returns: deque[float] = deque(maxlen=EPISODES)
         self._running: Tensor | None = None
 

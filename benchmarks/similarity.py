@@ -112,7 +112,7 @@ def measure_all(cases: tuple[str, ...], seeds: int, folder: Path, processes: int
 
 def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> list[dict[str, Any]]:
     """Measure the similarity of all sources to a target; `NAME seconds` is the processor time of each."""
-    from ship_trl.sources.measures import MEASURES
+    from benchmarks.oracles import MEASURES
 
     rows = []
     for source in cases:
@@ -148,7 +148,7 @@ def read_measures(
     Raises:
         ConfigError: the table is not whole.
     """
-    from ship_trl.sources.measures import MEASURES
+    from benchmarks.oracles import MEASURES
 
     rows = read_table(path, ("target", "source", "seed", *MEASURES), dict, MAX_BYTES, "sources", "measures")
     pairs = len(cases) * (len(cases) - 1)
@@ -170,7 +170,8 @@ def judge_all(
     values: Mapping[str, Floats], seconds: Mapping[str, float], judged: Mapping[str, Floats]
 ) -> list[Judgement]:
     """Judge every measure, and what is fitted, on the arms that are judged."""
-    from ship_trl.sources.measures import MEASURES, Needs
+    from benchmarks.oracles import MEASURES
+    from ship_trl.sources.measures import Needs
 
     kinds = {name: ORACLE if one.needs is Needs.target else one.needs.name for name, one in MEASURES.items()}
     free = {name: value for name, value in values.items() if kinds[name] != ORACLE}

@@ -1,7 +1,4 @@
-"""Measures of similarity by name: of two cases, of the source's network, and oracles.
-
-An oracle needs a network that was trained on the target, so it can explain a gain and not predict it.
-"""
+"""Measures of similarity by name: of two cases, and of the source's network."""
 
 from __future__ import annotations
 
@@ -10,11 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from ship_trl.explain.cka import cka, gram
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.geometry import wrap_angle
@@ -119,30 +114,6 @@ def gradient(source: Known, target: Known) -> float:
     return float(torch.nn.functional.cosine_similarity(*pair, dim=0))
 
 
-def cka_of_features(source: Known, target: Known) -> float:
-    """Return CKA of the last features of both networks in the target's states."""
-    return cka(*(gram(last_features(known.network, target)) for known in (source, target)))
-
-
-@torch.no_grad()
-def q_pair(source: Known, target: Known) -> tuple[Tensor, Tensor]:
-    """Return the Q-values of both networks in the target's states, [N, A] each."""
-    first, second = (known.network(target.observe(known.network)) for known in (source, target))
-    return first, second
-
-
-def q_distance(source: Known, target: Known) -> float:
-    """Return the mean distance of the Q-values, in scaled rewards (Carroll and Seppi, 2005)."""
-    first, second = q_pair(source, target)
-    return float((first - second).abs().mean())
-
-
-def policy_agreement(source: Known, target: Known) -> float:
-    """Return the share of the target's states where both networks do the same (Carroll and Seppi, 2005)."""
-    first, second = q_pair(source, target)
-    return float(np.mean((first.argmax(-1) == second.argmax(-1)).numpy()))
-
-
 MEASURES = {
     **{name: from_cases(measure) for name, measure in of_cases.MEASURES.items()},
     "visits": Measure(visits, Needs.source),
@@ -150,7 +121,4 @@ MEASURES = {
     "agreement": Measure(agreement, Needs.source),
     "logme": Measure(logme_of_actions, Needs.source),
     "gradient": Measure(gradient, Needs.source),
-    "cka": Measure(cka_of_features, Needs.target),
-    "q_distance": Measure(q_distance, Needs.target, nearer=True),
-    "policy_agreement": Measure(policy_agreement, Needs.target),
 }

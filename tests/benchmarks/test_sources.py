@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from benchmarks import runs, similarity, source_runs, sources
+from benchmarks.oracles import MEASURES
 from benchmarks.runs import Row, Setting, Task, join, key
 from benchmarks.source_runs import train
 from benchmarks.sources import SETTINGS
 from ship_trl.config.errors import ConfigError
 from ship_trl.sources.judgements import read_judgements, winner
-from ship_trl.sources.measures import MEASURES
 from ship_trl.study.report.tables import write_csv
 
 CASES = ("1", "2", "3", "4", "5", "6")

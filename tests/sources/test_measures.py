@@ -7,13 +7,14 @@ import pytest
 import torch
 from torch import Generator
 
+from benchmarks.oracles import MEASURES
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies.pretrained import networks
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sources.known import Known
-from ship_trl.sources.measures import MEASURES, Needs
+from ship_trl.sources.measures import Needs
 
 WORLD = load_world()
 ACTIONS = len(WORLD.actions)

@@ -1,4 +1,4 @@
-"""Measures of similarity that ask networks of source and target: they explain a gain and do not predict it."""
+"""Measures of similarity that ask networks of source and target: they explain gains, not predict them."""
 
 from __future__ import annotations
 

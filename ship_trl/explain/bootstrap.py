@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ship_trl.study.analysis.statistics import Estimate
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -15,18 +16,6 @@ Ints = NDArray[np.int64]
 RESAMPLES = 2000
 # Confidence level of all intervals.
 LEVEL = 0.95
-
-
-class Estimate(NamedTuple):
-    """A number and its interval."""
-
-    value: float
-    low: float
-    high: float
-
-    def columns(self, name: str) -> dict[str, float]:
-        """Return the columns `name`, `name_low` and `name_high` of a table."""
-        return {name: self.value, f"{name}_low": self.low, f"{name}_high": self.high}
 
 
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)

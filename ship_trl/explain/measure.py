@@ -98,7 +98,7 @@ def measure(
         names = {"first": a.name, "first_role": a.role, "second": b.name, "second_role": b.role}
         for layer in layers:
             found = estimate(kernels[a.name, layer], kernels[b.name, layer], states.episode[held_out])
-            cka.append({**names, "layer": layer, "alike": alike, **found.columns("cka")})
+            cka.append({**names, "layer": layer, "alike": alike, **found.cells("cka", "_")})
     log(f"CKA of {len(networks)} networks")
     probe_rows = judge_probes(networks, layers, probes, seed)
     erased_rows = measure_erased(networks, states, erased, seed)
@@ -129,13 +129,13 @@ def judge_probes(
         for network, role, layer in [(PIXELS, PIXELS, PIXELS), *cells]:
             probe = probes[network, layer][quantity]
             row: Row = {"network": network, "role": role, "layer": layer, "quantity": quantity}
-            row |= interval(probe.r2, probe.resampled_r2(counts)).columns("r2")
+            row |= interval(probe.r2, probe.resampled_r2(counts)).cells("r2", "_")
             row |= {"checked_r2": probe.validation_r2, "shuffled_r2": probe.shuffled_r2}
             controls = [] if role == PIXELS else [pixels]
-            row |= difference(probe, controls, counts).columns("over_pixels")
+            row |= difference(probe, controls, counts).cells("over_pixels", "_")
             is_control = role in (PIXELS, Role.untrained)
             controls = [] if is_control else [probes[name, layer][quantity] for name in untrained]
-            row |= difference(probe, controls, counts).columns("over_untrained")
+            row |= difference(probe, controls, counts).cells("over_untrained", "_")
             rows.append(row)
     return rows
 
@@ -175,5 +175,5 @@ def measure_erased(networks: list[Compared], states: StateSet, erased: list[Eras
             if one.role is Role.untrained:
                 over_untrained = UNKNOWN
             labels = {"network": one.name, "role": one.role, "thing": thing.thing, "states": len(episode)}
-            rows.append(labels | share.columns("changed") | over_untrained.columns("over_untrained"))
+            rows.append(labels | share.cells("changed", "_") | over_untrained.cells("over_untrained", "_"))
     return rows

@@ -52,6 +52,10 @@ class Estimate:
         is_bounded = isfinite(self.low) and isfinite(self.high)
         return f"{self.low:+.3f} to {self.high:+.3f}" if is_bounded else "unbounded"
 
+    def cells(self, name: str, mark: str = " ") -> dict[str, Any]:
+        """Return the columns `name`, `name low` and `name high` of a table, with `mark` for the space."""
+        return {name: self.value, f"{name}{mark}low": self.low, f"{name}{mark}high": self.high}
+
 
 def interquartile_mean(values: Sample, axis: int = -1) -> Any:
     """Return the mean without the outer quarters: without 1, 2, 3 of 5, 10, 15 seeds at each end."""

@@ -97,8 +97,9 @@ def as_kept(rows: list[Row]) -> list[Row]:
 
 def estimate_cells(name: str, found: Estimate | None) -> Row:
     """Return a value and the ends of its interval as cells; empty cells for None."""
-    values = ("", "", "") if found is None else (found.value, found.low, found.high)
-    return dict(zip((name, f"{name} low", f"{name} high"), values, strict=True))
+    if found is None:
+        return dict.fromkeys((name, f"{name} low", f"{name} high"), "")
+    return found.cells(name)
 
 
 def estimate(values: Sequence[float]) -> Estimate | None:

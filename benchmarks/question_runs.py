@@ -15,7 +15,7 @@ from benchmarks.runs import Row, Setting, Task, make_row
 from benchmarks.source_runs import PLACES, learn, starts
 from benchmarks.sources import IMAZU
 from ship_trl.config.types import World
-from ship_trl.learn.lockstep import Lockstep
+from ship_trl.learn.lockstep import Lockstep, roll_out
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
@@ -38,7 +38,7 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
     # Sources are not tested: their shares are 0.
     is_tested = not tasks[0].is_source
     perturbed = agents.evaluate(drawn)[1] if is_tested else homes.new_zeros(len(tasks), 1)
-    replayed = agents.replay_actions(homes, drawn)[1] if is_tested else perturbed
+    replayed = replay_actions(agents, homes, drawn)[1] if is_tested else perturbed
     traffic = reach_in_traffic(agents, world, device) if is_tested else perturbed
     shares = [one.float().mean(1).tolist() for one in (perturbed, replayed, traffic)]
     seconds = (time.process_time() - began) / len(tasks)
@@ -53,6 +53,18 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
         )
         for task, returns, goals, one, other, third in zip(tasks, *shown, *shares, strict=True)
     ]
+
+
+def replay_actions(agents: Lockstep, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
+    """Run episodes with the actions of each agent's greedy episode from `home[k]` [1, S].
+
+    After the last of these actions it is repeated. Agent k begins in the states `begin[k]` [M, S]. Return the
+    returns, float64 [K, M], and if the goal is reached, bool [K, M].
+    """
+    _, _, actions = roll_out(agents.step, home, lambda state, _: agents.greedy_actions(state))
+    again = lambda state, step: actions[min(step, len(actions) - 1)].expand(state.shape[:-1])  # noqa: E731
+    returns, reached, _ = roll_out(agents.step, begin, again)
+    return returns.cpu(), reached.cpu()
 
 
 @cache

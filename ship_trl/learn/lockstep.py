@@ -93,7 +93,7 @@ class Lockstep:
         exploration: Sequence[Generator],
         replay: Sequence[Generator],
     ) -> None:
-        self._step, self.observe, self.learn, self.n, self.total = step, observe, learn, n, total
+        self.step, self.observe, self.learn, self.n, self.total = step, observe, learn, n, total
         count, device = len(networks), begin.device
         self.num_actions = networks[0].advantage.out_features
         stacked, _ = stack_module_state(list(networks))
@@ -146,7 +146,7 @@ class Lockstep:
         best = self._choose(self.state)
         is_random = explore < epsilon_at(self._share(), self.learn)
         action = torch.where(is_random, (chosen * self.num_actions).long(), best)
-        after = self._step(self.state.flatten(0, 1), action.flatten())
+        after = self.step(self.state.flatten(0, 1), action.flatten())
         shape = self.state.shape[:2]
         terminated = (after.goal | after.collision).view(shape)
         ends = terminated | after.truncated.view(shape)
@@ -230,17 +230,7 @@ class Lockstep:
 
         Agent k begins in the states `begin[k]` [M, S]. The target networks choose, in float32, as in a run.
         """
-        returns, reached, _ = roll_out(self._step, begin, lambda state, _: self.greedy_actions(state))
-        return returns.cpu(), reached.cpu()
-
-    def replay_actions(self, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
-        """Run episodes with the actions of each agent's greedy episode from `home[k]` [1, S]; see `evaluate`.
-
-        After the last of these actions it is repeated.
-        """
-        _, _, actions = roll_out(self._step, home, lambda state, _: self.greedy_actions(state))
-        again = lambda state, step: actions[min(step, len(actions) - 1)].expand(state.shape[:-1])  # noqa: E731
-        returns, reached, _ = roll_out(self._step, begin, again)
+        returns, reached, _ = roll_out(self.step, begin, lambda state, _: self.greedy_actions(state))
         return returns.cpu(), reached.cpu()
 
     def greedy_actions(self, state: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
+from benchmarks.question_runs import replay_actions
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.learn.algorithm import Method, Setup
@@ -211,7 +212,7 @@ def test_exploration_falls_with_the_steps_and_else_the_online_network_acts() -> 
         taken.append(float((action == 1).float().mean()))
         return step(state, action)
 
-    many._step = spy
+    many.step = spy
     many.train(4000)
     # Half of the random actions go right too.
     shares = [sum(taken[at : at + 10]) / 10 for at in (0, 25, 90)]
@@ -228,7 +229,7 @@ def test_a_replay_takes_the_actions_of_the_greedy_episode() -> None:
     home, begin = torch.zeros(1, 1, 2), torch.tensor([[[0.0, 0.0], [3.0, 0.0], [-1.0, 0.0]]])
     greedy, _, actions = roll_out(step, home, lambda state, _: many.greedy_actions(state))
     assert actions.squeeze().tolist() == [1, 0] * 6 and greedy.item() == -12.0
-    returns, reached = many.replay_actions(home, begin)
+    returns, reached = replay_actions(many, home, begin)
     # Right at once: from 3 that is the goal; from -1 it goes on as from 0.
     assert returns.tolist() == [[-12.0, 9.0, -12.0]] and reached.tolist() == [[False, True, False]]
 

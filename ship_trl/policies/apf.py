@@ -13,7 +13,6 @@ that it does not swing back at once. The field has no memory and knows no encoun
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import torch
 from tensordict import TensorDictBase
@@ -25,23 +24,14 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import predicted_approach, unit_vector, wrap_angle
 from ship_trl.sim.state import HEADING, is_present, relative_positions
 
-
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of the field: metres and seconds.
-
-    Ships within `range` repel whose DCPA is below the safe distance and `margin`, and whose TCPA is between 0
-    and `horizon`. `repulsion` is the factor of the force, of which `starboard` is perpendicular.
-    """
-
-    range: float = 450.0
-    margin: float = 15.0
-    horizon: float = 30.0
-    repulsion: float = 120.0
-    starboard: float = 1.0
+# Ships within `RANGE` (m) repel whose DCPA is below the safe distance and `MARGIN` (m), and whose TCPA is
+# between 0 and `HORIZON` (s).
+RANGE, MARGIN, HORIZON = 450.0, 15.0, 30.0
+# The factor of the force, and the share of it that is perpendicular.
+REPULSION, STARBOARD = 120.0, 1.0
 
 
-def apf(env: ShipEnv, _: int = 0, settings: Settings = Settings()) -> Policy:
+def apf(env: ShipEnv, _: int = 0) -> Policy:
     """Return the policy that follows the force of an artificial potential field."""
     world, steering = env.world, Steering(env.world, env.device)
     cruise = world.actions[world.straight_action][0]
@@ -55,13 +45,13 @@ def apf(env: ShipEnv, _: int = 0, settings: Settings = Settings()) -> Policy:
         repels = torch.zeros_like(distance, dtype=torch.bool)
         for velocity in (own_velocity(state), cruise * toward):
             dcpa, tcpa = predicted_approach(away, ships - velocity[:, None])
-            repels |= (dcpa < safe + settings.margin) & (tcpa > 0) & (tcpa < settings.horizon)
-        repels &= is_present(state) & (distance < settings.range)
+            repels |= (dcpa < safe + MARGIN) & (tcpa > 0) & (tcpa < HORIZON)
+        repels &= is_present(state) & (distance < RANGE)
         gap = (distance - safe).clamp(min=1.0)
-        force = settings.repulsion * (1 / gap - 1 / (settings.range - safe)) * repels
+        force = REPULSION * (1 / gap - 1 / (RANGE - safe)) * repels
         bearing = away / distance.clamp(min=1e-6)[..., None]
         starboard = torch.stack((bearing[..., 1], -bearing[..., 0]), -1)
-        push = (force[..., None] * (settings.starboard * starboard - bearing)).sum(-2)
+        push = (force[..., None] * (STARBOARD * starboard - bearing)).sum(-2)
         east, north = (toward + push).unbind(-1)
         error = wrap_angle(torch.atan2(north, east) - state[:, HEADING])
         error = error.clamp(-math.pi / 2, math.pi / 2)

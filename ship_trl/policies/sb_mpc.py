@@ -19,7 +19,6 @@ goal do not count. A step's distance is that of closest approach within it. Lags
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -33,32 +32,16 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import unit_vector, wrap_angle
 from ship_trl.sim.state import HEADING, STEP
 
-
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of the planner: metres, seconds, degrees; names of costs are the paper's.
-
-    Plans have `steps` steps, of which at most `turns` turn or weave. `margin` is added to the safe distance;
-    `violation` is the cost of a step at distance zero. Ships beyond `close` are no hazard.
-    """
-
-    steps: int = 20
-    turns: int = 16
-    margin: float = 10.0
-    violation: float = 1000.0
-    close: float = 100.0
-    p: float = 1.0
-    q: float = 4.0
-    k_coll: float = 0.005
-    kappa: float = 10.0
-    ahead: float = 15.0
-    head_on: float = 22.5
-    crossed: float = 68.5
-    overtaken: float = 68.5
-    k_speed: float = 0.25
-    k_course: float = 6.0
-    k_change_starboard: float = 0.25
-    k_change_port: float = 0.35
+# Steps of a plan, of which at most so many turn or weave.
+STEPS, TURNS = 20, 16
+# Metres that are added to the safe distance, metres beyond which ships are no hazard, and the cost of a step
+# at distance zero.
+MARGIN, CLOSE, VIOLATION = 10.0, 100.0, 1000.0
+# Names of costs are the paper's.
+P, Q, K_COLL, KAPPA = 1.0, 4.0, 0.005, 10.0
+K_SPEED, K_COURSE, K_CHANGE_STARBOARD, K_CHANGE_PORT = 0.25, 6.0, 0.25, 0.35
+# Degrees.
+CROSSED, OVERTAKEN, HEAD_ON, AHEAD = 68.5, 68.5, 22.5, 15.0
 
 
 def make_plans(world: World, steps: int, turns: int) -> tuple[Tensor, Tensor]:
@@ -87,15 +70,13 @@ def make_plans(world: World, steps: int, turns: int) -> tuple[Tensor, Tensor]:
 class SimulationBasedMPC:
     """Chooses the cheapest of P plans, and takes its first action."""
 
-    def __init__(self, env: ShipEnv, settings: Settings) -> None:
+    def __init__(self, env: ShipEnv) -> None:
         # Imported here: without compiled loops nothing needs numba.
         from ship_trl.policies.hazard import write_hazards
 
         world = self.world = env.world
-        self.settings, self.write_hazards = settings, write_hazards
-        plans, self.factors = (
-            part.to(env.device) for part in make_plans(world, settings.steps, settings.turns)
-        )
+        self.write_hazards = write_hazards
+        plans, self.factors = (part.to(env.device) for part in make_plans(world, STEPS, TURNS))
         speed, turn = torch.tensor(world.actions, device=env.device)[plans].unbind(-1)
         turned = (turn * world.dt).cumsum(-1)
         way = ((speed * world.dt)[..., None] * unit_vector(turned)).cumsum(-2)
@@ -106,18 +87,18 @@ class SimulationBasedMPC:
 
     def __call__(self, step: TensorDictBase) -> TensorDictBase:
         """Write `action` for the states of a batch."""
-        state, settings = step["state"], self.settings
+        state = step["state"]
         course = goal_course(state)
         if len(self.last) != len(state):
             self.last = course
         last = torch.where(state[:, STEP] == 0, course, self.last)
         final = state[:, HEADING, None] + self.turned  # [N, P]
         change = wrap_angle(final - last[:, None])
-        k_change = torch.where(change > 0, settings.k_change_port, settings.k_change_starboard)
+        k_change = torch.where(change > 0, K_CHANGE_PORT, K_CHANGE_STARBOARD)
         cost = (
             self.hazards(state)
-            + settings.k_speed * (1 - self.factors)
-            + settings.k_course * wrap_angle(final - course[:, None]).square()
+            + K_SPEED * (1 - self.factors)
+            + K_COURSE * wrap_angle(final - course[:, None]).square()
             + k_change * change.square()
         )
         best = cost.argmin(-1)
@@ -126,18 +107,9 @@ class SimulationBasedMPC:
 
     def hazards(self, state: Tensor) -> Tensor:
         """Return the greatest hazard along each plan, [N, P], for states [N, S]."""
-        settings, world = self.settings, self.world
-        angles = settings.crossed, settings.overtaken, settings.head_on, settings.ahead
-        constants = (
-            world.safe_distance + settings.margin,
-            settings.close,
-            settings.p,
-            settings.q,
-            settings.k_coll,
-            settings.violation,
-            settings.kappa,
-            *(math.cos(math.radians(angle)) for angle in angles),
-        )
+        world = self.world
+        angles = (math.cos(math.radians(angle)) for angle in (CROSSED, OVERTAKEN, HEAD_ON, AHEAD))
+        constants = (world.safe_distance + MARGIN, CLOSE, P, Q, K_COLL, VIOLATION, KAPPA, *angles)
         hazard = np.zeros((len(state), len(self.first)))
         self.write_hazards(
             state.double().cpu().numpy(), self.tracks, world.dt, world.goal_distance, constants, hazard
@@ -145,6 +117,6 @@ class SimulationBasedMPC:
         return torch.from_numpy(hazard).to(state)
 
 
-def sb_mpc(env: ShipEnv, _: int = 0, settings: Settings = Settings()) -> Policy:
+def sb_mpc(env: ShipEnv, _: int = 0) -> Policy:
     """Return the policy of simulation-based model predictive control."""
-    return SimulationBasedMPC(env, settings)
+    return SimulationBasedMPC(env)

@@ -15,7 +15,6 @@ to hold course and speed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import torch
 from tensordict import TensorDictBase
@@ -34,40 +33,29 @@ RULED = torch.tensor([Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKIN
 TURNING_SHARE = 0.98
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of the planner: metres, seconds, degrees.
-
-    `margin` is added to the safe distance, and collisions after `horizon` do not count. The grid has headings
-    within `heading_range` of own ship's by `heading_step`. `cone` is the cost of a velocity in a cone, plus
-    `time` divided by the seconds to the collision; `rule` is the cost of leaving a ship on the wrong side;
-    `wanted` is the cost of each (m/s)^2 from the wanted velocity.
-    """
-
-    margin: float = 10.0
-    horizon: float = 30.0
-    heading_range: float = 120.0
-    heading_step: float = 2.5
-    cone: float = 1000.0
-    time: float = 100.0
-    rule: float = 100.0
-    wanted: float = 0.1
-    onset: Onset = field(default_factory=lambda: Onset(dcpa=60.0, tcpa=30.0, clear=90.0))
+# Metres that are added to the safe distance; collisions after so many seconds do not count.
+MARGIN, HORIZON = 10.0, 30.0
+# The grid has headings within this range of own ship's, by this step, in degrees.
+HEADING_RANGE, HEADING_STEP = 120.0, 2.5
+# Costs: of a velocity in a cone, plus `TIME` divided by the seconds to the collision; of leaving a ship on
+# the wrong side; and of each (m/s)^2 from the wanted velocity.
+CONE, TIME, RULE, WANTED = 1000.0, 100.0, 100.0, 0.1
+ONSET = Onset(dcpa=60.0, tcpa=30.0, clear=90.0)
 
 
 class VelocityObstacles:
     """Chooses the cheapest velocity of a grid of V, and the action that leads to it."""
 
-    def __init__(self, env: ShipEnv, settings: Settings) -> None:
+    def __init__(self, env: ShipEnv) -> None:
         world = env.world
-        self.settings, self.encounters = settings, Encounters(settings.onset)
+        self.encounters = Encounters(ONSET)
         self.steering = Steering(world, env.device)
-        count = round(settings.heading_range / settings.heading_step)
-        offsets = torch.arange(-count, count + 1, device=env.device) * math.radians(settings.heading_step)
+        count = round(HEADING_RANGE / HEADING_STEP)
+        offsets = torch.arange(-count, count + 1, device=env.device) * math.radians(HEADING_STEP)
         speeds = self.steering.speed.unique()
         self.offset, self.speed = (grid.flatten() for grid in torch.meshgrid(offsets, speeds, indexing="ij"))
         self.cruise = world.actions[world.straight_action][0]
-        self.radius = world.safe_distance + settings.margin
+        self.radius = world.safe_distance + MARGIN
         speed, turn = max(world.actions, key=lambda action: abs(action[1]))
         self.time = self.offset.abs() / max(abs(turn), 1e-6)
         self.chord = self.time * speed * torch.sinc(self.offset / (2 * math.pi))
@@ -79,12 +67,12 @@ class VelocityObstacles:
 
     def costs(self, state: Tensor) -> Tensor:
         """Return the cost of each velocity, [N, V], for states [N, S]."""
-        settings, heading = self.settings, state[:, HEADING, None]
+        heading = state[:, HEADING, None]
         motion = relative_motion(state)
         classes = self.encounters.update(state, motion)
         own = self.speed[:, None] * unit_vector(heading + self.offset)  # [N, V, 2]
         wanted = self.cruise * unit_vector(goal_course(state))
-        cost = settings.wanted * (own - wanted[:, None]).square().sum(-1)
+        cost = WANTED * (own - wanted[:, None]).square().sum(-1)
         if not classes.shape[-1]:
             return cost
         velocity = ship_velocities(state)[:, None]  # [N, 1, K, 2]
@@ -98,16 +86,16 @@ class VelocityObstacles:
         speed = torch.linalg.vector_norm(relative, dim=-1).clamp(min=1e-3)
         entry = tcpa - (radius.square() - dcpa.square()).clamp(min=0.0).sqrt() / speed
         entry = entry.masked_fill(in_turn, 0.0)
-        hits = ((dcpa < radius) & (tcpa > 0) & (entry < settings.horizon)) | in_turn
+        hits = ((dcpa < radius) & (tcpa > 0) & (entry < HORIZON)) | in_turn
         hits &= is_present(state)[:, None]
-        obstacle = hits * (settings.cone + settings.time / (1.0 + entry.clamp(min=0.0)))
+        obstacle = hits * (CONE + TIME / (1.0 + entry.clamp(min=0.0)))
         # Relative to the ship, own ship goes to the left of it, which leaves the ship to starboard.
         goes_left = away[..., 1] * relative[..., 0] - away[..., 0] * relative[..., 1] > 0
         is_ruled = torch.isin(classes, RULED.to(classes.device))[:, None]
         breaks = is_ruled & goes_left & (tcpa > 0)
-        return cost + obstacle.amax(-1) + settings.rule * breaks.any(-1)
+        return cost + obstacle.amax(-1) + RULE * breaks.any(-1)
 
 
-def vo(env: ShipEnv, _: int = 0, settings: Settings = Settings()) -> Policy:
+def vo(env: ShipEnv, _: int = 0) -> Policy:
     """Return the policy of velocity obstacles."""
-    return VelocityObstacles(env, settings)
+    return VelocityObstacles(env)

@@ -40,7 +40,7 @@ def told(*paths: Path | str) -> str:
     return str(caught.value)
 
 
-class Keywords(gymnasium.Wrapper):  # type: ignore[type-arg]
+class Keywords(gymnasium.Wrapper):
     """Says more of an episode than its return and length."""
 
     def step(self, action: int) -> tuple[object, float, bool, bool, dict[str, object]]:
@@ -49,9 +49,9 @@ class Keywords(gymnasium.Wrapper):  # type: ignore[type-arg]
 
 
 def test_workers_of_a_run_are_what_their_writer_reads() -> None:
-    def make(name: str) -> Monitor:  # type: ignore[type-arg]
+    def make(name: str) -> Monitor:
         env = Keywords(gymnasium.make("CartPole-v1"))
-        return Monitor(env, f"logs/{name}", info_keywords=KEYWORDS)  # type: ignore[arg-type]
+        return Monitor(env, f"logs/{name}", info_keywords=KEYWORDS)
 
     envs = DummyVecEnv([lambda k=k: make(str(k)) for k in range(3)])  # type: ignore[misc]
     envs.seed(0)
@@ -107,8 +107,8 @@ def test_event_files_of_a_resumed_run_change_no_number(
     episodes: list[tuple[int, int, int]], data: st.DataObject
 ) -> None:
     points = [(step, float(number)) for number, _, step in episodes]
-    for path in Path("whole").glob("*"), Path("parts").glob("*"):
-        [one.unlink() for one in path]
+    for path in (*Path("whole").glob("*"), *Path("parts").glob("*")):
+        path.unlink()
     write_events("whole", points)
     cut = data.draw(st.integers(1, len(points)))
     repeated = data.draw(st.integers(0, cut))

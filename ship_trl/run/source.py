@@ -12,8 +12,7 @@ from ship_trl.learn.network import make_network
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.run import Run
 from ship_trl.transfer.casebase import Entry
-from ship_trl.transfer.layers import Weights, load_weights
-from ship_trl.transfer.methods.controls import permute_values, random_weights
+from ship_trl.transfer.layers import Weights, load_weights, permute_values
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,8 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     network = make_network(config.network, actions, Generator(), colour=config.colour)
     if run.arm.weights is SourceWeights.random:
         # An untrained network with the target's layers, drawn from a random stream of its own.
-        generator = Generator().manual_seed(run.stream("random source"))
-        return Source(random_weights(network, generator), SourceWeights.random.value)
+        network.reset(Generator().manual_seed(run.stream("random source")))
+        return Source(network.state_dict(), SourceWeights.random.value)
     path, key, origin = find_file(run, entry)
     copied = run.arm.copied(network.all_layers, network.layer_names)
     # A source may have another number of actions where its Q-values are neither copied nor asked for.

@@ -1,4 +1,4 @@
-"""Save and load the weights of networks (section 4.1)."""
+"""Save and load the weights of networks (section 4.1), and permute them for a control."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from torch import Tensor
+from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network, geometry, linear_sizes, load_network
@@ -148,6 +148,19 @@ def load_weights(
                 f"{key}: {path}: {name} must hold finite torch.float32 or torch.float16 numbers"
             )
     return {name: value.float() for name, value in weights.items()}
+
+
+def permute_values(weights: Weights, generator: Generator) -> Weights:
+    """Shuffle the values within each weight and bias tensor, which keeps their scale but no features.
+
+    Our choice of a control; the paper has none.
+    """
+    permuted = {}
+    for name in sorted(weights):
+        value = weights[name]
+        order = torch.randperm(value.numel(), generator=generator)
+        permuted[name] = value.flatten()[order].reshape(value.shape)
+    return permuted
 
 
 def describe_mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:

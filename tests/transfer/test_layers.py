@@ -14,9 +14,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network, plain
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.transfer.layers import load_weights, save_weights, saved_network
+from ship_trl.transfer.layers import load_weights, permute_values, save_weights, saved_network
 from ship_trl.transfer.methods import make_method
-from ship_trl.transfer.methods.controls import permute_values
 
 FIVE, VECTOR = load_network("five"), load_network("vector")
 

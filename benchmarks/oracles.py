@@ -8,8 +8,10 @@ from torch import Tensor
 
 from ship_trl.explain.cka import cka, gram
 from ship_trl.sources import measures
+from ship_trl.sources.judgements import ORACLE, SOURCE
 from ship_trl.sources.known import Known
-from ship_trl.sources.measures import Measure, Needs, last_features
+from ship_trl.sources.measures import Measure, last_features
+from ship_trl.transfer import similarity as of_cases
 
 
 def cka_of_features(source: Known, target: Known) -> float:
@@ -36,8 +38,15 @@ def policy_agreement(source: Known, target: Known) -> float:
     return float(np.mean((first.argmax(-1) == second.argmax(-1)).numpy()))
 
 
-MEASURES = measures.MEASURES | {
-    "cka": Measure(cka_of_features, Needs.target),
-    "q_distance": Measure(q_distance, Needs.target, nearer=True),
-    "policy_agreement": Measure(policy_agreement, Needs.target),
+ORACLES = {
+    "cka": Measure(cka_of_features),
+    "q_distance": Measure(q_distance, nearer=True),
+    "policy_agreement": Measure(policy_agreement),
+}
+MEASURES = measures.MEASURES | ORACLES
+# What each must know.
+KINDS = {
+    **dict.fromkeys(MEASURES, SOURCE),
+    **dict.fromkeys(of_cases.MEASURES, "cases"),
+    **dict.fromkeys(ORACLES, ORACLE),
 }

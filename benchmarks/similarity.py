@@ -170,11 +170,9 @@ def judge_all(
     values: Mapping[str, Floats], seconds: Mapping[str, float], judged: Mapping[str, Floats]
 ) -> list[Judgement]:
     """Judge every measure, and what is fitted, on the arms that are judged."""
-    from benchmarks.oracles import MEASURES
-    from ship_trl.sources.measures import Needs
+    from benchmarks.oracles import KINDS
 
-    kinds = {name: ORACLE if one.needs is Needs.target else one.needs.name for name, one in MEASURES.items()}
-    free = {name: value for name, value in values.items() if kinds[name] != ORACLE}
+    free = {name: value for name, value in values.items() if KINDS[name] != ORACLE}
     found = []
     for arm, gains in judged.items():
         fitted = {"elsewhere": judge.elsewhere(gains), "regression": judge.regression(free, gains)}
@@ -182,7 +180,7 @@ def judge_all(
             judged_by = judge.judge(value, gains).values()
             numbers = [number for one in judged_by for number in (one.value, one.low, one.high)]
             rounded = [round(number, 4) for number in (*numbers, seconds.get(name, 0.0))]
-            found.append(Judgement(name, kinds.get(name, FITTED), arm, *rounded))
+            found.append(Judgement(name, KINDS.get(name, FITTED), arm, *rounded))
     return found
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 
 import torch
 from torch import Tensor
@@ -24,20 +23,11 @@ CELL, HEADINGS = 50.0, 8
 GAMMA, REWARD_SCALE = 0.95, 0.1
 
 
-class Needs(StrEnum):
-    """What a measure must know."""
-
-    cases = "the two cases"
-    source = "a network of the source"
-    target = "networks of source and target: an oracle"
-
-
 @dataclass(frozen=True)
 class Measure:
     """A measure of source and target; if `nearer`, smaller values mean more similar."""
 
     value: Callable[[Known, Known], float]
-    needs: Needs
     nearer: bool = False
 
 
@@ -47,7 +37,7 @@ def from_cases(measure: of_cases.Measure) -> Measure:
     def value(source: Known, target: Known) -> float:
         return measure.value(source.case, target.case, target.world)
 
-    return Measure(value, Needs.cases, measure.nearer)
+    return Measure(value, measure.nearer)
 
 
 def visits(source: Known, target: Known) -> float:
@@ -116,9 +106,9 @@ def gradient(source: Known, target: Known) -> float:
 
 MEASURES = {
     **{name: from_cases(measure) for name, measure in of_cases.MEASURES.items()},
-    "visits": Measure(visits, Needs.source),
-    "zero_shot": Measure(zero_shot, Needs.source),
-    "agreement": Measure(agreement, Needs.source),
-    "logme": Measure(logme_of_actions, Needs.source),
-    "gradient": Measure(gradient, Needs.source),
+    "visits": Measure(visits),
+    "zero_shot": Measure(zero_shot),
+    "agreement": Measure(agreement),
+    "logme": Measure(logme_of_actions),
+    "gradient": Measure(gradient),
 }

@@ -7,14 +7,13 @@ import pytest
 import torch
 from torch import Generator
 
-from benchmarks.oracles import MEASURES
+from benchmarks.oracles import KINDS, MEASURES
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies.pretrained import networks
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sources.known import Known
-from ship_trl.sources.measures import Needs
 
 WORLD = load_world()
 ACTIONS = len(WORLD.actions)
@@ -101,7 +100,7 @@ def test_probes_are_the_same_each_time_and_hold_random_actions(target: Known) ->
     assert set(probe.terminated[:-1][follows].tolist()) == {False}
 
 
-@pytest.mark.parametrize("name", [name for name, one in MEASURES.items() if one.needs is not Needs.cases])
+@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if kind != "cases"])
 def test_a_measure_says_that_a_network_is_missing(name: str, target: Known) -> None:
     with pytest.raises(ValueError, match="case 4 has no network"):
         measure(name, known("4"), target)

@@ -39,7 +39,12 @@ class Ours:
         self.algorithm = cast(DoubleDQN, self.parts.algorithm)
         self.replay, encoders = self.algorithm.replay, self.algorithm.encoders
         self.env = ShipEnv(
-            run.target, run.config.world, self.learn.num_envs, encoders=encoders, device=run.config.device
+            run.target,
+            run.config.world,
+            self.learn.num_envs,
+            encoders=encoders,
+            device=run.config.device,
+            generator=Generator().manual_seed(0),
         )
 
     def fill(self, steps: int) -> None:

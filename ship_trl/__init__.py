@@ -30,11 +30,13 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     from ship_trl.sim.env import ShipEnv
     from ship_trl.sim.suites import load_suite
 
-    if any(name == one.name for one in (*pretrained.networks(), *pretrained.suites())):
+    name, bundled = str(name), [one.name for one in (*pretrained.networks(), *pretrained.suites())]
+    if name in bundled:
         name = f"{pretrained.PRETRAINED}:{name}"
+    named.check_name(name, bundled)
     if case is None and pretrained.is_pretrained(name) and name != pretrained.PRETRAINED:
         case = pretrained.find(name, None).target
     if case is None:
         raise ConfigError(f"case: none given for {name}; allowed: a case by name, or the path of a YAML file")
     world = load_world()
-    return named.load_policy(name, ShipEnv(load_suite(case, world, "case"), world), seed)
+    return named.load_policy(name, ShipEnv(load_suite(str(case), world, "case"), world), seed)

@@ -143,7 +143,8 @@ def find_origin(entry: Entry, name: str) -> Origin:
             source = copy.deepcopy(before)
             source.load_state_dict(dict(found.weights))
             make_method(run.arm).copy(before, found.weights)
-        env = ShipEnv(suite, entry.world, 1, colour=entry.colour)
+        starts = Generator().manual_seed(0)
+        env = ShipEnv(suite, entry.world, 1, colour=entry.colour, generator=starts)
         reached = rollout(env, greedy_policy(before, env.observer(config.network)))[0].episode_return
     except ConfigError as error:
         print_error(f"{left_out}: {error}")

@@ -14,7 +14,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Generator, Tensor, nn
 
-from ship_trl.config.imports import import_function
+from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.config.types import Learn
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.network import DuelingNetwork
@@ -158,5 +158,7 @@ def build_algorithm(setup: Setup) -> Algorithm:
     Raises:
         ConfigError: there is no such builder, or it refuses its settings.
     """
-    build: Callable[[Setup], Algorithm] = import_function(setup.options["build"], "algorithm.build")
-    return build(setup)
+    name = setup.options["build"]
+    build: Callable[[Setup], Algorithm] = import_function(name, "algorithm.build", "setup")
+    with name_in_errors(f"algorithm.build: {name} fails"):
+        return build(setup)

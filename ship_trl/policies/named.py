@@ -11,10 +11,11 @@ from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
+from tensordict.nn import TensorDictModuleBase
 from torch import Generator, nn
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.imports import import_function
+from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Policy
@@ -25,7 +26,7 @@ from ship_trl.policies.sb_mpc import sb_mpc
 from ship_trl.policies.vo import vo
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
-from ship_trl.sim.state import STEP
+from ship_trl.sim.state import OWN_SIZE, SHIP_SIZE, STEP
 from ship_trl.transfer.layers import has_reused, load_weights, read_look
 
 
@@ -99,6 +100,18 @@ POLICIES: dict[str, Callable[[ShipEnv, int], Policy]] = {
 ALLOWED = f"{', '.join(POLICIES)}, pretrained, a safetensors file, or file.py:function"
 
 
+def check_name(name: str, more: Sequence[str] = ()) -> None:
+    """Refuse what names no policy; `more` are names that are allowed too.
+
+    Raises:
+        ConfigError: there is no such policy, or its file is no safetensors file of ours.
+    """
+    if Path(name).suffix == ".safetensors":
+        read_look(Path(name), "policy")
+    elif name not in POLICIES and not is_pretrained(name) and ":" not in name:
+        raise ConfigError(f"policy: no {name}; allowed: {', '.join((*more, ALLOWED))}")
+
+
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
     """Load a policy for an environment.
 
@@ -110,18 +123,25 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
         seed: of its random numbers.
 
     Raises:
-        ConfigError: there is no such policy, or its file is invalid; later, it writes an invalid action.
+        ConfigError: there is no such policy, or its file is invalid; later, it is called with no tensordict
+            with states, or a user's fails or writes an invalid action.
     """
+    check_name(name)
     if name in POLICIES:
-        return POLICIES[name](env, seed)
+        return CheckedPolicy(POLICIES[name](env, seed), name)
+    path = Path(name)
     if is_pretrained(name):
-        name = str(find(name, None if ":" in name else env.suite).file)
-    if Path(name).suffix == ".safetensors":
-        network = load_network(Path(name), env)
-        return greedy_policy(network, env.observer(network.config, network.colour))
-    if ":" not in name:
-        raise ConfigError(f"policy: no {name}; allowed: {ALLOWED}")
-    return refusing_invalid_actions(import_function(name, "policy")(env, seed), name, env)
+        path = find(name, None if ":" in name else env.suite).file
+    if path.suffix == ".safetensors":
+        network = load_network(path, env)
+        policy = greedy_policy(network, env.observer(network.config, network.colour))
+        return CheckedPolicy(policy, name)
+    make = import_function(name, "policy", "env", "seed")
+    with name_in_errors(f"policy: {name} fails"):
+        policy = make(env, seed)
+    if not callable(policy):
+        raise ConfigError(f"policy: {name} returns {describe(policy)}; allowed: a function of a tensordict")
+    return CheckedPolicy(policy, name, env)
 
 
 def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwork:
@@ -158,30 +178,57 @@ def network_of(policy: Policy) -> DuelingNetwork | None:
     return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
 
 
-def refusing_invalid_actions(policy: object, name: str, env: ShipEnv) -> Policy:
-    """Wrap a user's policy so that an invalid action raises a `ConfigError`."""
-    if not callable(policy):
-        raise ConfigError(f"policy: {name} returns {policy!r:.40}; allowed: a function of a tensordict")
+class CheckedPolicy(TensorDictModuleBase):
+    """Calls a policy, and refuses what it cannot read; of a user's, errors and wrong actions too.
 
-    def check(step: object) -> None:
-        action = step.get("action", None) if isinstance(step, TensorDictBase) else None
-        if not isinstance(action, torch.Tensor):
-            raise ConfigError(f"policy: {name} must return its tensordict with `action` in it")
-        last = len(env.world.actions) - 1
-        has_shape = action.dtype == torch.int64 and action.shape == env.batch_size
-        if not (has_shape and bool(((action >= 0) & (action <= last)).all())):
-            kind = f"{str(action.dtype).removeprefix('torch.')} {list(action.shape)}"
-            got = f"{action.tolist()!s:.60}" if has_shape else kind
-            allowed = f"int64 {list(env.batch_size)} from 0 to {last}"
-            raise ConfigError(f"policy: {name} writes action {got}; allowed: {allowed}")
+    Args:
+        policy: reads `state`, float32 [N, S], and writes `action`.
+        name: its name in messages.
+        env: where a user's policy acts; None for one of ours.
+    """
 
-    if isinstance(policy, nn.Module):
-        policy.register_forward_hook(lambda _module, _given, step: check(step))
-        return policy
+    def __init__(self, policy: Policy, name: str, env: ShipEnv | None = None) -> None:
+        super().__init__()
+        self.policy, self.name = policy, name
+        self.in_keys, self.out_keys = ["state"], ["action"]
+        self.limits = None if env is None else (env.batch_size, len(env.world.actions) - 1)
 
-    def act(step: TensorDictBase) -> TensorDictBase:
-        written: TensorDictBase = policy(step)
-        check(written)
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Write `action` into a tensordict.
+
+        Raises:
+            ConfigError: it has no states, or a user's policy fails or writes an invalid action.
+        """
+        state = tensordict.get("state", None) if isinstance(tensordict, TensorDictBase) else None
+        if not isinstance(state, torch.Tensor):
+            allowed, got = "a tensordict with `state`, as ShipEnv returns it", describe(tensordict)
+            raise ConfigError(f"policy: {self.name} is called with {got}; allowed: {allowed}")
+        numbers = (state.shape or (0,))[-1] - OWN_SIZE
+        if state.dtype != torch.float32 or numbers < 0 or numbers % SHIP_SIZE:
+            allowed = f"float32 [N, {OWN_SIZE} + {SHIP_SIZE} a ship], see sim/state.py"
+            raise ConfigError(f"policy: {self.name} is given state {describe(state)}; allowed: {allowed}")
+        if self.limits is None:
+            return self.policy(tensordict)
+        with name_in_errors(f"policy: {self.name} fails"):
+            written = self.policy(tensordict)
+        self._check_action(written, *self.limits)
         return written
 
-    return act
+    def _check_action(self, step: object, batch_size: torch.Size, last: int) -> None:
+        action = step.get("action", None) if isinstance(step, TensorDictBase) else None
+        if not isinstance(action, torch.Tensor):
+            raise ConfigError(f"policy: {self.name} must return its tensordict with `action` in it")
+        has_shape = action.dtype == torch.int64 and action.shape == batch_size
+        if not (has_shape and bool(((action >= 0) & (action <= last)).all())):
+            got = f"{action.tolist()!s:.60}" if has_shape else describe(action)
+            allowed = f"int64 {list(batch_size)} from 0 to {last}"
+            raise ConfigError(f"policy: {self.name} writes action {got}; allowed: {allowed}")
+
+
+def describe(value: object) -> str:
+    """Describe a wrong value in a few words: kind and shape of an array, keys of a tensordict."""
+    if isinstance(value, TensorDictBase):
+        return f"a tensordict with {', '.join(sorted(map(str, value.keys()))) or 'nothing'}"
+    if hasattr(value, "dtype") and hasattr(value, "shape"):
+        return f"{str(value.dtype).removeprefix('torch.')} {list(value.shape)}"
+    return f"{value!r:.40}"

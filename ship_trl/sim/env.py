@@ -50,7 +50,8 @@ class ShipEnv(EnvBase):
         vector_time: time (s) whose way a ship's speed vector shows in the pixels; 0 draws none.
         encoders: maps each further observation key to a function from states [N, S] to features [N, F].
         device: where to simulate.
-        generator: random generator of the initial states, on the CPU; one with seed 0 by default.
+        generator: random generator of the initial states, on the CPU; by default one with a random seed, so
+            that parallel workers differ until `set_seed`.
         starts: initial states [N, S] with which every reset begins the N rows, in place of drawn ones.
         fast: whether compiled loops step and draw on the CPU; else torch does, which rounds differently.
         margin: what passing near a target ship costs in addition to the world's reward.
@@ -78,7 +79,9 @@ class ShipEnv(EnvBase):
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.suite = suite_of(suite) if isinstance(suite, Case) else suite
         self.world = world
-        self.generator = Generator("cpu").manual_seed(0) if generator is None else generator
+        self.generator = generator or Generator("cpu")
+        if generator is None:
+            self.generator.seed()
         self._starts, self._given = make_starts(self.suite, world), starts
         self._simulate = make_step(world, self.device, fast=fast)
         self._draws = partial(Rasteriser, world, device=self.device, fast=fast)

@@ -101,9 +101,8 @@ def test_peers_are_told_of_the_last_observation_and_of_timeouts() -> None:
 def test_the_greedy_policy_of_a_peer_takes_its_best_actions(world: World) -> None:
     envs = ShipCollisionVectorEnv(5, "traffic", observation="vector")
     model = DQN("MlpPolicy", ShipVecEnv(envs), buffer_size=10, device="cpu", seed=0)
-    seen, _ = envs.reset(seed=1)
-    env = ShipEnv(load_suite("traffic", world), world, 5)
-    env.set_seed(1)
+    seen, infos = envs.reset(seed=1)
+    env = ShipEnv(load_suite("traffic", world), world, starts=torch.from_numpy(infos["state"]))
     action = greedy_policy(model)(env.reset())["action"].numpy()
     values = model.q_net(model.q_net.obs_to_tensor(seen)[0])
     assert np.array_equal(action, values.argmax(1).numpy())

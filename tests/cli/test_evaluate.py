@@ -252,6 +252,30 @@ def test_an_invalid_action_is_refused(
     assert f"policy: {file}:wrong {said}" in refused(capsys, main, f"{file}:wrong", "target=2")
 
 
+# Policies that no contract fits, or that fail.
+MINE = """
+import torch
+
+def policy(obs):
+    return 3
+
+def failing(env, seed):
+    return lambda step: step.set("action", step["wind"])
+
+def early(env, seed):
+    return lambda step: step / (1 // seed)
+
+class Failing(torch.nn.Module):
+    def forward(self, step):
+        if True:
+            pass
+        raise RuntimeError("no")
+
+def module(env, seed):
+    return Failing()
+"""
+
+
 def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     film = tmp_path / "plan.gif"
     table(capsys, "random", "best_known", "target=2", "--gif", str(film))
@@ -291,6 +315,19 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         (":policy target=2", "policy: :policy cannot be imported"),
         ("broken.py:policy target=2", "policy: broken.py:policy cannot be imported: NameError: name"),
         ("nothing.py:policy target=2", "policy: nothing.py:policy returns None; allowed: a function"),
+        (
+            "mine.py:policy target=2",
+            "policy: mine.py:policy is policy(obs); allowed: def policy(env, seed)",
+        ),
+        (
+            "mine.py:failing target=2",
+            'policy: mine.py:failing fails: KeyError: \'key "wind" not found in TensorDict',
+        ),
+        (
+            "mine.py:early target=2",
+            "policy: mine.py:early fails: ZeroDivisionError: division by zero (mine.py",
+        ),
+        ("mine.py:module target=2", "policy: mine.py:module fails: RuntimeError: no (mine.py, line 17)"),
         ("vo target=2 world.turn_tim=4", "world.turn_tim: unknown key; allowed here: dt, max_steps"),
         ("vo target=2 world.turn_time=[", "world: not readable: "),
         (". target=2", "policy: no result.json with its networks at or below ."),
@@ -302,4 +339,5 @@ def test_wrong_input_is_refused(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "broken.py").write_text("nothing\n")
     (tmp_path / "nothing.py").write_text("policy = lambda *_: None\n")
+    (tmp_path / "mine.py").write_text(MINE)
     assert said in refused(capsys, main, *words.split())

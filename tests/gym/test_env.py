@@ -1,19 +1,24 @@
 """Gymnasium's and Stable-Baselines3's own checks, and a training of each."""
 
+import time
 import warnings
+from typing import Any
 
 import gymnasium
 import numpy as np
+import pygame
 import pytest
 import torch
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3 import DQN
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.gym.env import ENV_ID, ShipCollisionEnv
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.state import STEP
 from ship_trl.sim.vector import VectorObservation
 
 
@@ -36,6 +41,59 @@ def test_it_is_made_by_name() -> None:
         total, steps = total + float(reward), steps + 1
     assert (steps, terminated, truncated, info["collision"]) == (19, True, False, True)
     assert total == pytest.approx(-2.855, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("action", "got"),
+    [
+        (-1, "-1"),
+        (7, "7"),
+        (2.0, "float64 ()"),
+        (np.array([3]), "int64 (1,)"),
+        (True, "bool ()"),
+        (None, "object ()"),
+    ],
+)
+@pytest.mark.parametrize("fast", [True, False])
+def test_what_is_no_action_is_refused(action: Any, got: str, fast: bool) -> None:
+    env = ShipCollisionEnv(case="4", fast=fast)
+    state = env.reset()[1]["state"]
+    with pytest.raises(ValueError, match="actions: must be whole numbers from 0 to 6") as refused:
+        env.step(action)
+    assert str(refused.value).endswith(f"got {got}")
+    assert env.step(np.array(3))[4]["state"][STEP] == state[STEP] + 1
+
+
+def test_all_checks_of_gymnasium_pass_in_every_render_mode() -> None:
+    env = gymnasium.make(f"ship_trl.gym:{ENV_ID}", case="traffic")
+    assert env.spec is not None and env.spec.max_episode_steps == load_world().max_steps
+    check_env(env.unwrapped)
+
+
+def test_a_window_shows_each_step() -> None:
+    env, drawn = (ShipCollisionEnv(case="4", render_mode=mode) for mode in ("human", "rgb_array"))
+    begin = time.monotonic()
+    for shown, wanted in ((env.reset(), drawn.reset()), *((env.step(3), drawn.step(3)) for _ in range(3))):
+        assert np.array_equal(shown[0], wanted[0])
+        window = pygame.display.get_surface()
+        assert window is not None and env.render() is None
+        assert np.array_equal(pygame.surfarray.array3d(window).swapaxes(0, 1), drawn.render())
+    assert time.monotonic() - begin > 3 / env.metadata["render_fps"]
+    env.close()
+    env.close()
+    assert not pygame.display.get_init()
+    # Another window may close ours.
+    env.reset()
+    pygame.quit()
+    env.reset()
+    assert pygame.display.get_surface() is not None
+    env.close()
+
+
+def test_without_a_screen_a_window_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nothing")
+    with pytest.raises(ConfigError, match=r"no screen .*allowed without a screen: render_mode=rgb_array"):
+        ShipCollisionEnv(render_mode="human").reset()
 
 
 def test_it_renders_a_large_picture() -> None:
@@ -78,9 +136,6 @@ def test_torch_alone_steps_and_draws_alike() -> None:
         )
         assert np.abs(pixels.astype(int) - other).max() <= 1 and ends[:2] == others[:2]
         assert abs(reward - paid) < 1e-3 and abs(info["dcpa"] - told["dcpa"]) < 1e-3
-    for action in (-1, 7):
-        with pytest.raises(IndexError):
-            plain.step(np.int64(action))
 
 
 @pytest.mark.parametrize(("colour", "vector_time"), [(False, 0.0), (True, 0.0), (False, 8.0)])

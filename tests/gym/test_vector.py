@@ -158,7 +158,7 @@ def test_gymnasiums_wrappers_take_it(mode: str, wrapper: Callable[[Any], Any]) -
 def test_torchrl_wraps_it(mode: str) -> None:
     envs = ShipCollisionVectorEnv(2, "3", observation="vector", autoreset_mode=mode)
     env = GymWrapper(envs, categorical_action_encoding=True)
-    straight = lambda _: torch.full((2,), 3)  # noqa: E731
+    straight = lambda *_: torch.full((2,), 3)  # noqa: E731
     steps = env.rollout(40, straight, break_when_any_done=False)
     # An episode lasts 19 steps.
     assert steps["next", "done"][..., 0].nonzero()[:, 1].tolist() == [18, 37, 18, 37]

@@ -1,11 +1,15 @@
 """A policy acts on the scenes of the environment in which it acts, whatever it was made for."""
 
+import pickle
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import torch
+from tensordict import TensorDict
 from torch import Generator
 
 import ship_trl as package
@@ -15,7 +19,7 @@ from ship_trl.config.types import Perturbation, World
 from ship_trl.learn.network import make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry, rollout_entry
-from ship_trl.policies.named import load_policy, network_of
+from ship_trl.policies.named import POLICIES, load_policy, network_of
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
@@ -64,7 +68,7 @@ def test_a_network_sees_its_own_pictures_in_any_environment(
 
 def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None:
     suite = load_suite("paper", world)
-    env = ShipEnv(suite, world, 20)
+    env = ShipEnv(suite, world, 20, generator=Generator().manual_seed(0))
     policy = load_policy("pretrained:4", env)
     acted = policy(env.reset())
     alone = {}
@@ -90,3 +94,44 @@ def test_best_known_is_refused_where_starts_are_perturbed(world: World) -> None:
     suite = load_suite("4", world, perturbation=Perturbation(own_position=5))
     with pytest.raises(ConfigError, match="policy: best_known has no plan of a drawn start"):
         load_policy("best_known", ShipEnv(suite, world))
+
+
+@pytest.mark.parametrize("name", ["pretrained:4", "pretrained:traffic", *POLICIES])
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (torch.zeros(84, 84), "is called with float32 [84, 84]; allowed: a tensordict with `state`"),
+        (np.zeros((1, 84, 84), np.uint8), "is called with uint8 [1, 84, 84]; allowed: a tensordict with"),
+        (None, "is called with None; allowed: a tensordict with `state`"),
+        ({"state": [1.0]}, "is called with {'state': [1.0]}; allowed: a tensordict with `state`"),
+        (
+            TensorDict(pixels=torch.zeros(1), batch_size=[1]),
+            "is called with a tensordict with pixels; allowed",
+        ),
+        (
+            TensorDict(state=torch.zeros(1, 84, 7)),
+            "is given state float32 [1, 84, 7]; allowed: float32 [N, 9 +",
+        ),
+        (
+            TensorDict(state=torch.zeros(2, 4)),
+            "is given state float32 [2, 4]; allowed: float32 [N, 9 + 5 a ship",
+        ),
+        (
+            TensorDict(state=torch.zeros(2, 14).int()),
+            "is given state int32 [2, 14]; allowed: float32 [N, 9 + 5",
+        ),
+    ],
+)
+def test_a_policy_refuses_what_has_no_states(name: str, given: Any, message: str, world: World) -> None:
+    policy = load_policy(name, ShipEnv(load_case("4", world), world))
+    with pytest.raises(ConfigError) as refused:
+        policy(given)
+    assert f"policy: {name} {message}" in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["pretrained:4", "vo", "random"])
+def test_torchrls_rollout_takes_every_policy(name: str, world: World) -> None:
+    env = ShipEnv(load_case("4", world), world, 2)
+    (one, _), steps = rollout(env, load_policy(name, env)), env.rollout(20, load_policy(name, env))
+    assert torch.equal(steps["action"][0], one.actions[:20])
+    assert pickle.loads(pickle.dumps(load_policy("pretrained:4", env)))(env.reset())["action"].shape == (2,)

@@ -92,6 +92,11 @@ def test_a_policy_in_one_line() -> None:
     assert best.episode_return == pytest.approx(best_known(case, WORLD).episode_return)
     with pytest.raises(ConfigError, match="case: none given"):
         package.load_policy("random")
+    for case_name in (None, "4"):
+        with pytest.raises(ConfigError, match=r"policy: no x; allowed: 1, 2, .* traffic_pixels, random, "):
+            package.load_policy("x", case_name)
+    with pytest.raises(ConfigError, match=r"policy: no file none\.safetensors"):
+        package.load_policy("none.safetensors")
 
 
 def test_an_own_case_has_no_pretrained_network() -> None:

@@ -2,11 +2,14 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 import torch
 from torch import Generator, Tensor
+from torchrl.envs import ParallelEnv, SerialEnv
+from torchrl.envs.batched_envs import BatchedEnvBase
 from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.errors import ConfigError
@@ -211,8 +214,22 @@ def test_the_same_seed_gives_the_same_episodes(world: World) -> None:
     assert torch.equal(run(env, 80), one)
 
 
+@pytest.mark.parametrize("kind", [SerialEnv, pytest.param(ParallelEnv, marks=pytest.mark.long)])
+def test_workers_see_other_scenes_and_a_seed_repeats_them(kind: type[BatchedEnvBase], world: World) -> None:
+    make = partial(ShipEnv, load_suite("traffic", world), world, 1)
+    workers, other = kind(2, make), kind(2, make)
+    unseeded = [env.reset()["state"] for env in (workers, other)]
+    assert len({scene.numpy().tobytes() for rows in unseeded for scene in rows}) == 4
+    seeded = []
+    for env in (workers, other):
+        env.set_seed(3)
+        seeded.append(env.reset()["state"])
+        env.close()
+    assert torch.equal(*seeded) and not torch.equal(seeded[0][0], seeded[0][1])
+
+
 def test_a_mixed_batch_steps_as_its_rows_alone(world: World) -> None:
-    env = ShipEnv(load_suite("paper", world), world, 64, from_pixels=True)
+    env = ShipEnv(load_suite("paper", world), world, 64, from_pixels=True, generator=draw(0))
     current, actions = env.reset(), draw(3)
     assert len({row.numpy().tobytes() for row in current["state"]}) == 7
     alone = {case.name: ShipEnv(case, world, 1, from_pixels=True) for case in env.suite.cases}

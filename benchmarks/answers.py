@@ -35,9 +35,9 @@ from benchmarks.verdicts import (
 )
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
-from ship_trl.cli.table import show
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
+from ship_trl.run.table import show
 from ship_trl.study.report.tables import write_csv
 
 BOTH = "both"

@@ -9,8 +9,8 @@ from benchmarks.gains import read_outcome, read_runs
 from benchmarks.questions import ARMS, PAIRS, SIZES
 from benchmarks.sources import FOLDER
 from benchmarks.verdicts import LEVEL, MARGIN, Sample
-from ship_trl.cli.table import show
 from ship_trl.config.arm import SCRATCH
+from ship_trl.run.table import show
 
 DRAWS, SEED = 2000, 2022
 

@@ -26,10 +26,10 @@ from benchmarks.runs import key, prepare, weights_path
 from benchmarks.sources import FOLDER, SETTINGS, plan_tasks
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
-from ship_trl.cli.table import show
 from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.table import read_table
+from ship_trl.run.table import show
 from ship_trl.sources.judgements import FITTED, ORACLE, PAPER, Judgement, winner
 from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.report.tables import write_csv

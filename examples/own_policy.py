@@ -68,7 +68,8 @@ def main() -> None:
         env = ShipEnv(load_case(name, world), world)
         (episode,) = rollout(env, policy(env))
         print(
-            f"case {name}: return {episode.episode_return:.1f}, {episode.outcome}, DCPA {episode.dcpa:.0f} m"
+            f"case {name}: return {episode.episode_return:.1f}, {episode.outcome}, "
+            f"least distance {episode.dcpa:.0f} m"
         )
 
 

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
-from ship_trl.cli.table import show
 from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.run.table import show
 from ship_trl.study.analysis.contrasts import Finding
 from ship_trl.study.analysis.statistics import LEVEL
 from ship_trl.study.analysis.study import Study, finished_study

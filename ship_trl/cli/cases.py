@@ -17,11 +17,11 @@ from omegaconf import OmegaConf
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
-from ship_trl.cli.table import show
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
+from ship_trl.run.table import show
 from ship_trl.sim.cases import Case, case_names, load_case, load_world
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.sources.judgements import SOURCE, read_judgements, winner

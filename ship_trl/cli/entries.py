@@ -9,7 +9,9 @@ one, in the paper's with `world.KEY=VALUE`. `perturbation.KEY=VALUE` perturbs th
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from yaml import YAMLError
@@ -22,7 +24,7 @@ from ship_trl.files.result import RESULT
 from ship_trl.policies.entry import Entry
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.run.folder import read_settings
-from ship_trl.run.results import collect
+from ship_trl.run.results import collect, locate
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST
@@ -61,6 +63,12 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     ]
     trained = {
         name: folder_entries(Path(name), targets, perturbation) for name in names if is_result_folder(name)
+    }
+    # Runs of two folders may have the same name.
+    labels = Counter(label for runs in trained.values() for label in {one.label for one in runs})
+    trained = {
+        name: [replace(one, label=f"{name}: {one.label}") if labels[one.label] > 1 else one for one in runs]
+        for name, runs in trained.items()
     }
     if trained and changes:
         raise ConfigError("world: a result folder has its own; allowed with other policies: world.KEY")
@@ -146,8 +154,9 @@ def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbatio
         result, place = run.result, run.folder
         world, colour, trained = read_settings(place)
         bounds = trained if perturbation.is_none else perturbation
-        suites = targets or [load_suite(result.target, world, f"{place / RESULT}: target", bounds)]
-        label = f"{result.pair} {result.arm} seed {result.seed}"
+        target = f"{place / RESULT}: target"
+        suites = targets or [load_suite(locate(result.target, place), world, target, bounds)]
+        label = f"{run.place} {run.arm} seed {result.seed}"
         for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
             if not (place / file).is_file():
                 print_error(f"{place / file} is missing; left out")

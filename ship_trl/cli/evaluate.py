@@ -5,8 +5,8 @@ default: those of all cases), pretrained:NAME, a safetensors file, a result fold
 network), or file.py:function of your own. Result folders and bundled networks have their own target, and the
 table shows the return that they claim. Other policies act in the world of the first result folder or,
 without one, in the paper's with world.KEY=VALUE. perturbation.own_position=50 (metres) and the like draw
-starts at random. Of several episodes the table has rates with 95 % intervals, means, and scores of the
-steering rules.
+starts at random. Of several episodes the table has rates and, in metres, the mean least distance to a ship
+and its 5th percentile. --rules adds scores of the steering rules, --all every column.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.cli.scores import HEADINGS as SCORES
-from ship_trl.cli.scores import Evaluated, describe_scores, describe_worlds
+from ship_trl.cli.scores import RULE_SCORES, Evaluated, describe_scores, describe_worlds
+from ship_trl.cli.scores import SHORT as SHORT_SCORES
 from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from ship_trl.sim.env import ShipEnv
 
 HEADINGS = ("case", "policy", "return", "of best known", "ends with", "least distance, m", "steps", "claimed")
+# What is shown of them unless all are asked for, with what is claimed if anything is.
+SHORT = ("policy", "return", "ends with", "least distance, m")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -48,6 +51,8 @@ def main(arguments: list[str] | None = None) -> None:
     add_number(parser, "--head-on", HalfAngle, HEAD_ON_DEGREES, "half-angle of head-on in degrees (5)")
     keep = "where the episodes are kept as demonstrations"
     parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help=keep)
+    parser.add_argument("--rules", action="store_true", help="show scores of the steering rules")
+    parser.add_argument("--all", action="store_true", help="show every column")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
@@ -148,21 +153,35 @@ def write_sheet(path: Path, found: list[Evaluated]) -> None:
 
 def print_table(found: list[Evaluated], options: Namespace) -> None:
     """Print a row for each policy; of several episodes with rates and scores, else with the end."""
-    from ship_trl.cli.table import show
     from ship_trl.policies.reference import best_known_return
+    from ship_trl.run.table import show
     from ship_trl.transfer.casebase import PLANS
 
     rows = []
-    is_scored = options.by is not None or any(len(one.episodes) > 1 for one in found)
+    is_scored = options.by is not None or options.rules or any(len(one.episodes) > 1 for one in found)
     for one in found:
         best = best_known_return(one.entry.suite, one.entry.world, Path("outputs/case_base") / PLANS)
         rows.append(one.row(best) if is_scored else row(one, best))
         rows += one.class_rows() if options.by is not None else ()
-    show(SCORES if is_scored else HEADINGS, rows, options.markdown)
+    headings, title = SCORES if is_scored else HEADINGS, None
+    shown = [*SHORT_SCORES, *RULE_SCORES * options.rules] if is_scored else list(SHORT)
+    if is_scored and not options.all:
+        # The shares of three ends add up to one. The interval of the first says how sure they are.
+        ends = [headings.index(end) for end in ("collision", "timeout")]
+        rows = [[cell.split()[0] if k in ends else cell for k, cell in enumerate(cells)] for cells in rows]
+    if options.all:
+        shown = list(headings)
+    elif is_scored and len(suites := {cells[0] for cells in rows}) == 1:
+        counts = sorted({len(one.episodes) for one in found})
+        title = f"{suites.pop()}: {' or '.join(map(str, counts))} episodes"
+    else:
+        shown += [headings[0], *["claimed"] * any(one.entry.claimed is not None for one in found)]
+    show(headings, rows, options.markdown, title, 1 if title else 2, shown)
     for line in describe_worlds(one.entry for one in found):
         sys.stdout.write(f"{line}\n")
     if is_scored and found:
-        sys.stdout.write(f"{describe_scores(found[0].entry.world.safe_distance, found[0].head_on)}\n")
+        world, head_on = found[0].entry.world, found[0].head_on
+        sys.stdout.write(f"{describe_scores(world.safe_distance, head_on, shown)}\n")
 
 
 def row(one: Evaluated, best: float | None) -> list[str]:

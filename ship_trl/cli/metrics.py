@@ -25,11 +25,11 @@ import numpy as np
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, make_parser
-from ship_trl.cli.table import show
 from ship_trl.config.bounds import PositiveShare
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
 from ship_trl.files.logs import KINDS, LearningCurve, read_logs
+from ship_trl.run.table import show
 
 if TYPE_CHECKING:
     from ship_trl.study.analysis.statistics import Estimate

@@ -87,7 +87,7 @@ def check_mp4(size: tuple[int, int]) -> None:
 
 def record_film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two side by side."""
-    from ship_trl.run import console
+    from ship_trl.run.progress import track
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode_view import view_entry
     from ship_trl.view.film import draw_film, write_film
@@ -100,7 +100,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     look = Look(options.absolute, options.to_scale, options.saliency)
 
     def frames() -> Iterator[Surface]:
-        for act in console.track("episodes", acts):
+        for act in track("episodes", acts):
             views = [view_entry(entry, options.seed) for entry in act]
             if options.saliency and any(view.sees_numbers for view in views):
                 raise ConfigError("--saliency: allowed for networks that see pixels")

@@ -1,4 +1,7 @@
-"""`python -m ship_trl results`: list the finished runs below folders in a table. No torch."""
+"""`python -m ship_trl results`: list the finished runs below folders in a table. No torch.
+
+A row holds runs that differ only in their seeds; settings that tell rows apart are part of the name.
+"""
 
 from __future__ import annotations
 
@@ -12,29 +15,32 @@ import numpy as np
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
-from ship_trl.cli.table import show
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import Evaluation
 from ship_trl.run.results import Found, collect, drop_copies, folders_of, group_runs
+from ship_trl.run.table import show
 
 if TYPE_CHECKING:
     import pandas as pd
 
-HEADINGS = (
-    *("run", "seeds", "best known", "best greedy return by seed", "share", "goal"),
-    *("final by seed", "goal"),
-)
 # A column of transfers: returns on the source of its own network, and of the run's at the end.
 SOURCE_HEADING = "return on the source, its network > at the end, by seed"
+HEADINGS = (
+    *("run", "runs", "seeds", "best known", "best greedy return", "best by seed", "of best known"),
+    *("best at goal", "final return", "final by seed", "final at goal", SOURCE_HEADING),
+)
+# What is shown of them unless all are asked for: of several runs medians, with the least and the greatest.
+SHORT = ("run", "runs", "best greedy return", "final return", "final at goal")
 TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", "p, permutation")
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print one row for each arm of a pair and folder, and what else the options ask for."""
+    """Print a row for each arm of a pair, folder and settings, and what else the options ask for."""
     parser = make_parser("results", __doc__)
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
+    parser.add_argument("--all", action="store_true", help="show every column, and returns by seed")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     add_output(parser, "--picture", (".png",), "draw the learning curves beside each other")
     parser.add_argument("--test", action="store_true", help="test whether runs of two folders learn alike")
@@ -49,11 +55,7 @@ def main(arguments: list[str] | None = None) -> None:
         found = finished_runs(folders, options.arm)
         if options.picture is not None:
             picture(options.picture, found)
-        headings, rows = list(HEADINGS), list(summarise(found))
-        if any(one.result.on_source for one in found):
-            headings.append(SOURCE_HEADING)
-            rows = [[*row, kept(runs)] for row, runs in zip(rows, group_runs(found).values(), strict=True)]
-        show(headings, rows, options.markdown)
+        show(HEADINGS, summarise(found), options.markdown, shown=HEADINGS if options.all else SHORT)
         if options.csv is not None or options.stability:
             from ship_trl.study.analysis import stability
             from ship_trl.study.report.tables import write_csv
@@ -70,6 +72,8 @@ def main(arguments: list[str] | None = None) -> None:
             sys.stdout.write(transfer_table.describe_scales(one.result for one in found))
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)
+        for path in filter(None, (options.picture, options.csv)):
+            sys.stdout.write(f"{path}\n")
 
 
 def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
@@ -93,7 +97,7 @@ def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
 
 
 def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
-    """Make one row for each part, profile, pair and arm."""
+    """Make the cells of `HEADINGS` for each group of runs that differ only in their seeds."""
     for name, runs in group_runs(found).items():
         known = runs[0].result.best_known_return
         best, final = [one.result.best for one in runs], [one.result.final for one in runs]
@@ -104,14 +108,23 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
             share = f"{'at least ' if len(runs) > 1 else ''}{floor(100 * lowest / known)}%"
         yield [
             name,
+            str(len(runs)),
             " ".join(str(one.result.seed) for one in runs),
             "-" if known is None else f"{known:.1f}",
-            " ".join(f"{score.episode_return:.1f}" for score in best),
+            *describe_returns(best),
             share,
             goals(best),
-            " ".join(f"{score.episode_return:.1f}" for score in final),
+            *describe_returns(final),
             goals(final),
+            kept(runs),
         ]
+
+
+def describe_returns(scores: list[Evaluation]) -> tuple[str, str]:
+    """Return the median of returns with the least and the greatest, and all in their order."""
+    returns = [score.episode_return for score in scores]
+    between = f" ({min(returns):.1f} to {max(returns):.1f})" if len(returns) > 1 else ""
+    return f"{np.median(returns):.1f}{between}", " ".join(f"{one:.1f}" for one in returns)
 
 
 def kept(runs: Iterable[Found]) -> str:
@@ -139,15 +152,15 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
     """Make a row for each arm of a pair: the runs' mean greedy returns in both folders, and the p-value."""
     from ship_trl.study.analysis.statistics import permutation
 
-    means: dict[tuple[str, str], dict[Path, list[float]]] = {}
+    means: dict[str, dict[Path, list[float]]] = {}
     for run, _, greedy in read_curves(sorted(found, key=lambda run: run.result.seed)):
-        by_folder = means.setdefault((run.place, run.result.arm), {one: [], other: []})
+        by_folder = means.setdefault(f"{run.place} {run.arm}", {one: [], other: []})
         by_folder[run.below].append(float(greedy["return"].mean()))
-    for (pair, arm), by_folder in sorted(means.items()):
+    for name, by_folder in sorted(means.items()):
         samples = [np.array(by_folder[folder]) for folder in (one, other)]
         enough = min(map(len, samples)) > 1
         p = f"{permutation(samples[0], samples[1], seed=0):.2f}" if enough else "-"
-        yield [f"{pair} {arm}", *(" ".join(f"{mean:.1f}" for mean in sample) for sample in samples), p]
+        yield [name, *(" ".join(f"{mean:.1f}" for mean in sample) for sample in samples), p]
 
 
 def picture(path: Path, found: list[Found]) -> None:
@@ -158,7 +171,7 @@ def picture(path: Path, found: list[Found]) -> None:
     panels: dict[str, dict[str, list[Curve]]] = {}
     for one, training, greedy in read_curves(found):
         columns = training["return"], greedy["episode"], greedy["return"]
-        name = f"{one.below}: {one.result.arm}" if several else one.result.arm
+        name = f"{one.below}: {one.arm}" if several else one.arm
         curve = Curve(*(column.to_numpy() for column in columns))
         panels.setdefault(one.place, {}).setdefault(name, []).append(curve)
     if not panels:

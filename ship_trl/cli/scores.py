@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,9 @@ HEADINGS = (
     *("suite", "policy", "episodes", "success", "collision", "timeout", "return", "of best known"),
     *("least distance, m (5 %)", *(f"R{rule}" for rule in RULES), "path", "ms", "claimed"),
 )
+# What `evaluate` shows unless it is asked for more, and what --rules adds.
+SHORT = ("policy", "success", "collision", "timeout", "least distance, m (5 %)")
+RULE_SCORES = tuple(f"R{rule}" for rule in RULES)
 # Percentile of the least distance, beside its mean.
 LOW = 5
 
@@ -145,10 +148,13 @@ def describe_worlds(entries: Iterable[Entry]) -> list[str]:
     return [f"{changes}: {', '.join(dict.fromkeys(some))}." for changes, some in found.items() if changes]
 
 
-def describe_scores(safe_distance: float, head_on: float) -> str:
-    """Return the line that explains a table of scores."""
-    return (
-        "95 % intervals (Wilson). R8 to R17: scores of the steering rules after Hagen et al. 2023, mean over "
-        f"encounters, collision radius {safe_distance:g} m. Classes by Pedersen, head-on within {head_on:g} "
-        "degrees. ms: time of a decision in one scene."
-    )
+def describe_scores(safe_distance: float, head_on: float, columns: Sequence[str] = HEADINGS) -> str:
+    """Return the line that explains the columns of a table of scores."""
+    lines = {
+        "success": "95 % intervals (Wilson).",
+        RULE_SCORES[0]: "R8 to R17: scores of the steering rules after Hagen et al. 2023, mean over "
+        f"encounters, collision radius {safe_distance:g} m.",
+        "suite": f"Classes by Pedersen, head-on within {head_on:g} degrees.",
+        "ms": "ms: time of a decision in one scene.",
+    }
+    return " ".join(line for column, line in lines.items() if column in columns)

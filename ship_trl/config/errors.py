@@ -38,8 +38,9 @@ def explain(error: OmegaConfBaseException) -> str:
 def missing_extra(package: str, extra: str) -> str:
     """Return the message that a package is not installed, with the command that installs its extra."""
     is_checkout = (PACKAGE.parent / "pyproject.toml").is_file()
-    source = f"-e '.[{extra}]'" if is_checkout else f"'ship_trl[{extra}]'"
-    return f"{package} is not installed; run: pip install {source}"
+    # No index has this package.
+    where, how = ("", "-e ") if is_checkout else (" in a checkout", "")
+    return f"{package} is not installed; run{where}: pip install {how}'.[{extra}]'"
 
 
 def print_error(line: str) -> None:

@@ -23,6 +23,7 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
+from ship_trl.run.results import Found, locate, read_run_settings
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
 from ship_trl.sim.env import ShipEnv
@@ -50,7 +51,7 @@ class Compared:
     name: str
     role: Role
     network: DuelingNetwork
-    settings: tuple[str, ...] | None = None
+    settings: tuple[object, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,9 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
                 "allowed: networks with the same layers, colours and vector_time"
             )
         result = result_of(entry)
-        settings = (result.pair, result.arm, result.target) if result else None
+        folder = Path(entry.policy).parent
+        told = read_run_settings(Found(result, folder, folder, ""), {}) if result else {}
+        settings = (result.pair, result.arm, result.target, *sorted(told.items())) if result else None
         found.append(Compared(name, Role.beside if found else Role.explained, network, settings))
     return found
 
@@ -131,8 +134,9 @@ def find_origin(entry: Entry, name: str) -> Origin:
         given = result.source_network
         pretrained = find(given, None) if given is not None and is_pretrained(given) else None
         if given is not None and given != "random" and pretrained is None:
-            config = dataclasses.replace(config, source_file=given)
-        suite = load_suite(result.target, entry.world, f"{folder / RESULT}: target", config.perturbation)
+            config = dataclasses.replace(config, source_file=locate(given, folder))
+        target = f"{folder / RESULT}: target"
+        suite = load_suite(locate(result.target, folder), entry.world, target, config.perturbation)
         run = Run(config, suite, None, folder, result.config_hash, pretrained)
         # The same weights as make_parts draws.
         weights = Generator().manual_seed(run.stream("weights"))

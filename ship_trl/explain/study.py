@@ -17,6 +17,7 @@ from ship_trl.config.paths import is_name
 from ship_trl.files.result import ResultError, read_result
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.folder import read_settings
+from ship_trl.run.results import locate
 from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.jobs import PAIRS, run_folder
 from ship_trl.study.plan.manifest import PLAN, read_plan
@@ -138,7 +139,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
 
     of_arm = {arm: kernels(load(run / POLICY)) for arm, run in runs.items()}
     untrained = make_untrained(load(runs[SCRATCH] / POLICY), Generator().manual_seed(seed))
-    shared = {SOURCE: kernels(load(source))}
+    shared = {SOURCE: kernels(load(locate(source, runs[SCRATCH])))}
     others = {arm: shared | {SCRATCH: of_arm[SCRATCH]} for arm in of_arm}
     others[SCRATCH] = shared | {UNTRAINED: kernels(untrained)}
     if other_seed:

@@ -3,33 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
 
 from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from ship_trl.config.errors import one_line
 from ship_trl.files.result import Evaluation, Result
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.progress import Lines, format_duration
+from ship_trl.run.table import show
+from ship_trl.sim.suites import describe
 
 console = Console()
-# Apart from what a command prints, which may be piped.
-progress_console = Console(stderr=True)
-Item = TypeVar("Item")
+# Columns of the table at the end of a run.
+HEADINGS = ("greedy policy", "return", "of best", "ends with", "steps", "least distance", "episode")
 # Picture in a run's folder that compares a transfer with learning from scratch.
 TRANSFER = "transfer.png"
 # Share of a run's episodes between two progress lines, in a single run and in a run of a grid.
 SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
 # Seconds until the first message that this process waits for another one, and between further messages.
 SHORT_WAIT, LONG_WAIT = 1.0, 60.0
-# Least seconds between two lines of `track`.
-LINE_SECONDS = 5.0
 
 
 def say(text: str) -> None:
@@ -88,17 +85,6 @@ def progress(
             yield event
 
 
-def track(label: str, items: Sequence[Item]) -> Iterator[Item]:
-    """Yield the items, and show how many are done: a bar on a terminal, else lines on stderr."""
-    lines, plain = Lines(SINGLE_INTERVAL, apart=LINE_SECONDS), not progress_console.is_terminal
-    columns = TextColumn(label), BarColumn(bar_width=20), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=progress_console, disable=plain) as bar:
-        for done, item in enumerate(bar.track(items)):
-            if plain and done and (left := lines.due(done / len(items))) is not None:
-                progress_console.print(f"{label}: {done} of {len(items)} done{left}", highlight=False)
-            yield item
-
-
 def describe_greedy(episode_return: float, success_rate: float, episodes: int) -> str:
     """Return the mean return of an evaluation, of several episodes with their success rate."""
     return f"{episode_return:.1f}" + (f" ({success_rate:.0%} goal)" if episodes > 1 else "")
@@ -145,10 +131,7 @@ def format_share(value: float, known: float | None) -> str:
 
 def show_result(result: Result, title: str, folder: Path) -> None:
     """Print the table at the end of a run, its files, and what to look at next."""
-    table = Table(title=title, title_justify="left")
-    for name in ("greedy policy", "return", "of best", "ends with", "steps", "DCPA", "episode"):
-        table.add_column(name, justify="left" if name in ("greedy policy", "ends with") else "right")
-    known, source = result.best_known_return, result.on_source
+    known, source, rows = result.best_known_return, result.on_source, []
     for name, row in (
         ("scratch, untrained", result.scratch),
         ("before training", result.before),
@@ -156,19 +139,15 @@ def show_result(result: Result, title: str, folder: Path) -> None:
         ("final", result.final),
     ):
         share = format_share(row.episode_return, known)
-        dcpa = "-" if row.dcpa is None else f"{row.dcpa:.0f} m"
-        table.add_row(
-            *(name, f"{row.episode_return:.1f}", share, describe_end(row)),
-            *(str(row.length), dcpa, str(row.episode)),
-        )
+        nearest = "-" if row.dcpa is None else f"{row.dcpa:.0f} m"
+        numbers = str(row.length), nearest, str(row.episode)
+        rows.append((name, f"{row.episode_return:.1f}", share, describe_end(row), *numbers))
     if known is not None:
-        table.add_row("best known (planner)", f"{known:.1f}", "100%")
-    console.print(table)
+        rows.append(("best known (planner)", f"{known:.1f}", "100%", "", "", "", ""))
+    show(HEADINGS, rows, title=title)
     if source is not None:
-        say(
-            f"on the source its own network returns {source.network:.1f}, and this one {source.before:.1f} "
-            f"before training, {source.best:.1f} at its best and {source.final:.1f} at the end"
-        )
+        case = describe(str(result.source))
+        say(f"Forgetting on {case}: {source.network:.1f} before, {source.final:.1f} after")
     say(
         f"{result.episodes} episodes, {result.steps} steps, {result.seconds:.0f} s; "
         f"goal in {result.training_goal_rate:.0%} of the training episodes, "

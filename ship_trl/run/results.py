@@ -1,32 +1,68 @@
-"""Find the finished runs in a folder and below. No torch."""
+"""Find the finished runs in a folder and below, and tell their settings apart. No torch."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
+
+from omegaconf import OmegaConf
+from yaml import YAMLError
 
 from ship_trl.config.errors import one_line, print_error
+from ship_trl.config.paths import conf_dir
+from ship_trl.files.disk import read_file
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
+from ship_trl.run.folder import flatten
 from ship_trl.run.plan import DAMAGED
+from ship_trl.transfer.casebase import CONFIG
+
+# Keys of a configuration that name or place of a run hold, and those that only change the last digits.
+NOT_NAMED = {
+    *("seed", "method", "layers", "source_weights", "device", "learn.backend", "learn.jumpstart_draws"),
+}
+# Keys of a transfer alone; they tell the runs of an arm apart.
+OF_TRANSFER = ("source", "source_file", "demonstrations", "transfer.")
+# The seed of a run, also in the path of its source.
+SEED = re.compile(rb"(?m)^seed: .*$|(?<=seed=)\d+(-[0-9a-f]{12})?")
 
 
 @dataclass(frozen=True)
 class Found:
     """A finished run: its result, its folder, the folder that was searched, and its part of the study.
 
-    Several parts of a study may have the same pair and arm.
+    Several parts of a study may have the same pair and arm. `changes` are the settings that tell the run from
+    others of its place, as words.
     """
 
     result: Result
     folder: Path
     below: Path
     part: str
+    changes: str = ""
 
     @property
     def place(self) -> str:
         """The pair, with the part of the study in front if there is one."""
         return f"{self.part}/{self.result.pair}" if self.part else self.result.pair
+
+    @property
+    def arm(self) -> str:
+        """The arm, with the settings that tell it from others: "FT3 learn.lr=0.01"."""
+        return f"{self.result.arm} {self.changes}".strip()
+
+
+def locate(name: str, folder: Path) -> str:
+    """Return the file that a run in `folder` was given by a path relative to where it was started.
+
+    A name that is no path of a file is returned as it is.
+    """
+    places = (parent / name for parent in folder.absolute().parents if Path(name).suffix)
+    return next((str(place) for place in places if place.is_file()), name)
 
 
 def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
@@ -40,7 +76,7 @@ def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
             found.append(Found(read_result(path.parent), path.parent, folder, part))
         except ResultError as error:
             broken.append((path, str(error)))
-    return found, broken
+    return name_settings(found), broken
 
 
 def drop_copies(found: Iterable[Found]) -> list[Found]:
@@ -53,18 +89,80 @@ def drop_copies(found: Iterable[Found]) -> list[Found]:
     return list(kept.values())
 
 
+def name_settings(found: Sequence[Found]) -> list[Found]:
+    """Return runs with their `changes`: two runs of an arm have the same words if only their seeds differ."""
+    known: dict[bytes, dict[str, str]] = {}
+    settings = [read_run_settings(one, known) for one in found]
+    changes = [""] * len(found)
+    for of_transfer in (False, True):
+        groups: dict[tuple[str, ...], dict[int, dict[str, str]]] = {}
+        for k, one in enumerate(found):
+            own = {key: v for key, v in settings[k].items() if key.startswith(OF_TRANSFER) is of_transfer}
+            groups.setdefault((one.place, one.result.arm * of_transfer), {})[k] = own
+        for group in groups.values():
+            for k, words in zip(group, tell_apart(list(group.values())), strict=True):
+                changes[k] = f"{changes[k]} {words}".strip()
+    return [replace(one, changes=words) for one, words in zip(found, changes, strict=True)]
+
+
+def read_run_settings(one: Found, known: dict[bytes, dict[str, str]]) -> dict[str, str]:
+    """Return the settings of a run, without arm and seed, by dotted key; `known` holds those read before."""
+    path, version = one.folder / CONFIG, str(one.result.algorithm_version)
+    settings = {"profile": one.result.profile, "algorithm_version": version}
+    try:
+        # Reading YAML is slow, and the files of an arm differ in their seeds alone.
+        text = SEED.sub(b"*", read_file(path, MAX_YAML_BYTES))
+        if text not in known:
+            values: Any = OmegaConf.to_container(read_yaml(path))
+            told = {key: str(value) for key, value in flatten(values) if key not in NOT_NAMED}
+            told = {key: SEED.sub(b"*", value.encode()).decode() for key, value in told.items()}
+            known[text] = {"network": network_name(values.get("network") or {})} | told
+    except (OSError, YAMLError, AttributeError):
+        return settings | {CONFIG: "missing"}
+    return settings | {CONFIG: "there"} | known[text]
+
+
+def network_name(values: Any) -> str:
+    """Return the name in conf/network of the layers in a configuration, or `own`."""
+    for path in sorted((conf_dir() / "network").glob("*.yaml")):
+        layers = {key: value for key, value in OmegaConf.load(path).items() if key != "vector_time"}
+        if all(values.get(key) == value for key, value in layers.items()):
+            return path.stem
+    return "own"
+
+
+def tell_apart(settings: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return words for the settings of each run: a few keys with values that are not the most frequent.
+
+    Two runs have the same words if and only if they have the same settings.
+    """
+    kept: list[str] = []
+
+    def kinds(keys: Sequence[str]) -> int:
+        return len({tuple(one.get(key) for key in keys) for one in settings})
+
+    for key in dict.fromkeys(key for one in settings for key in one):
+        if kinds([*kept, key]) > kinds(kept):
+            kept.append(key)
+    words: list[list[str]] = [[] for _ in settings]
+    for key in kept:
+        (usual, most), (_, second) = Counter(one.get(key) for one in settings).most_common(2)
+        for one, own in zip(settings, words, strict=True):
+            if one.get(key) != usual or most == second:
+                own.append(f"{key}={one.get(key, '-')}")
+    return [" ".join(own) for own in words]
+
+
 def group_runs(found: Iterable[Found]) -> dict[str, list[Found]]:
-    """Group runs by folder, part, profile, pair and arm; return each group by its name, sorted by seed."""
+    """Group runs that differ only in their seeds; return each group by its name, sorted by seed."""
     groups: dict[tuple[str, ...], list[Found]] = {}
     for one in found:
-        names = (str(one.below), one.part, one.result.profile, one.result.pair, one.result.arm)
-        groups.setdefault(names, []).append(one)
+        groups.setdefault((str(one.below), one.part, one.result.pair, one.arm), []).append(one)
     several = len({below for below, *_ in groups}) > 1
     rows: dict[str, list[Found]] = {}
     for (below, *_, arm), runs in sorted(groups.items()):
         name = f"{runs[0].place} {arm}"
-        row = rows.setdefault(f"{below}: {name}" if several else name, [])
-        row += sorted(runs, key=lambda one: one.result.seed)
+        rows[f"{below}: {name}" if several else name] = sorted(runs, key=lambda one: one.result.seed)
     return rows
 
 

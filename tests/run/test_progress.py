@@ -12,6 +12,7 @@ from rich.console import Console
 
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
+from ship_trl.run import progress as run_progress
 from ship_trl.run.progress import Lines
 from ship_trl.study.launch import progress
 from ship_trl.study.plan.config import to_study
@@ -111,10 +112,10 @@ def test_a_study_without_a_terminal_prints_lines(
 def test_things_in_turn_leave_a_line_each_where_there_is_no_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
-    assert list(console.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
+    monkeypatch.setattr(run_progress, "LINE_SECONDS", 0.0)
+    assert list(run_progress.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
     printed = capsys.readouterr()
     lines = [line.split(",")[0] for line in printed.err.splitlines()]
     assert lines == ["episodes: 1 of 3 done", "episodes: 2 of 3 done"] and printed.out == ""
-    assert list(console.track("episodes", ["a"])) == ["a"]
+    assert list(run_progress.track("episodes", ["a"])) == ["a"]
     assert capsys.readouterr().err == ""

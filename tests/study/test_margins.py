@@ -19,7 +19,7 @@ def test_the_shipped_file_is_right() -> None:
 
 def test_a_margin_is_a_share_of_the_gain_and_unknown_without_one(gains: dict[str, dict[str, float]]) -> None:
     assert margin("2", "area") == pytest.approx(0.2 * gains["2"]["area"])
-    assert margin("2", "DCPA") is margin("mine", "area") is None
+    assert margin("2", "least distance") is margin("mine", "area") is None
 
 
 @pytest.mark.parametrize(

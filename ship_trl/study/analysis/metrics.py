@@ -159,7 +159,7 @@ METRICS: dict[str, Callable[[Record], float]] = {
     "dip": dip,
     "collision rise": collision_rise,
     # The least distance (m) to a target ship in the last greedy episode; NaN without ships.
-    "DCPA": lambda run: float(run.greedy.dcpa[-1]),
+    "least distance": lambda run: float(run.greedy.dcpa[-1]),
     # The source network's score on its case less that of the network at the end; NaN if not measured.
     "forgetting": lambda run: run.forgetting,
 }

@@ -43,14 +43,18 @@ def drawings(study: Study) -> dict[str, tuple[str, Draw]]:
     }
 
 
-def draw_all(study: Study, output: Path) -> list[dict[str, str]]:
+def draw_all(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, str]]:
     """Draw all figures that the study has runs for, as PNG and PDF, and remove those of an earlier report.
+
+    `show` is told the share of the figures that are done.
 
     Returns:
         For each figure its name, its title, and its PNGs for wide and narrow screens in base64.
     """
     pictures, written = [], set()
-    for name, (title, draw) in drawings(study).items():
+    planned = drawings(study)
+    for done, (name, (title, draw)) in enumerate(planned.items()):
+        show(done / len(planned))
         wide, narrow = draw(WIDE), draw(NARROW)
         if wide is None or narrow is None:
             continue

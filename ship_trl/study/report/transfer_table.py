@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -20,14 +21,20 @@ HEADINGS = ("run", "seeds", *METRICS)
 
 
 def rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
-    """Yield a table row for each group of run folders that has the same pair and arm."""
-    records = {
-        ("", name.removesuffix(f" {record.arm.name}"), record.arm.name, record.seed): record
-        for name, record in read_groups(groups)
-    }
+    """Yield a table row for each group of run folders; its name holds pair, arm and settings.
+
+    An arm is compared with runs from scratch of the same settings.
+    """
+    records, names = {}, {}
+    for name, record in read_groups(groups):
+        arm = record.arm.name
+        # "low FT3 learn.lr=0.01"; the name of a folder may hold blanks too.
+        pair = re.sub(rf" {re.escape(arm)}(?= \S+=|$)", "", name, count=1)
+        records["", pair, arm, record.seed] = record
+        names[pair, arm] = name
     for row in arm_rows(Study(records)):
         cells = (describe(row, name) for name in METRICS)
-        yield [f"{row['pair']} {row['arm']}", str(row["seeds"]), *cells]
+        yield [names[row["pair"], row["arm"]], str(row["seeds"]), *cells]
 
 
 def describe(row: Row, name: str) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write, links
+from ship_trl.run.progress import Show, show_share
 from ship_trl.study.analysis.contrasts import MIN_SEEDS
 from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.grades import grade_all
@@ -19,6 +20,8 @@ from ship_trl.study.report.page import Earlier, as_markdown, describe_grades, re
 
 # A copy of the claims.csv of an earlier study in a study's folder: its verdicts are named too.
 EARLIER = "earlier.csv"
+# Shares of the time that pass until runs are read, claims are judged and tables are written; then figures.
+READ, JUDGED, TABLES = 0.1, 0.2, 0.5
 
 
 def report(folder: Path, output: Path, seeds: int | None = None) -> None:
@@ -35,14 +38,17 @@ def report(folder: Path, output: Path, seeds: int | None = None) -> None:
     if linked := links(output, folder):
         # A link in an untrusted study could lead anywhere, and files of an earlier report are removed.
         raise ConfigError(f"output: {linked[0]} is a link; allowed: --output with the folder it points to")
-    study = finished_study(folder, seeds)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-        write(study, output, earlier, missing_runs(study, seeds))
-    except OSError as error:
-        raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
+    with show_share("report") as show:
+        study = finished_study(folder, seeds)
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+            lines = write(study, output, earlier, missing_runs(study, seeds), show)
+        except OSError as error:
+            raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures hold reference cycles, 8 MB a report.
     gc.collect()
+    for line in lines:
+        say(line)
     say(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}")
 
 
@@ -51,10 +57,12 @@ def say(line: str) -> None:
     sys.stdout.write(f"{line}\n")
 
 
-def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
-    """Judge and grade the claims, write all files, and print verdicts and grades."""
-    answers, explored, arms = answer(study), explore(study), tables.arm_rows(study)
-    grades = grade_all(study)
+def write(study: Study, output: Path, earlier: Earlier, missing: int, show: Show) -> list[str]:
+    """Judge and grade the claims, write all files, and return lines with verdicts and grades."""
+    show(READ)
+    answers, explored = answer(study), explore(study)
+    show(JUDGED)
+    arms, grades = tables.arm_rows(study), grade_all(study)
     rows = {
         "runs": tables.run_rows(study),
         "arms": tables.as_kept(arms),
@@ -65,31 +73,39 @@ def write(study: Study, output: Path, earlier: Earlier, missing: int) -> None:
     }
     for name, table in rows.items():
         tables.write_csv(output / f"{name}.csv", table)
+    show(TABLES)
     has_forgetting = any("forgetting" in row for row in arms)
     shown = {"arms": arms, "has_forgetting": has_forgetting, "similar": rows["table_2"], "missing": missing}
-    page = render(study, answers, explored, grades, earlier, pictures=draw_all(study, output), **shown)
+
+    def draw(share: float) -> None:
+        show(TABLES + (1 - TABLES) * share)
+
+    page = render(study, answers, explored, grades, earlier, pictures=draw_all(study, output, draw), **shown)
     verdicts = as_markdown(answers, grades, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):
         with atomic_write(output / name) as draft:
             draft.write_text(text)
-    for found in answers:
-        if found.findings:
-            graded = grades[found.hypothesis.name].grade
-            say(f"{found.hypothesis.name:<3}  {found.word:<13} {graded:<15} {found.hypothesis.sentence}")
+    lines = [
+        f"{one.hypothesis.name:<3}  {one.word:<13} {grades[one.hypothesis.name].grade:<15} "
+        f"{one.hypothesis.sentence}"
+        for one in answers
+        if one.findings
+    ]
     if without := [found.hypothesis.name for found in answers if not found.findings]:
-        say(f"no runs: {', '.join(without)}")
-    say(describe_grades(grades))
+        lines.append(f"no runs: {', '.join(without)}")
+    lines.append(describe_grades(grades))
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     judged = set(study.seeds[: study.whole_looks[-1]])
     if later := seeds & set(study.seeds) - judged:
-        say(
+        lines.append(
             f"Claims are those of the look after {len(judged)} seeds; figures and arms.csv have "
             f"{len(later)} more, which the next look judges."
         )
     if missing:
-        say(f"{missing} planned runs are missing")
+        lines.append(f"{missing} planned runs are missing")
     if len(seeds) < MIN_SEEDS:
-        say(f"fewer than {MIN_SEEDS} seeds: every verdict is inconclusive")
+        lines.append(f"fewer than {MIN_SEEDS} seeds: every verdict is inconclusive")
+    return lines
 
 
 def missing_runs(study: Study, seeds: int | None = None) -> int:

@@ -44,7 +44,7 @@ def test_rates(tmp_path: Path) -> None:
     run = record(tmp_path, [0.1] * 60 + [0.9] * 40)
     assert measure(run, "collisions") == pytest.approx(0.6) and measure(run, "early collisions") == 1.0
     assert measure(run, "success") == measure(run, "greedy success") == 1.0
-    assert measure(run, "DCPA") == 60.0
+    assert measure(run, "least distance") == 60.0
 
 
 def test_forgetting_is_a_score_of_the_source(tmp_path: Path) -> None:

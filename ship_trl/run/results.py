@@ -98,7 +98,8 @@ def name_settings(found: Sequence[Found]) -> list[Found]:
         groups: dict[tuple[str, ...], dict[int, dict[str, str]]] = {}
         for k, one in enumerate(found):
             own = {key: v for key, v in settings[k].items() if key.startswith(OF_TRANSFER) is of_transfer}
-            groups.setdefault((one.place, one.result.arm * of_transfer), {})[k] = own
+            name = (one.place, one.result.arm, changes[k]) if of_transfer else (one.place,)
+            groups.setdefault(name, {})[k] = own
         for group in groups.values():
             for k, words in zip(group, tell_apart(list(group.values())), strict=True):
                 changes[k] = f"{changes[k]} {words}".strip()

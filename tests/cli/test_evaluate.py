@@ -28,7 +28,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def table(capsys: pytest.CaptureFixture[str], *words: str) -> list[list[str]]:
-    main([*words, "--markdown"])
+    main([*words, "--all", "--markdown"])
     lines = capsys.readouterr().out.splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
 
@@ -161,13 +161,13 @@ def test_a_policy_acts_where_the_folder_before_it_was_trained(
 
 def test_policies_act_in_the_world_of_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ship_trl(*LINE, "world.turn_time=4", "output=runs", folder=tmp_path)
-    main(["runs", "vo", "target=4", "--markdown"])
+    main(["runs", "vo", "target=4", "--all", "--markdown"])
     *_, lagged, _, caption = capsys.readouterr().out.splitlines()
     assert (
         lagged.startswith("| 4 | vo |")
         and caption == "world.turn_time=4.0: 2 scratch seed 0, best, 2 scratch seed 0, final, vo."
     )
-    main(["vo", "target=4", "world.turn_time=4", "--markdown"])
+    main(["vo", "target=4", "world.turn_time=4", "--all", "--markdown"])
     assert capsys.readouterr().out.splitlines()[-3:] == [lagged, "", "world.turn_time=4.0: vo."]
     main(["vo", "target=4", "--markdown"])
     assert "world" not in capsys.readouterr().out

@@ -29,10 +29,14 @@ def test_one_row_for_each_arm_with_its_seeds(tmp_path: Path, capsys: pytest.Capt
     write(tmp_path, 0, 30.0)
     write(tmp_path, 10, 20.0)
     write(tmp_path, 2, -300.0, "collision")
+    main([str(tmp_path), "--markdown", "--all"])
+    returns = "20.0 (-300.0 to 30.0) | 30.0 -300.0 20.0"
+    assert capsys.readouterr().out.splitlines()[2] == (
+        f"| 4 scratch | 3 | 0 2 10 | 40.0 | {returns} | - | 2 of 3 | {returns} | 2 of 3 | -, -, - |"
+    )
     main([str(tmp_path), "--markdown"])
-    rows = capsys.readouterr().out.splitlines()
-    assert (
-        rows[2] == "| 4 scratch | 0 2 10 | 40.0 | 30.0 -300.0 20.0 | - | 2 of 3 | 30.0 -300.0 20.0 | 2 of 3 |"
+    assert capsys.readouterr().out.splitlines()[2] == (
+        "| 4 scratch | 3 | 20.0 (-300.0 to 30.0) | 20.0 (-300.0 to 30.0) | 2 of 3 |"
     )
 
 
@@ -56,14 +60,14 @@ def test_a_copy_is_no_further_seed(tmp_path: Path, capsys: pytest.CaptureFixture
     # The same seed on another machine, say, may end otherwise.
     write(tmp_path / "other", 0, 20.0)
     (tmp_path / "other/4").rename(tmp_path / "4 elsewhere")
-    main([str(tmp_path), "--markdown"])
+    main([str(tmp_path), "--markdown", "--all"])
     said = capsys.readouterr()
-    assert "| 4 scratch | 0 0 | 40.0 | 30.0 20.0 |" in said.out
+    assert "| 4 scratch | 2 | 0 0 | 40.0 | 25.0 (20.0 to 30.0) | 30.0 20.0 |" in said.out
     copies = [tmp_path / f"{name}/scratch/seed=0" for name in ("4 again", "4")]
     assert said.err == f"ship_trl: {copies[0]} is a copy of {copies[1]}; left out\n"
     # Two folders that are compared may hold the same run.
     main([str(tmp_path / "4"), str(tmp_path / "4 again"), "--markdown"])
-    assert capsys.readouterr().out.count("scratch | 0 |") == 2
+    assert capsys.readouterr().out.count("scratch | 1 | 30.0 |") == 2
 
 
 def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,11 +78,11 @@ def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.C
     write(tmp_path, 1, 40.0)
     (tmp_path / "4/scratch/seed=1").rename(aside)
     main([str(tmp_path), "--markdown"])
-    rows = [row.split(" | ")[:4] for row in capsys.readouterr().out.splitlines()[2:5]]
+    rows = [row.split(" | ")[:3] for row in capsys.readouterr().out.splitlines()[2:5]]
     assert rows == [
-        ["| 4 scratch", "0", "40.0", "10.0"],
-        ["| reuse/epsilon_1/4 scratch", "0", "40.0", "30.0"],
-        ["| reuse/epsilon_low/4 scratch", "0", "40.0", "20.0"],
+        ["| 4 scratch", "1", "10.0"],
+        ["| reuse/epsilon_1/4 scratch", "1", "30.0"],
+        ["| reuse/epsilon_low/4 scratch", "1", "20.0"],
     ]
 
 
@@ -116,7 +120,8 @@ def test_curves_of_two_folders_are_drawn_beside_each_other(
     one, two, picture = (str(tmp_path / name) for name in ("one", "two", "both.png"))
     main([one, two, "--markdown", "--picture", picture])
     said = capsys.readouterr()
-    assert f"| {one}: 4 scratch | 0 |" in said.out and f"| {two}: 4 scratch | 0 1 |" in said.out
+    assert f"| {one}: 4 scratch | 1 |" in said.out and f"| {two}: 4 scratch | 2 |" in said.out
+    assert said.out.splitlines()[-1] == picture
     assert said.err.count("\n") == 1 and "seed=1: curve.csv is missing; left out" in said.err
     assert Path(picture).read_bytes().startswith(b"\x89PNG")
 
@@ -167,17 +172,13 @@ def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
 
 
-def test_returns_on_the_source_are_a_column_if_there_are_any(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_returns_on_the_source_are_a_column(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, 0, 30.0)
-    main([str(tmp_path), "--markdown"])
-    assert "on the source" not in capsys.readouterr().out
     place = tmp_path / "4/FT3/seed=0"
     place.mkdir(parents=True)
     source = SourceReturns(83.94, -300.0, 20.5, -10.0, -203.3, None)
     write_result(place, a_result(pair="4", target="4", on_source=source))
-    main([str(tmp_path), "--markdown"])
+    main([str(tmp_path), "--markdown", "--all"])
     heading, _, ft3, scratch = capsys.readouterr().out.splitlines()[:4]
     assert heading.endswith("| return on the source, its network > at the end, by seed |")
     assert ft3.endswith("| 83.9 > -10.0 |") and scratch.endswith("| - |")
@@ -201,3 +202,21 @@ def test_the_usual_metrics_of_transfer_are_one_table(
         "forward transfer": "0.50 (0.50 to 0.50)",
     }  # fmt: skip
     assert (table["high scratch"]["forgetting"], table["high scratch"]["forward transfer"]) == ("-", "-")
+
+
+def test_runs_of_other_settings_are_not_pooled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arm, rate, score in (("scratch", 1e-4, 0.5), ("FT3", 1e-4, 0.75), ("FT3", 1e-2, 0.1)):
+        for seed in (0, 1) if rate == 1e-4 else (2,):
+            place = write_run(tmp_path, np.full(50, score + 0.01 * seed), arm=arm, seed=seed)
+            told = f"seed: {seed}\nlearn:\n  lr: {rate}\n  batch_size: 32\n"
+            (place / "config.yaml").write_text(told)
+    files = [str(tmp_path / name) for name in ("curves.png", "runs.csv")]
+    main([str(tmp_path), "--markdown", "--transfer", "--picture", files[0], "--csv", files[1]])
+    table, transfer, written = capsys.readouterr().out.split("\n\n")
+    names = ["high FT3", "high FT3 learn.lr=0.01", "high scratch"]
+    assert [line.split(" | ")[0].strip("| ") for line in table.splitlines()[2:]] == names
+    rows = {line.split(" | ")[0].strip("| "): line.split(" | ") for line in transfer.splitlines()[2:]}
+    # No run from scratch has the settings of the second row.
+    assert sorted(rows) == names and rows[names[0]][-1].startswith("0.5") and rows[names[1]][-1] == "- |"
+    assert pd.read_csv(files[1])["run"].value_counts().to_dict() == dict(zip(names, (2, 1, 2), strict=True))
+    assert written.splitlines() == files

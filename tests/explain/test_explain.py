@@ -92,7 +92,9 @@ def origin_of(run: Path) -> Origin:
 def test_a_missing_source_is_named(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # The source is named relative to where the run was started.
+    # The source is named relative to where the run was started, which may be another folder.
+    monkeypatch.chdir(tmp_path)
+    assert origin_of(trained / RUN).source is not None
     monkeypatch.chdir(trained)
     whole = origin_of(RUN)
     assert whole.source is not None and whole.before is not None

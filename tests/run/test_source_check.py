@@ -1,6 +1,7 @@
 """A transfer is measured on its source during training, and learns the same as without."""
 
 import dataclasses
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -46,9 +47,11 @@ def test_what_is_learned_has_the_same_bits_without_it(
     words = *LINE, f"observation={observation}", *("source=pretrained",) * (observation == "pixels")
     run, other = (planned(*words, f"output={name}") for name in ("one", "other"))
     result = run_experiment(run)
-    assert "\non the source its own network returns " in capsys.readouterr().out
+    told = re.search(r"^Forgetting on case 1: (\S+) before, (\S+) after$", capsys.readouterr().out, re.M)
+    assert told is not None and result.on_source is not None
+    assert told.groups() == (f"{result.on_source.network:.1f}", f"{result.on_source.final:.1f}")
     run_experiment(dataclasses.replace(other, source_suite=None))
-    assert "on the source" not in capsys.readouterr().out.partition("case 1 -> case 2")[2]
+    assert "Forgetting" not in capsys.readouterr().out.partition("case 1 -> case 2")[2]
     kept, left = files(run.folder), files(other.folder)
     for name in ("policy.safetensors", "policy_last.safetensors"):
         assert kept[name] == left[name]

@@ -1,0 +1,102 @@
+"""The tables of every verb: at 80 and 120 characters, and in a pipe, every number can be read."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ship_trl.cli import ask, cases, evaluate, metrics, results
+from ship_trl.files.result import SourceReturns
+from ship_trl.run import console
+from tests.a_result import a_result
+from tests.study.synthetic import write_run, write_study
+
+SOURCE = SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two folders of runs with many seeds, a study, and a log."""
+    folder = tmp_path_factory.mktemp("tables")
+    for below in ("one", "two"):
+        for seed in range(12):
+            scores = np.full(50, 0.4 + 0.01 * seed)
+            write_run(folder / below, scores, arm="scratch", seed=seed)
+            write_run(folder / below, scores, arm="FT3", seed=seed, on_source=SOURCE)
+    write_study(folder / "study", 5)
+    lines = [f"{step},{step / 10 + seed},{seed}" for seed in range(3) for step in range(0, 1000, 50)]
+    for arm in ("scratch", "FT3"):
+        (folder / f"{arm}.csv").write_text("\n".join(["step,return,seed", *lines]))
+    return folder
+
+
+def finish(_: list[str]) -> None:
+    """Print what a run prints at its end."""
+    console.show_result(a_result(on_source=SOURCE), "case 1 -> case 2, FT3, seed 0", Path("outputs"))
+
+
+VERBS: dict[str, tuple[Callable[[list[str]], None], str]] = {
+    "one episode": (evaluate.main, "keep_course vo random target=4,ship"),
+    "one episode, all": (evaluate.main, "keep_course vo target=4 --all"),
+    "many episodes": (evaluate.main, "keep_course vo target=imazu"),
+    "several suites": (evaluate.main, "keep_course target=paper,imazu"),
+    "rules": (evaluate.main, "keep_course vo target=imazu --rules"),
+    "all": (evaluate.main, "keep_course vo target=imazu --all --by class"),
+    "results": (results.main, "one"),
+    "results, all": (results.main, "one two --all --stability --transfer --test"),
+    "metrics": (metrics.main, "scratch=scratch.csv FT3=FT3.csv"),
+    "a case": (cases.main, "target=4 --picture case.png"),
+    "cases": (cases.main, "target=paper,ship --picture cases.png"),
+    "ask": (ask.main, "study high:+FTW+above+scratch"),
+    "a run": (finish, ""),
+}
+
+
+def cells_of(text: str) -> set[str]:
+    """The cells with a number of a table on lines of any length."""
+    found = {cell for line in text.splitlines() for cell in re.split(r"\s{2,}|[│┃|]", line)}
+    return {cell.strip() for cell in found if re.search(r"\d", cell)}
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_no_number_is_cut(
+    name: str, runs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(runs)
+    main, line = VERBS[name]
+    # Times of decisions differ each time.
+    monkeypatch.setattr(evaluate.Evaluated, "decision_time", 0.5)
+    words = [word.replace("+", " ") for word in line.split()]
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    monkeypatch.setenv("COLUMNS", "40")
+    main(words)
+    whole = capsys.readouterr().out
+    cells = cells_of(whole)
+    assert "…" not in whole and len(cells) > 3
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "dumb")
+    for width in (80, 120):
+        monkeypatch.setenv("COLUMNS", str(width))
+        main(words)
+        shown = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
+        assert "…" not in shown
+        parts = cells_of(shown)
+        # Lists of many seeds are wrapped between numbers.
+        short = {cell for cell in cells if len(cell) <= width // 2}
+        assert short <= parts, short - parts
+        assert {word for cell in cells for word in cell.split()} <= set(shown.split())
+
+
+def test_five_columns_fit_eighty_characters(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for key, value in (("FORCE_COLOR", "1"), ("TERM", "dumb"), ("COLUMNS", "80")):
+        monkeypatch.setenv(key, value)
+    evaluate.main(["keep_course", "vo", "sb_mpc", "target=imazu"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].strip() == "imazu: 22 episodes" and max(map(len, lines)) <= 80
+    rows = {line.split()[0]: re.split(r"\s{2,}", line.strip())[1:] for line in lines if "%" in line}
+    assert rows["keep_course"] == ["0% (0 to 15)", "100%", "0%", "41 (35)"]
+    assert rows["vo"][:3] == ["100% (85 to 100)", "0%", "0%"] and "sb_mpc" in rows

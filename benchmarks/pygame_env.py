@@ -128,7 +128,7 @@ class PygameShipEnv(gymnasium.Env[NDArray[np.uint8], np.int64]):
             reward += weights.w2 * weights.collision
         terminated = goal or collision
         truncated = self._steps >= world.max_steps and not terminated
-        info = {"goal": goal, "collision": collision, "dcpa": self._dcpa}
+        info = {"goal": goal, "collision": collision, "least_distance": self._dcpa}
         return self._draw(), reward, terminated, truncated, info
 
     def _moving(self) -> tuple[Pixel, list[list[Pixel]]]:

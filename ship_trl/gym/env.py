@@ -20,8 +20,8 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
     Observation: uint8 [84, 84, C], C = 1 (grey) or 3 (`colour`); as a vector float32 [F], see
     `ship_trl.sim.vector`. Action: index into table 1.
     Reward: raw (equation 4), times `reward_scale`. `info` has `state` (the scene, see `ship_trl.sim.state`),
-    `goal`, `collision` and `dcpa` (m, infinite without target ships). An episode starts as the case does; the
-    seed matters only for a suite, whose starts are drawn.
+    `goal`, `collision` and `least_distance` (m, infinite without target ships). An episode starts as the case
+    does; the seed matters only for a suite, whose starts are drawn.
 
     Args:
         case: name of a case or a suite, or the path of a case's YAML file.
@@ -81,7 +81,7 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
         ships = self._ships
         if self.render_mode == "human":
             self._show()
-        info = {"state": ships.state[0].copy(), "dcpa": float(ships.dcpa[0])}
+        info = {"state": ships.state[0].copy(), "least_distance": float(ships.dcpa[0])}
         return ships.observe(ships.state)[0], info | {"goal": goal, "collision": collision}
 
     def render(self) -> Pixels | None:

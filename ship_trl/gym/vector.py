@@ -146,4 +146,5 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
 
     def _infos(self, goal: Flags, collision: Flags) -> Infos:
         ships = self._ships
-        return {"state": ships.state.copy(), "goal": goal, "collision": collision, "dcpa": ships.dcpa.copy()}
+        ends = {"goal": goal, "collision": collision}
+        return {"state": ships.state.copy(), "least_distance": ships.dcpa.copy(), **ends}

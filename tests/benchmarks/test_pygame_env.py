@@ -38,7 +38,7 @@ def compare_episode(theirs: PygameShipEnv, ours: ShipEnv, random: np.random.Gene
         assert reward == pytest.approx(float(step["reward"]), abs=2e-3)
         assert (terminated, truncated) == (bool(step["terminated"]), bool(step["truncated"]))
         assert (info["goal"], info["collision"]) == (bool(step["goal"]), bool(step["collision"]))
-        assert info["dcpa"] == pytest.approx(float(step["dcpa"]), abs=1e-2)
+        assert info["least_distance"] == pytest.approx(float(step["dcpa"]), abs=1e-2)
         over = terminated or truncated
     # Grey levels of 256. The one draws even the circles with hard edges, the other copies soft ones.
     assert max(right) < (0.9 if isinstance(theirs, TunedPygameShipEnv) else 2.5)

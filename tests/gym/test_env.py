@@ -34,7 +34,7 @@ def test_gymnasium_accepts_it(colour: bool) -> None:
 def test_it_is_made_by_name() -> None:
     env = gymnasium.make(f"ship_trl.gym.env:{ENV_ID}", case="3", reward_scale=0.01)
     observation, info = env.reset(seed=1)
-    assert observation.shape == (84, 84, 1) and info["dcpa"] == float("inf")
+    assert observation.shape == (84, 84, 1) and info["least_distance"] == float("inf")
     total, steps, terminated, truncated = 0.0, 0, False, False
     while not (terminated or truncated):
         observation, reward, terminated, truncated, info = env.step(np.int64(3))
@@ -135,7 +135,7 @@ def test_torch_alone_steps_and_draws_alike() -> None:
             plain.step(action),
         )
         assert np.abs(pixels.astype(int) - other).max() <= 1 and ends[:2] == others[:2]
-        assert abs(reward - paid) < 1e-3 and abs(info["dcpa"] - told["dcpa"]) < 1e-3
+        assert abs(reward - paid) < 1e-3 and abs(info["least_distance"] - told["least_distance"]) < 1e-3
 
 
 @pytest.mark.parametrize(("colour", "vector_time"), [(False, 0.0), (True, 0.0), (False, 8.0)])

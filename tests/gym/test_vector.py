@@ -28,7 +28,7 @@ from ship_trl.gym.vector import ShipCollisionVectorEnv
 from ship_trl.sim.suites import Perturbation, Suite, load_suite
 from tests.command import ROOT, environment
 
-KEYS = ("state", "goal", "collision", "dcpa")
+KEYS = ("state", "goal", "collision", "least_distance")
 
 
 @cache
@@ -176,11 +176,11 @@ def test_returned_arrays_are_not_overwritten() -> None:
     # Changing a returned array does not change the ships.
     mine, other = ShipCollisionVectorEnv(3, "4"), infos["state"].copy()
     mine.reset()
-    infos["state"][:], infos["dcpa"][:] = 0.0, 0.0
+    infos["state"][:], infos["least_distance"][:] = 0.0, 0.0
     mine.step(np.array([0, 3, 6]))
     _, _, _, _, after = envs.step(np.array([1, 1, 1]))
     _, _, _, _, wanted = mine.step(np.array([1, 1, 1]))
-    assert np.array_equal(after["state"], wanted["state"]) and np.array_equal(after["dcpa"], wanted["dcpa"])
+    assert all(np.array_equal(after[key], wanted[key]) for key in ("state", "least_distance"))
     assert not np.array_equal(after["state"], other)
 
 

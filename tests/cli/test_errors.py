@@ -11,6 +11,7 @@ from hydra.errors import HydraException
 from safetensors.torch import load_file
 from torch import Generator
 
+from ship_trl.config import errors
 from ship_trl.config.errors import missing_extra
 from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.types import Precision
@@ -243,3 +244,11 @@ def test_an_unknown_flag_is_one_line(flags: list[str], tmp_path: Path) -> None:
     said = ship_trl(*flags, folder=tmp_path, code=1).stderr
     assert said.startswith("ship_trl: ") and said.count("\n") == 1 and "without dashes" in said
     assert not list(tmp_path.iterdir())
+
+
+def test_no_index_is_asked_for_an_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert missing_extra("onnx", "onnx") == "onnx is not installed; run: pip install -e '.[onnx]'"
+    monkeypatch.setattr(errors, "PACKAGE", tmp_path / "ship_trl")
+    assert missing_extra("onnx", "onnx") == "onnx is not installed; run in a checkout: pip install '.[onnx]'"
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
+    assert len(pages) > 10 and not [page for page in pages if "'ship_trl[" in page.read_text()]

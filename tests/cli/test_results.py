@@ -219,4 +219,4 @@ def test_runs_of_other_settings_are_not_pooled(tmp_path: Path, capsys: pytest.Ca
     # No run from scratch has the settings of the second row.
     assert sorted(rows) == names and rows[names[0]][-1].startswith("0.5") and rows[names[1]][-1] == "- |"
     assert pd.read_csv(files[1])["run"].value_counts().to_dict() == dict(zip(names, (2, 1, 2), strict=True))
-    assert written.splitlines() == files
+    assert written.splitlines()[-2:] == files

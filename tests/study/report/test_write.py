@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -14,7 +15,10 @@ import pytest
 
 from ship_trl.cli.report import main
 from ship_trl.files.result import SourceReturns
+from ship_trl.run import progress
 from ship_trl.study.analysis.metrics import LATER
+from ship_trl.study.analysis.study import Study
+from ship_trl.study.report import write
 from tests.command import ROOT, files
 from tests.study.report.conftest import GONE, STAYING, Odd
 from tests.study.synthetic import learning, write_planned, write_run, write_study
@@ -171,3 +175,20 @@ def test_a_report_is_written_through_no_link(tmp_path: Path, capsys: pytest.Capt
         main([str(tmp_path / "study")])
     assert f"output: {tmp_path / 'study/report'} is a link" in capsys.readouterr().err
     assert [path.name for path in private.iterdir()] == ["pair_mine.png"]
+
+
+def test_a_report_shows_how_far_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
+
+    def draw_half(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, str]]:
+        show(0.5)
+        return []
+
+    monkeypatch.setattr(write, "draw_all", draw_half)
+    write_study(tmp_path, seeds=1)
+    main([str(tmp_path)])
+    printed = capsys.readouterr()
+    shares = re.findall(r"^report: (\d+)% done(?:, about .* left)?$", printed.err, re.MULTILINE)
+    assert shares == ["10", "20", "50", "75"] and "done" not in printed.out

@@ -1,4 +1,4 @@
-# make run    the main job, and a film of a ship that gives way; make run ARGS="target=4 method=scratch" another one
+# make run    the main job, and a film of its network; make run ARGS="target=4 method=scratch" another job, without
 # make install  nothing but the virtual environment, for the commands of the README
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests; those that precision touches once more without bfloat16
@@ -13,7 +13,9 @@ PYTHON ?= $(BIN)/python python3 python3.14 python3.13 python3.12 python3.11
 VENV ?= .venv
 LOCK ?= requirements.lock
 UPGRADE ?=
-ARGS ?= +pair=high method=finetune layers=3
+ARGS ?= +pair=low method=finetune layers=3
+# The network of the film; with other arguments the run leaves its own episode.gif.
+FILMED ?= $(if $(filter file,$(origin ARGS)),outputs/low/FT3/seed=0)
 
 BIN = $(VENV)/bin
 # Beside the other: what these tools need must not change what is run and tested.
@@ -38,7 +40,7 @@ make_venv = $(foreach found,$(python),$(if $(filter $(BIN)/python,$(found)),,$(f
 
 run: $(VENV)/.run
 	$(BIN)/python -m ship_trl $(ARGS)
-	$(BIN)/python -m ship_trl record pretrained target=4 --size 960x540 --output outputs/give_way.gif
+	$(if $(FILMED),$(BIN)/python -m ship_trl record $(FILMED) --size 960x540 --output outputs/give_way.gif)
 
 install: $(VENV)/.run
 

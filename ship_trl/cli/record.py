@@ -38,8 +38,6 @@ def main(arguments: list[str] | None = None) -> None:
     add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
     add_output(parser, "--trajectories", (".png",), "chart of all paths")
     parser.add_argument("--compare", action="store_true", help="two policies side by side")
-    parser.add_argument("--absolute", action="store_true", help="north up, all ships move (figure 2a)")
-    parser.add_argument("--to-scale", action="store_true", help="hulls in their true size")
     parser.add_argument("--saliency", action="store_true", help="the pixels on which the highest Q depends")
     add_seed(parser, "of the first random encounter, and of policies that draw")
     add_size(parser, "1280x720", "of the film")
@@ -97,7 +95,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     if options.compare:
         first, second = distinct_policies(entries, True)[:2]
         acts = [[first, replace(second, suite=first.suite)]]
-    look = Look(options.absolute, options.to_scale, options.saliency)
+    look = Look(saliency=options.saliency)
 
     def frames() -> Iterator[Surface]:
         for act in track("episodes", acts):

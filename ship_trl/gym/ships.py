@@ -70,8 +70,8 @@ class Ships:
         self._generators = [Generator() for _ in range(count)]
         for generator in self._generators:
             generator.seed()
-        self.vector_time: float = Reader().read(Seconds, vector_time, "vector_time")
-        rasteriser = Rasteriser(self.world, colour=colour, vector_time=self.vector_time, fast=fast)
+        ahead: float = Reader().read(Seconds, vector_time, "vector_time")
+        rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead, fast=fast)
         # The starts of random encounters must not depend on the limit.
         limit = self.world.max_steps if max_steps is None else NO_LIMIT if max_steps == -1 else max_steps
         if limit < 1:
@@ -93,6 +93,8 @@ class Ships:
             self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.action_space = spaces.Discrete(len(self.world.actions))
         self.state = np.empty((count, self._starts.states.shape[1]), np.float32)
+        # Where each episode began: the map for people stays still.
+        self._first_state = self.state.copy()
         self.dcpa = np.empty(count, np.float32)
         self.reset()
 
@@ -116,6 +118,7 @@ class Ships:
         else:
             drawn = np.arange(len(self.dcpa))[rows].tolist()
             self.state[rows] = np.concatenate([self._starts.draw(1, self._generators[row]) for row in drawn])
+        self._first_state[rows] = self.state[rows]
 
     def advance(self, actions: object, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], Flags]:
         """Advance by a step; return raw rewards [N], and goal, collision and truncated [3, N].
@@ -152,7 +155,8 @@ class Ships:
         from ship_trl.view.painter import draw_scene
 
         state = torch.from_numpy(self.state[row])
-        return draw_scene(first_case(self.suite, state), self.world, state, LARGE_PICTURE, self.vector_time)
+        start = torch.from_numpy(self._first_state[row])
+        return draw_scene(first_case(self.suite, state), self.world, state, LARGE_PICTURE, start)
 
     def picture(self, row: int) -> Pixels:
         """Draw the scene of a row for people: uint8 [600, 600, 3]."""

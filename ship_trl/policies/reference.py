@@ -82,6 +82,15 @@ def best_known_return(
     return sum(returns) / len(returns)
 
 
+def is_course_best(suite: Suite, world: World, known: float | None) -> bool:
+    """Return whether holding course reaches the best known return of a suite, so that nothing is avoided."""
+    if known is None:
+        return False
+    straight = [world.straight_action] * world.max_steps
+    returns = [follow_plan(case, world, straight).episode_return for case in suite.cases]
+    return sum(returns) / len(returns) > known - RETURN_TOLERANCE
+
+
 def plan_name(case: Case, world: World) -> str:
     """Return the file name of a case's plan: a digest of planner, case, world and reward.py."""
     # An edited formula may have another best plan, even if the return of the cached one stays the same.

@@ -129,8 +129,8 @@ def format_share(value: float, known: float | None) -> str:
     return f"{value / known:.0%}" if known is not None and min(known, value) > 0 else "-"
 
 
-def show_result(result: Result, title: str, folder: Path) -> None:
-    """Print the table at the end of a run, its files, and what to look at next."""
+def show_result(result: Result, title: str, folder: Path, is_course_best: bool) -> None:
+    """Print the end of a run: a table, its files, what to look at next, and whether nothing is avoided."""
     known, source, rows = result.best_known_return, result.on_source, []
     for name, row in (
         ("scratch, untrained", result.scratch),
@@ -160,4 +160,8 @@ def show_result(result: Result, title: str, folder: Path) -> None:
     elif result.source is not None:
         say("  no run from scratch of these settings to compare with; to train one: +arm=scratch")
     say(f"  watch it: python -m ship_trl watch {folder}")
-    say("  watch a ship give way to two others: python -m ship_trl watch pretrained target=4")
+    if is_course_best:
+        say(
+            f"  in {describe(result.target)} holding course is best, so that no run shows avoidance; "
+            "+pair=low has ships to avoid"
+        )

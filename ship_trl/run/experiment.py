@@ -8,6 +8,7 @@ import torch
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.result import Result
+from ship_trl.policies.reference import is_course_best
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.conclude import retain
@@ -48,7 +49,8 @@ def run_experiment(run: Run, place: str = "") -> Result:
     if place:
         console.say_result(result, run.title, run.folder, place)
     else:
-        console.show_result(result, run.title, run.folder)
+        is_best = is_course_best(run.target, run.config.world, result.best_known_return)
+        console.show_result(result, run.title, run.folder, is_best)
     return result
 
 

@@ -25,16 +25,16 @@ from ship_trl.sim.encounter import (
 from ship_trl.sim.state import HEADING, SHIP_COUNT, SHIP_HEADING, SHIP_Y, goal, position, target_ships
 from ship_trl.view import pen
 from ship_trl.view.painter import MARGIN as AROUND
-from ship_trl.view.painter import Projection
-from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT, YELLOW, Colour
+from ship_trl.view.painter import Projection, draw_goal, draw_safe_ring, draw_water, hull_length
+from ship_trl.view.palette import BACKGROUND, FAINT, TEXT, YELLOW, Colour
 from ship_trl.view.words import circle_names
 
 # Pixels. A caption has the name, and a line for each class of encounter.
 WIDTH, MARGIN, GAP, COLUMNS = 1200, 16, 16, 5
 PICTURE = (WIDTH - 2 * MARGIN - (COLUMNS - 1) * GAP) // COLUMNS
 NAME, LINE = 22, 17
-# Seconds of the way ahead, and metres of a hull: at the network's size close ships would overlap.
-AHEAD, LENGTH = 20.0, 60.0
+# Seconds of the way ahead.
+AHEAD = 20.0
 CLASSES: dict[Encounter, tuple[str, Colour]] = {
     Encounter.HEAD_ON: ("head-on", (255, 110, 100)),
     Encounter.GIVE_WAY: ("give way", (245, 178, 66)),
@@ -86,25 +86,22 @@ def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: Wor
 
 def draw_start(state: Tensor, world: World, side: int, width: float) -> pygame.Surface:
     """Draw a state [S] as a square of `width` metres; the colour of a ship's way is that of its class."""
-    picture = pen.new_surface(side, side)
-    picture.fill(scene.DISC)
     classes = encounter_classes(state)
     x, y = ((position(state) + goal(state)) / 2).tolist()
     frame = Projection(x, y, math.pi / 2, side, side / width)
     own, ships = state[: HEADING + 1], target_ships(state)[: len(classes), : SHIP_HEADING + 1]
     poses = torch.cat((own[None], ships)).double().numpy()
     ways = torch.cat((own_velocity(state)[None], ship_velocities(state)[: len(classes)])).double().numpy()
-    start, end = frame.point(*poses[0, :2]), frame.point(*goal(state).tolist())
-    pen.circle(picture, scene.GOAL_CIRCLE, end, world.goal_distance * frame.scale, 2)
-    pen.circle(picture, scene.SAFE_CIRCLE, start, world.safe_distance * frame.scale)
-    pen.strip(picture, RULE, start, end, 2)
+    picture = draw_water(frame).copy()
+    draw_goal(picture, frame, world, poses[0, :2].tolist(), goal(state).tolist())
+    draw_safe_ring(picture, frame, world, poses[0])
     colours = [scene.OWN, *(CLASSES[one][1] for one in classes)]
     for pose, way, colour in zip(poses, ways, colours, strict=True):
         ahead = frame.point(*(pose[:2] + AHEAD * way))
         pen.strip(picture, colour, frame.point(*pose[:2]), ahead, 2)
         pen.circle(picture, colour, ahead, 3)
     for pose, colour in zip(poses, [scene.OWN, *[scene.TARGET] * len(ships)], strict=True):
-        pen.polygon(picture, colour, frame.hull(pose, LENGTH))
+        pen.polygon(picture, colour, frame.hull(pose, hull_length(world, frame.scale)))
     return picture
 
 
@@ -119,6 +116,8 @@ def _draw_key(page: pygame.Surface, top: float, world: World, width: float) -> N
     """Explain the pictures below them."""
     expected, safe = circle_names(world)
     first = f"north up, width {width:.0f} m; lines: {AHEAD:g} s on course, in the colour of the class"
-    second = f"red: {expected}; black: {safe}; hulls drawn {LENGTH:g} m long; classes by Pedersen's sectors"
+    hull = hull_length(world, PICTURE / width)
+    around = f"blue: goal, {expected}; around own ship: {safe}"
+    second = f"{around}; hulls drawn {hull:.0f} m long; classes by Pedersen's sectors"
     for place, text in enumerate((first, second)):
         pen.write(page, text, (MARGIN, top + (place + 0.5) * LINE), FAINT, 13)

@@ -21,12 +21,12 @@ from ship_trl.view.case_page import describe_classes, encounter_classes
 from ship_trl.view.legend import draw_legend
 from ship_trl.view.painter import draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
-from ship_trl.view.words import counted
+from ship_trl.view.words import circle_names, counted
 
 # Steps between the two moments shown: at the second one the ships of the paper's cases are near.
 STEPS = 12
 PICTURE = 3 * scene.SIZE
-GAP, MARGIN, LABEL, HEAD, LEGEND = 12, 20, 176, 50, 36
+GAP, MARGIN, LABEL, HEAD, LEGEND = 12, 20, 176, 50, 72
 WIDTH = 2 * MARGIN + LABEL + 4 * PICTURE + 3 * GAP
 
 
@@ -61,13 +61,17 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
         straight, later = torch.tensor([world.straight_action]), start[None]
         for _ in range(STEPS):
             later = motion(later, straight).state
-        pictures = [draw_scene(case, world, state, PICTURE) for state in (start, later[0])]
+        pictures = [draw_scene(case, world, state, PICTURE, start) for state in (start, later[0])]
         for colour in (False, True):
             seen = Rasteriser(world, colour=colour)(later[0]).numpy()
             pictures.append(pen.from_array(seen, PICTURE))
         for left, picture in zip(lefts, pictures, strict=True):
             sheet.blit(picture, (left, top))
     room = pygame.Rect(MARGIN, bottom, WIDTH - 2 * MARGIN, LEGEND)
-    draw_legend(sheet, room, world, 13, plain=True)
+    draw_legend(sheet, room, world, 13)
+    expected, safe = circle_names(world)
+    lengths = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
+    text = f"the network sees hulls of {lengths}; around own ship, black: {safe}, red: {expected}"
+    pen.write(sheet, text, (MARGIN, bottom + 54), FAINT, 13)
     with atomic_write(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)

@@ -15,7 +15,7 @@ from ship_trl.view import pen
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.graph import Graph, make_graphs
 from ship_trl.view.legend import draw_legend
-from ship_trl.view.painter import absolute_frame, paint_scene
+from ship_trl.view.painter import map_frame, paint_scene, relative_frame
 from ship_trl.view.palette import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
 from ship_trl.view.panel import Panel
 
@@ -38,10 +38,10 @@ NARROW_SHAPE, SMALL_SHARE = 1.3, 0.6
 
 @dataclass(frozen=True)
 class Look:
-    """What to show: the absolute frame, hulls to scale, saliency."""
+    """What to show: own ship in the middle, hulls as large as the network sees them, saliency."""
 
-    absolute: bool = False
-    to_scale: bool = False
+    relative: bool = False
+    large: bool = False
     saliency: bool = False
 
 
@@ -100,9 +100,10 @@ def draw_dashboard(
     surface.blit(_draw_still(size, some, steps, look, status), (0, 0))
     telemetries = [view.telemetry for view in some]
     for k, view in enumerate(some):
-        frame = absolute_frame(telemetries, layout.side) if look.absolute else None
-        picture, vector_time = surface.subsurface(layout.scene(k)), view.rasteriser.vector_time
-        paint_scene(picture, view.telemetry, position, frame, look.to_scale, vector_time=vector_time)
+        frame = map_frame(telemetries, layout.side)
+        if look.relative:
+            frame = relative_frame(view.telemetry.at(position)[0], layout.side)
+        paint_scene(surface.subsurface(layout.scene(k)), view.telemetry, position, frame, look.large)
     for graph in _make_graphs(size, some):
         graph.draw(surface, position)
     if help_lines:
@@ -128,9 +129,7 @@ def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, st
             words = pen.cut(f"{'AB'[k]}  {view.title}", layout.width, letters, True)
             pen.write(surface, words, (scene.left, scene.top - layout.title / 2), PAIR[k], letters, True)
         legend = pygame.Rect(scene.bottomleft, (layout.side, layout.legend))
-        letter_size, vector_time = max(9, round(13 * unit)), view.rasteriser.vector_time
-        world = view.telemetry.world
-        draw_legend(surface, legend, world, letter_size, look.to_scale, vector_time=vector_time)
+        draw_legend(surface, legend, view.telemetry.world, max(9, round(13 * unit)), look.large)
         if layout.values:
             row = pygame.Rect(legend.bottomleft, (layout.side, layout.values))
             Panel(surface, row, unit, view, step, look.saliency).values()

@@ -17,8 +17,8 @@ from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.state import SHIP_COUNT, SHIP_HEADING, goal, goal_distance, position, target_ships
 from ship_trl.view import pen
-from ship_trl.view.painter import Projection
-from ship_trl.view.palette import BACKGROUND, FAINT, OUTCOMES, RULE, TEXT
+from ship_trl.view.painter import Projection, draw_goal, draw_safe_ring, draw_water, hull_length
+from ship_trl.view.palette import BACKGROUND, FAINT, OUTCOMES, TEXT
 from ship_trl.view.words import circle_names, counted
 
 # Pixels. A caption has the name, and how the episode ends.
@@ -26,8 +26,8 @@ WIDTH, MARGIN, GAP, COLUMNS, MAX_PICTURES = 1200, 16, 10, 8, 48
 PICTURE = (WIDTH - 2 * MARGIN - (COLUMNS - 1) * GAP) // COLUMNS
 TITLE, CAPTION, LINE = 34, 36, 17
 NAME_LINE = 15
-# Seconds between marks on a path; metres of a hull, and around start and goal.
-MARK_TIME, LENGTH, AROUND = 10.0, 50.0, 40.0
+# Seconds between marks on a path, and metres around start and goal.
+MARK_TIME, AROUND = 10.0, 40.0
 FAILURES = ("collision", "timeout", "goal")
 MAX_TITLE = 52
 
@@ -74,7 +74,7 @@ def write_episode_page(
         pen.write(page, pen.cut(caption, PICTURE, 12), (left, y + 1), OUTCOMES[one.outcome], 12)
     expected, safe = circle_names(world)
     first = f"north up, width {2 * reach:.0f} m; a mark every {MARK_TIME:g} s; ships where the episode ends"
-    second = f"captions: end, time, least distance; red: {expected}; around own ship: {safe}"
+    second = f"captions: end, time, least distance; blue: goal, {expected}; around own ship: {safe}"
     for line, text in enumerate((first, second)):
         pen.write(page, text, (MARGIN, bottom + (line + 0.5) * LINE), FAINT, 13)
     with atomic_write(path) as draft:
@@ -83,15 +83,12 @@ def write_episode_page(
 
 def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygame.Surface:
     """Draw an episode's paths as a square of `width` metres; own ship's has the colour of the outcome."""
-    picture = pen.new_surface(side, side)
-    picture.fill(scene.DISC)
     states, colour = episode.states.double(), OUTCOMES[episode.outcome]
     start, end = position(states[0]), goal(states[0])
     x, y = ((start + end) / 2).tolist()
     frame = Projection(x, y, math.pi / 2, side, side / width)
-    begin, target = frame.point(*start.tolist()), frame.point(*end.tolist())
-    pen.strip(picture, RULE, begin, target, 1.5)
-    pen.circle(picture, scene.GOAL_CIRCLE, target, world.goal_distance * frame.scale, 2)
+    picture = draw_water(frame).copy()
+    draw_goal(picture, frame, world, start.tolist(), end.tolist())
     ships = target_ships(states)[:, : int(states[0, SHIP_COUNT])]
     tracks = [(FAINT, ships[:, k, : SHIP_HEADING + 1].numpy(), scene.TARGET) for k in range(ships.shape[1])]
     tracks.append((colour, states[:, : SHIP_HEADING + 1].numpy(), scene.OWN))
@@ -102,8 +99,7 @@ def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygam
             pen.strip(picture, shade, one, other, 2.5 if shade == colour else 1.2)
         for mark in places[::every]:
             pen.circle(picture, shade, mark, 2)
-    last = frame.point(*position(states[-1]).tolist())
-    pen.circle(picture, scene.SAFE_CIRCLE, last, world.safe_distance * frame.scale, 1.5)
+    draw_safe_ring(picture, frame, world, position(states[-1]).tolist(), episode.outcome == "collision")
     for _, poses, hull in tracks:
-        pen.polygon(picture, hull, frame.hull(poses[-1], LENGTH))
+        pen.polygon(picture, hull, frame.hull(poses[-1], hull_length(world, frame.scale)))
     return picture

@@ -23,7 +23,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.view import pen
 from ship_trl.view.dashboard import SMALL_SIZE, Look, draw_dashboard
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.palette import OUTCOMES
+from ship_trl.view.palette import GOAL_MARK, OUTCOMES
 from ship_trl.view.telemetry import measure_episode
 
 # Seconds for which the last picture of an episode stays.
@@ -32,7 +32,7 @@ STEPS_PER_SECOND = 10
 # Colours of a GIF. They are chosen from its first frames, and from exact ones that must not be averaged.
 COLOURS, SAMPLED_FRAMES = 128, 20
 SCENE = (scene.OUTSIDE, scene.DISC, scene.GOAL_CIRCLE, scene.SAFE_CIRCLE, scene.OWN, scene.LINE, scene.TARGET)
-EXACT = (*SCENE, *OUTCOMES.values())
+EXACT = (*SCENE, GOAL_MARK, *OUTCOMES.values())
 
 
 def draw_film(

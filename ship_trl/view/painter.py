@@ -1,7 +1,7 @@
-"""Paint scenes: own ship in the middle and heading up (figure 2b), or north up (figure 2a).
+"""Paint scenes for people: a map, north up (figure 2a), or own ship in the middle, heading up (figure 2b).
 
-Sizes, colours and the order of drawing are those of the network's rasteriser, but no code is shared: a test
-compares the two pictures, so each checks the other.
+Hulls are to scale, so that ships which pass each other do not touch. The network's larger hulls and circles
+are drawn by `ship_trl.sim.render`.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SPEED, X, Y
 from ship_trl.view import pen
-from ship_trl.view.palette import BACKGROUND, OUTCOMES, TEXT, Colour, blend
+from ship_trl.view.palette import BACKGROUND, DANGER, FAINT, GOAL_MARK, OUTCOMES, RULE, TEXT, blend
 from ship_trl.view.pen import Point
 from ship_trl.view.telemetry import Numbers, Telemetry, measure
 
-# Metres.
-RINGS = (200.0, 400.0, 600.0)
-# The paper gives no length: a coaster, whose bow stays inside the safe distance.
+# Metres. The paper gives no length: a coaster, whose bow stays inside the safe distance.
 TRUE_LENGTH = 25.0
+# A hull of fewer pixels is drawn longer, but two hulls at the safe distance never touch.
+LEAST_PIXELS, HULLS_IN_SAFE_DISTANCE = 9.0, 1.2
 GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
+GOAL_AREA = blend(GOAL_MARK, scene.DISC, 0.16)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
-# Metres around everything in the absolute frame, and the step to which its width is rounded up.
+# Metres around everything on the map, and the step to which its width is rounded up.
 MARGIN, WIDTH_STEP = 90.0, 100.0
-# Metres: a longer speed vector is cut, outside the picture.
-MAX_VECTOR = 4 * scene.VIEW_RADIUS
+# Seconds of the way that a speed vector shows. A longer vector than this (m) is cut, outside the picture.
+VECTOR_TIME, MAX_VECTOR = 10.0, 4 * scene.VIEW_RADIUS
 # Metres between the lines of a grid, or of a scale bar.
 LENGTHS = (50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5)
 
@@ -73,7 +74,7 @@ def relative_frame(own: Numbers, side: int) -> Projection:
     return Projection(float(own[X]), float(own[Y]), float(own[HEADING]), side, side / (2 * scene.VIEW_RADIUS))
 
 
-def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
+def map_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
     """Return a north-up projection that shows start, goal, the target ships' starts and all own tracks."""
     first = telemetries[0].states[:1]
     places = [first[:, [X, Y]], first[:, [GOAL_X, GOAL_Y]], telemetries[0].ships[0]]
@@ -85,114 +86,101 @@ def absolute_frame(telemetries: Sequence[Telemetry], side: int) -> Projection:
     return Projection(x, y, math.pi / 2, side, side / width)
 
 
+def hull_length(world: World, scale: float) -> float:
+    """Return the length (m) of hulls at a scale in pixels per metre."""
+    return min(world.safe_distance / HULLS_IN_SAFE_DISTANCE, max(TRUE_LENGTH, LEAST_PIXELS / scale))
+
+
 def draw_scene(
-    case: Case, world: World, state: Tensor, size: int = 600, vector_time: float = 0.0
+    case: Case, world: World, state: Tensor, size: int = 600, start: Tensor | None = None
 ) -> pygame.Surface:
-    """Draw one state [S] as the network sees it, as a square of `size` pixels."""
+    """Draw one state [S] on a map, a square of `size` pixels.
+
+    The map stays still while the states of an episode share their `start` [S]; default: the state.
+    """
+    none = torch.zeros(0, dtype=torch.int64)
+    first, now = (measure(case, world, one[None], none) for one in (state if start is None else start, state))
     picture = pen.new_surface(size, size)
-    telemetry = measure(case, world, state[None], torch.zeros(0, dtype=torch.int64))
-    paint_scene(picture, telemetry, 0.0, plain=True, vector_time=vector_time)
+    paint_scene(picture, now, 0.0, map_frame((first, now), size))
     return picture
 
 
 def paint_scene(
-    picture: pygame.Surface,
-    telemetry: Telemetry,
-    position: float,
-    absolute: Projection | None = None,
-    to_scale: bool = False,
-    plain: bool = False,
-    vector_time: float = 0.0,
+    picture: pygame.Surface, telemetry: Telemetry, position: float, frame: Projection, large: bool = False
 ) -> None:
     """Fill a square surface with the scene at a position in steps.
 
-    By default own ship stays in the middle; in the projection `absolute` all ships move. With `to_scale` true
-    hulls are drawn inside the outlines that the network sees. A `plain` picture has only what the network
-    sees: no tracks, numbers, scale and north arrow. Speed vectors show the way of `vector_time` seconds.
+    Hulls are to scale; if `large`, as long as the network sees them.
     """
-    world, side = telemetry.world, picture.get_width()
+    world, step = telemetry.world, min(int(position), telemetry.steps)
     own, ships = telemetry.at(position)
-    frame = absolute or relative_frame(own, side)
-    distances = ((world.goal_distance, scene.GOAL_CIRCLE), (world.safe_distance, scene.SAFE_CIRCLE))
-    picture.blit(_grid(frame) if absolute else _disc(side, distances, plain), (0, 0))
-    middle = frame.point(*own[:2])
-    if absolute:
-        _draw_places(picture, telemetry, frame)
-        for radius, colour in distances:
-            pen.circle(picture, colour, middle, radius * frame.scale)
-    if not plain:
-        _draw_tracks(picture, telemetry, math.ceil(position), frame)
-    _draw_hull(picture, frame, own, scene.OWN, scene.OWN_LENGTH, to_scale)
-    width = scene.LINE_WIDTH * side / scene.SIZE if plain else max(2, side // 220)
-    pen.strip(picture, scene.LINE, middle, frame.point(*telemetry.states[0, [GOAL_X, GOAL_Y]]), width)
-    step = min(int(position), telemetry.steps)
-    headings = telemetry.headings[step]
-    if vector_time:
-        # People tell own ship's vector from the line to the goal by its width.
-        own_width = width if plain else 2 * width
-        way = telemetry.states[step, SPEED] * vector_time
-        _draw_vector(picture, frame, own, way, scene.OWN_LENGTH, scene.OWN, own_width)
-        ways = telemetry.speeds[step] * vector_time
-        for place, heading, way in zip(ships, headings, ways, strict=True):
-            pose = np.array([*place, heading])
-            _draw_vector(picture, frame, pose, way, scene.TARGET_LENGTH, scene.TARGET, width)
-    for k, (place, heading) in enumerate(zip(ships, headings, strict=True), 1):
-        pose = np.array([*place, heading])
-        _draw_hull(picture, frame, pose, scene.TARGET, scene.TARGET_LENGTH, to_scale)
-        if not plain:
-            _draw_number(picture, frame, pose, k)
-    if not plain:
-        _draw_north(picture, frame)
-        _draw_scale(picture, frame)
-        if telemetry.outcome and position >= telemetry.steps:
-            _draw_outcome(picture, telemetry.outcome)
+    start, goal = telemetry.states[0, [X, Y]], telemetry.states[0, [GOAL_X, GOAL_Y]]
+    picture.blit(draw_water(frame), (0, 0))
+    _draw_north(picture, frame)
+    _draw_scale(picture, frame)
+    draw_goal(picture, frame, world, start, goal)
+    pen.write(picture, "goal", frame.point(*goal), GOAL_MARK, text_size(frame.side, 18), across=0.5)
+    _draw_tracks(picture, telemetry, math.ceil(position), frame)
+    has_ended = telemetry.outcome is not None and position >= telemetry.steps
+    is_near = np.linalg.norm(ships - own[:2], axis=-1).min(initial=math.inf) < world.safe_distance
+    draw_safe_ring(picture, frame, world, own, is_near or (has_ended and telemetry.outcome == "collision"))
+    length = hull_length(world, frame.scale)
+    poses = [own, *np.column_stack((ships, telemetry.headings[step]))]
+    colours = [(scene.OWN, OWN_TRACK), *[(scene.TARGET, SHIP_TRACK)] * len(ships)]
+    lengths = [scene.OWN_LENGTH, *[scene.TARGET_LENGTH] * len(ships)] if large else [length] * len(poses)
+    speeds = [telemetry.states[step, SPEED], *telemetry.speeds[step]]
+    for pose, (_, quiet), speed in zip(poses, colours, speeds, strict=True):
+        ahead = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
+        end = pose[:2] + min(speed * VECTOR_TIME, MAX_VECTOR) * ahead
+        pen.strip(picture, quiet, frame.point(*pose[:2]), frame.point(*end), max(1.5, frame.side / 450))
+    for k, (pose, drawn) in enumerate(zip(poses[1:], lengths[1:], strict=True), 1):
+        _draw_number(picture, frame, pose, k, drawn)
+    for pose, (colour, _), drawn in zip(poses, colours, lengths, strict=True):
+        pen.polygon(picture, colour, frame.hull(pose, drawn))
+    if has_ended:
+        _draw_outcome(picture, str(telemetry.outcome))
+
+
+def draw_goal(
+    picture: pygame.Surface, frame: Projection, world: World, start: Sequence[float], goal: Sequence[float]
+) -> None:
+    """Draw the goal, and the straight way to it from the start."""
+    at, radius = frame.point(*goal), world.goal_distance * frame.scale
+    pen.strip(picture, RULE, frame.point(*start), at, max(1.5, frame.side / 450))
+    pen.circle(picture, GOAL_AREA, at, radius)
+    pen.circle(picture, GOAL_MARK, at, radius, 2)
+
+
+def draw_safe_ring(
+    picture: pygame.Surface, frame: Projection, world: World, own: Sequence[float], is_danger: bool = False
+) -> None:
+    """Draw the safe distance around own ship (x, y): quiet, and red if a ship is inside."""
+    colour, width = (DANGER, 3.0) if is_danger else (FAINT, max(1.0, frame.side / 600))
+    pen.circle(picture, colour, frame.point(*own[:2]), world.safe_distance * frame.scale, width)
 
 
 @lru_cache(4)
-def _disc(side: int, distances: tuple[tuple[float, Colour], ...], plain: bool) -> pygame.Surface:
-    """Draw what never moves in the relative frame; unless it is `plain`, add rings of distance."""
-    picture = pen.new_surface(side, side)
-    picture.fill(scene.OUTSIDE)
-    middle, scale = (side / 2, side / 2), side / (2 * scene.VIEW_RADIUS)
-    pen.circle(picture, scene.DISC, middle, scene.VIEW_RADIUS * scale)
-    for radius in () if plain else RINGS:
-        pen.circle(picture, GRID, middle, radius * scale, 1)
-    for radius, colour in distances:
-        pen.circle(picture, colour, middle, radius * scale)
-    return picture
-
-
-@lru_cache(4)
-def _grid(frame: Projection) -> pygame.Surface:
-    """Draw what never moves in the absolute frame: water with a grid."""
+def draw_water(frame: Projection) -> pygame.Surface:
+    """Draw water with a grid."""
     side = frame.side
     picture = pen.new_surface(side, side)
     picture.fill(scene.DISC)
     half = side / frame.scale / 2
     step = next((step for step in LENGTHS if half / step < 6), 10**9)
-    for x in range(math.ceil((frame.x - half) / step) * step, math.ceil(frame.x + half), step):
-        right = frame.point(x, 0)[0]
-        pygame.draw.aaline(picture, GRID, (right, 0), (right, side))
-    for y in range(math.ceil((frame.y - half) / step) * step, math.ceil(frame.y + half), step):
-        down = frame.point(0, y)[1]
-        pygame.draw.aaline(picture, GRID, (0, down), (side, down))
+    # The corners of a picture that is turned are farther away than its sides.
+    reach = 2**0.5 * half
+    for place in (X, Y):
+        middle = (frame.x, frame.y)[place]
+        for at in range(math.ceil((middle - reach) / step) * step, math.ceil(middle + reach), step):
+            ends = np.array([[frame.x - reach, frame.y - reach], [frame.x + reach, frame.y + reach]])
+            ends[:, place] = at
+            pygame.draw.aaline(picture, GRID, *frame.points(ends).tolist())
     return picture
 
 
 def text_size(side: int, at_900: int) -> int:
     """Scale a size of letters to a picture of `side` pixels."""
     return max(12, round(at_900 * side / 900))
-
-
-def _draw_places(picture: pygame.Surface, telemetry: Telemetry, frame: Projection) -> None:
-    """Mark start and goal."""
-    first, size = telemetry.states[0], text_size(frame.side, 18)
-    goal, start = frame.point(*first[[GOAL_X, GOAL_Y]]), frame.point(*first[[X, Y]])
-    pen.circle(picture, scene.GOAL_CIRCLE, goal, telemetry.world.goal_distance * frame.scale, 2)
-    pen.circle(picture, TEXT, goal, size / 4)
-    pen.write(picture, "goal", (goal[0] + size, goal[1] - size * 0.8), TEXT, size)
-    pen.circle(picture, TEXT, start, size / 3, 2)
-    pen.write(picture, "start", (start[0] + size, start[1] + size), TEXT, size)
 
 
 def _draw_tracks(picture: pygame.Surface, telemetry: Telemetry, count: int, frame: Projection) -> None:
@@ -205,38 +193,13 @@ def _draw_tracks(picture: pygame.Surface, telemetry: Telemetry, count: int, fram
                 pen.circle(picture, colour, place, radius * (1.7 if step % 10 == 0 else 1))
 
 
-def _draw_hull(
-    picture: pygame.Surface, frame: Projection, pose: Numbers, colour: Colour, length: float, to_scale: bool
+def _draw_number(
+    picture: pygame.Surface, frame: Projection, pose: Numbers, number: int, length: float
 ) -> None:
-    drawn = frame.hull(pose, length)
-    if to_scale:
-        pen.polygon(picture, blend(colour, scene.DISC, 0.6), drawn, 1.2)
-        drawn = frame.hull(pose, TRUE_LENGTH)
-    pen.polygon(picture, colour, drawn)
-
-
-def _draw_vector(
-    picture: pygame.Surface,
-    frame: Projection,
-    pose: Numbers,
-    way: float,
-    hull: float,
-    colour: Colour,
-    width: float,
-) -> None:
-    """Draw a ship's speed vector: the way (m) that its bow will make."""
-    ahead = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
-    bow = pose[[X, Y]] + hull / 2 * ahead
-    if way > 0:
-        end = bow + min(way, MAX_VECTOR) * ahead
-        pen.strip(picture, colour, frame.point(*bow), frame.point(*end), width)
-
-
-def _draw_number(picture: pygame.Surface, frame: Projection, pose: Numbers, number: int) -> None:
     """Write a ship's number abeam of it, on a badge so that no line crosses it."""
     right, down = frame.point(*pose[:2])
     ahead, size = pose[HEADING] - frame.up + math.pi / 2, text_size(frame.side, 20)
-    reach = scene.TARGET_LENGTH * frame.scale * 0.28 + size * 0.75
+    reach = length * frame.scale * 0.28 + size * 0.75
     at = (right + reach * math.sin(ahead), down + reach * math.cos(ahead))
     pen.circle(picture, BACKGROUND, at, size * 0.72)
     pen.write(picture, str(number), (at[0], at[1]), scene.TARGET, size, True, across=0.5)

@@ -1,6 +1,6 @@
 """Colours and line styles of pictures on a dark background and of charts on white.
 
-The colours and shapes of the scene itself are in `ship_trl.sim.scene`, because the network sees them too.
+The colours and shapes of ships are in `ship_trl.sim.scene`, because the network sees them too.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ BAR: Colour = (88, 116, 158)
 CHOSEN: Colour = (245, 178, 66)
 HEAT: Colour = (255, 150, 0)
 OUTCOMES: dict[str, Colour] = {"goal": (74, 214, 110), "collision": (255, 98, 88), "timeout": (245, 178, 66)}
+DANGER = OUTCOMES["collision"]
 # The colours of Okabe and Ito, brightened for the dark background.
 SKY, ORANGE, GREEN = (86, 180, 233), (230, 159, 0), (0, 190, 140)
 YELLOW, VERMILION, PURPLE = (240, 228, 66), (235, 110, 40), (215, 140, 185)
 SERIES = (SKY, ORANGE, GREEN, PURPLE, YELLOW, VERMILION)
+GOAL_MARK = SKY
 # The two episodes of a comparison.
 PAIR = (SKY, ORANGE)
 

@@ -22,8 +22,6 @@ from ship_trl.view.palette import Colour
 Point = tuple[float, float]
 OVERSAMPLING = 4
 
-pygame.font.init()
-
 
 def new_surface(width: float, height: float) -> pygame.Surface:
     """Make an empty surface without opening a display."""
@@ -43,9 +41,19 @@ def from_array(pixels: NDArray[np.uint8], side: int) -> pygame.Surface:
     return pygame.transform.scale(pygame.surfarray.make_surface(colour.T), (side, side))
 
 
-@cache
 def font(size: int, bold: bool = False) -> pygame.font.Font:
-    """Open DejaVu Sans, which matplotlib brings to every machine; `size` is in pixels."""
+    """Return DejaVu Sans, which matplotlib brings to every machine; `size` is in pixels."""
+    pygame.font.init()
+    try:
+        _open_font(size, bold).get_height()
+    except pygame.error:
+        # Whoever quits pygame, as closing a window does, makes all opened fonts invalid; surfaces stay valid.
+        _open_font.cache_clear()
+    return _open_font(size, bold)
+
+
+@cache
+def _open_font(size: int, bold: bool) -> pygame.font.Font:
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return pygame.font.Font(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name), size)
 

@@ -25,5 +25,5 @@ def action_text(world: World, action: int) -> str:
 
 
 def circle_names(world: World) -> tuple[str, str]:
-    """Name the red and the black circle."""
+    """Name the circle around the goal, and the one around own ship."""
     return f"expected distance {world.goal_distance:g} m", f"safe distance {world.safe_distance:g} m"

@@ -64,13 +64,15 @@ def test_what_is_no_action_is_refused(action: Any, got: str, fast: bool) -> None
     assert env.step(np.array(3))[4]["state"][STEP] == state[STEP] + 1
 
 
-def test_all_checks_of_gymnasium_pass_in_every_render_mode() -> None:
+def test_all_checks_of_gymnasium_pass_in_every_render_mode(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env = gymnasium.make(f"ship_trl.gym:{ENV_ID}", case="traffic")
     assert env.spec is not None and env.spec.max_episode_steps == load_world().max_steps
     check_env(env.unwrapped)
 
 
-def test_a_window_shows_each_step() -> None:
+def test_a_window_shows_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env, drawn = (ShipCollisionEnv(case="4", render_mode=mode) for mode in ("human", "rgb_array"))
     begin = time.monotonic()
     for shown, wanted in ((env.reset(), drawn.reset()), *((env.step(3), drawn.step(3)) for _ in range(3))):

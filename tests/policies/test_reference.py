@@ -125,3 +125,13 @@ def test_another_formula_of_the_reward_is_searched_anew(
     monkeypatch.setattr("inspect.getsource", lambda _: "another formula")
     reference.best_known(case, WORLD, tmp_path)
     assert searches == ["2", "2"] and len(list(tmp_path.iterdir())) == 2
+
+
+def test_where_holding_course_is_best_nothing_is_avoided() -> None:
+    def is_best(name: str) -> bool:
+        suite = load_suite(name, WORLD)
+        return reference.is_course_best(suite, WORLD, reference.best_known_return(suite, WORLD))
+
+    names = ("1", "2", "3", "4", "5", "6", "new", "ship")
+    assert [name for name in names if is_best(name)] == ["1", "2", "new"]
+    assert not is_best("paper") and not reference.is_course_best(load_suite("2", WORLD), WORLD, None)

@@ -15,7 +15,7 @@ from ship_trl.view.dashboard import SMALL_SIZE, Layout, Look, draw_dashboard, st
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.legend import draw_legend
 from ship_trl.view.palette import BAR as BAR_COLOUR
-from ship_trl.view.palette import CHOSEN
+from ship_trl.view.palette import CHOSEN, DANGER, FAINT, GOAL_MARK
 from tests.view.episodes import drawn, view
 
 
@@ -27,7 +27,7 @@ def case(world: World) -> Case:
 @pytest.mark.parametrize("size", [(1600, 900), (800, 800), SMALL_SIZE], ids=["wide", "narrow", "small"])
 def test_every_look_is_another_picture(case: Case, world: World, size: tuple[int, int]) -> None:
     one = [view(case, world, (3, 4), network=True)]
-    looks = [Look(), Look(absolute=True), Look(to_scale=True), Look(saliency=True)]
+    looks = [Look(), Look(relative=True), Look(large=True), Look(saliency=True)]
     pictures = [drawn(one, 5, look, size) for look in looks]
     for k, picture in enumerate(pictures):
         assert all((picture != other).any() for other in pictures[:k])
@@ -40,8 +40,8 @@ def test_the_frame_cache_changes_no_pixel(case: Case, world: World) -> None:
     for views, position, look in (
         (first, 3.2, Look()),
         (first, 3.7, Look()),
-        (first, 9.0, Look(absolute=True)),
-        (second, 9.0, Look(absolute=True)),
+        (first, 9.0, Look(relative=True)),
+        (second, 9.0, Look(relative=True)),
         (second, 2.0, Look()),
         ([*first, *second], 2.0, Look()),
     ):
@@ -108,6 +108,6 @@ def test_the_legend_has_every_colour_and_the_distances_of_the_world(world: World
 
     before = legend()
     colours = {tuple(pixel) for pixel in before.reshape(-1, 3).tolist()}
-    assert {scene.OWN, scene.TARGET, scene.GOAL_CIRCLE, scene.SAFE_CIRCLE, scene.LINE} <= colours
+    assert {scene.OWN, scene.TARGET, GOAL_MARK, FAINT, DANGER} <= colours
     world.safe_distance = 50.0
     assert (legend() != before).any()

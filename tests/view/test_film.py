@@ -1,6 +1,6 @@
 """What a window would show, as files; and the GIF of an episode."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.view.dashboard import SMALL_SIZE, Look
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.film import LAST_SECONDS, draw_film, write_film, write_gif
+from ship_trl.view.palette import GOAL_MARK
 from ship_trl.view.telemetry import measure_episode
 from tests.view.episodes import drawn, run_actions, view
 
@@ -85,8 +86,30 @@ def test_the_gif_of_an_episode_has_a_frame_for_each_state(world: World, tmp_path
         last = film.convert("RGB")
     assert times == [100] * episode.length + [2000]
     # Flat colours survive the shared palette as they are.
-    assert last.getpixel((16, 440)) != last.getpixel((300, 300)) == scene.DISC
-    assert (np.asarray(last) == scene.OUTSIDE).all(-1).any()
+    shown = {tuple(pixel) for pixel in np.asarray(last).reshape(-1, 3).tolist()}
+    assert {scene.DISC, GOAL_MARK, scene.OWN, scene.TARGET} <= shown
+
+
+@pytest.mark.parametrize(
+    "quit_pygame", [pygame.quit, pygame.font.quit, pygame.display.quit], ids=["all", "font", "display"]
+)
+def test_a_gif_after_a_window_was_closed(
+    world: World, tmp_path: Path, quit_pygame: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a person's own pygame program, or gymnasium's window, does in the same process."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    case, draw = load_case("2", world), Rasteriser(world)
+    episode = run_actions(case, world, [3])
+    for name in ("before.gif", "after.gif", "again.gif"):
+        write_gif(tmp_path / name, case, world, episode, draw)
+        pygame.init()
+        pygame.display.set_mode((64, 64))
+        quit_pygame()
+        if name == "after.gif":
+            # Fonts are initialised again, by another part of the program; the old ones stay invalid.
+            pygame.font.init()
+    first, *others = (path.read_bytes() for path in sorted(tmp_path.iterdir()))
+    assert all(other == first for other in others)
 
 
 # imageio-ffmpeg leaves it to the garbage collector to close its pipes.

@@ -18,6 +18,8 @@ from ship_trl.view.episode_view import EpisodeView
 
 DRIVER = "SDL_VIDEODRIVER"
 FRAMES_PER_SECOND = 60
+# Share of the screen's sides that a window takes at most: its title and a task bar need room.
+SHARE = 0.9
 # Simulated seconds per real second.
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 # A line of the help: the keys, what they do, and the actions by pygame's names of the keys.
@@ -26,7 +28,7 @@ Binding = tuple[str, str, Mapping[str, Callable[[], object]]]
 
 @contextmanager
 def open_window(size: tuple[int, int], advice: str = "") -> Iterator[None]:
-    """Open a resizable window and close it at the end; `advice` says what to do without a screen.
+    """Open a resizable window that fits the screen, and close it; without a screen give `advice`.
 
     Raises:
         ConfigError: there is no screen.
@@ -44,7 +46,9 @@ def open_window(size: tuple[int, int], advice: str = "") -> Iterator[None]:
     os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
     try:
         pygame.display.init()
-        pygame.display.set_mode(size, pygame.RESIZABLE)
+        desktop = pygame.display.get_desktop_sizes()[0]
+        width, height = (min(side, int(SHARE * most)) for side, most in zip(size, desktop, strict=True))
+        pygame.display.set_mode((width, height), pygame.RESIZABLE)
         pygame.display.set_caption("ship_trl")
         pygame.key.set_repeat(350, 60)
         yield
@@ -68,10 +72,10 @@ class Window(ABC):
     def __init__(self, speed: float) -> None:
         self.position, self.is_running, self.speed = 0.0, True, speed
         self.look, self.has_help, self.is_closed = Look(), False, False
-        absolute, to_scale = partial(self.toggle_look, "absolute"), partial(self.toggle_look, "to_scale")
+        relative, large = partial(self.toggle_look, "relative"), partial(self.toggle_look, "large")
         self.bindings: list[Binding] = [
-            ("A", "absolute frame (north up), or own ship in the middle", {"a": absolute}),
-            ("T", "true size of hulls, or as the network sees them", {"t": to_scale}),
+            ("A", "own ship in the middle (relative frame), or north up (absolute)", {"a": relative}),
+            ("T", "hulls as large as the network sees them, or to scale", {"t": large}),
             ("H", "these keys", {"h": self._toggle_help, "f1": self._toggle_help}),
             ("Q, Esc", "quit", {"q": self._close, "escape": self._escape}),
         ]

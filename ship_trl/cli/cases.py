@@ -13,8 +13,6 @@ import sys
 from itertools import islice
 from pathlib import Path
 
-from omegaconf import OmegaConf
-
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError
@@ -22,7 +20,7 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.table import show
-from ship_trl.sim.cases import Case, case_names, load_case, load_world
+from ship_trl.sim.cases import Case, load_world, read_values, readable_cases, to_course
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.sources.judgements import SOURCE, read_judgements, winner
 from ship_trl.study.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
@@ -76,8 +74,7 @@ def main(arguments: list[str] | None = None) -> None:
             name = f"cases{'' if is_default else '_' + '-'.join(suite.name for suite in suites)}.png"
         else:
             (target,) = cases.values()
-            others = (load_case(name, world) for name in case_names())
-            sources = [case for case in others if case.fingerprint != target.fingerprint]
+            sources = [case for case in readable_cases(world) if case.fingerprint != target.fingerprint]
             # The table exists once a study is finished.
             measured = options.measured or (BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None)
             known = [] if measured is None else read_transfers(measured)
@@ -124,15 +121,17 @@ def show_cases(cases: dict[str, Case]) -> None:
     """Print ideal path, target ships and fingerprint of each case."""
     rows = []
     for name, case in cases.items():
-        ships = "; ".join(f"{s.x:g}, {s.y:g}, {s.heading:g}, {s.speed:g}" for s in case.target_ships)
+        ships = "; ".join(
+            f"{s.x:g}, {s.y:g}, {to_course(s.heading):03g}, {s.speed:g}" for s in case.target_ships
+        )
         rows.append((name, case.ideal_path, ships or "none", case.fingerprint))
-    headings = ("case", "ideal path", "target ships: x, y (m), heading (deg), speed (m/s)", "fingerprint")
+    headings = ("case", "ideal path", "target ships: x, y (m), course (deg), speed (m/s)", "fingerprint")
     show(headings, rows, title="Cases")
 
 
 def show_pairs(cases: dict[str, Case], world: World) -> None:
     """Print table 2 with the properties behind each number, and the similarity of all pairs of few cases."""
-    configs = ((path.stem, OmegaConf.load(path)) for path in (conf_dir() / "pair").glob("*.yaml"))
+    configs = ((path.stem, read_values(path)) for path in (conf_dir() / "pair").glob("*.yaml"))
     pairs = []
     for source, target, pair in sorted((values.source, values.target, pair) for pair, values in configs):
         # A working directory may lack a case of a shipped pair.

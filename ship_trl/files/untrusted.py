@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+import re
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
 from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf._utils import get_yaml_loader
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.files.disk import read_file
@@ -19,10 +22,49 @@ if TYPE_CHECKING:
 MAX_YAML_BYTES = 64_000
 # A configuration has four levels of lists and mappings.
 MAX_YAML_DEPTH = 50
+# What plain numbers look like. YAML 1.1 would also read 045 in base 8 and 3:30 in base 60.
+NUMBERS = {
+    "tag:yaml.org,2002:int": r"-?(0|[1-9][0-9]*)$",
+    "tag:yaml.org,2002:float": r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=e))(e[-+]?[0-9]+)?$|[-+]?\.inf$|\.nan$",
+    "sexagesimal": r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$",
+}
+
+
+def refuse_sexagesimal(loader: Any, node: yaml.Node) -> NoReturn:
+    """Raise a YAMLError that names the line of a number such as 3:30."""
+    problem = f"{node.value} is no decimal number; as text it stands in quotes"
+    raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+def decimal_loader() -> Any:
+    """Make OmegaConf's loader of YAML, with decimal numbers alone.
+
+    A word such as 045 or 1_0 stays text: `read_as` makes a number of it where the key is one.
+    """
+    loader = get_yaml_loader()
+    loader.yaml_implicit_resolvers = {
+        first: [(tag, pattern) for tag, pattern in resolvers if tag not in NUMBERS]
+        for first, resolvers in loader.yaml_implicit_resolvers.items()
+    }
+    for tag, pattern in NUMBERS.items():
+        loader.add_implicit_resolver(tag, re.compile(pattern, re.IGNORECASE), list("-+.0123456789"))
+    loader.add_constructor("sexagesimal", refuse_sexagesimal)
+    return loader
+
+
+LOADER = decimal_loader()
+
+
+def read_changes(words: Iterable[str]) -> DictConfig:
+    """Read words such as "turn_time=4" or "pairs=[high,low]" as OmegaConf does, with decimal numbers."""
+    changes = OmegaConf.create()
+    for key, _, text in (word.partition("=") for word in words):
+        OmegaConf.update(changes, key, yaml.load(text, LOADER))
+    return changes
 
 
 def read_yaml(path: Path) -> DictConfig | ListConfig:
-    """Read a YAML file as OmegaConf does, without interpolations and aliases.
+    """Read a YAML file as OmegaConf does, with decimal numbers, without interpolations and aliases.
 
     OmegaConf's loader is a `yaml.SafeLoader`, which makes no Python objects. But `${oc.env:NAME}` would copy
     this machine's environment into output and files, and a few aliases can stand for billions of values.
@@ -37,9 +79,10 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
     try:
         text = data.decode()
         refuse_more_than_values(text)
-        return OmegaConf.load(io.StringIO(text))
-    except AssertionError:  # OmegaConf raises it for a number in quotes
-        raise yaml.YAMLError("a single value") from None
+        values = yaml.load(text, LOADER)
+        if not isinstance(values, dict | list | None):
+            raise yaml.YAMLError("a single value")
+        return OmegaConf.create(values or {})
     except (OmegaConfBaseException, ValueError, LookupError, TypeError, AttributeError) as error:
         # PyYAML raises Python's own errors, for example for no UTF-8, or `!!int x`.
         raise yaml.YAMLError(str(error)) from None

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -15,18 +15,19 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import conf_dir, is_name, list_names, stem
 from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_file
-from ship_trl.files.untrusted import read_yaml
+from ship_trl.files.untrusted import read_changes, read_yaml
 
 MAX_TARGET_SHIPS = 8
 # Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.
 Number = Annotated[float, limit(-MAX_DISTANCE, MAX_DISTANCE)]
 SHIP_COUNT = Rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
 Point = Annotated[list[Number], Rule("two numbers, as [X,Y]", lambda point: len(point) == 2)]
+IdealPath = Annotated[str, Rule("one line of plain text", str.isprintable)]
 
 
 # A target ship holds course and speed, or gives way to own ship by the rules (`world.give_way`).
@@ -44,38 +45,70 @@ class TargetShip:
     behaviour: Behaviour = Behaviour.holds
 
 
+@dataclass(kw_only=True)
+class Direction:
+    """The direction of a ship in a file, degrees: `course` clockwise from north, or `heading` as above."""
+
+    course: Annotated[float, limit(0, 360, note="degrees clockwise from north")] = math.nan
+    heading: Number = math.nan
+
+    def to_heading(self, where: str) -> float:
+        """Return the heading; `where` begins the message of a `ConfigError`: neither or both are given."""
+        if math.isnan(self.course) and math.isnan(self.heading):
+            raise ConfigError(f"{where}course: missing; a value is needed")
+        if not math.isnan(self.course) and not math.isnan(self.heading):
+            raise ConfigError(
+                f"{where}course and heading: must be one of them: course (degrees clockwise from north), or "
+                "heading (counter-clockwise from east)"
+            )
+        return to_heading(self.course) if math.isnan(self.heading) else self.heading
+
+
 @dataclass
-class Layout:
-    """Where own ship, goal and target ships are at the start.
+class ShipFile(Direction):
+    """A target ship in a case's YAML file."""
+
+    x: Number
+    y: Number
+    speed: Annotated[float, limit(0, MAX_DISTANCE)]
+    behaviour: Behaviour = Behaviour.holds
+
+
+@dataclass
+class CaseFile(Direction):
+    """Fields of a case's YAML file; `unit` is how many metres a 1 in a coordinate stands for."""
+
+    start: Point
+    goal: Point
+    ideal_path: IdealPath
+    target_ships: Annotated[list[ShipFile], SHIP_COUNT]
+    unit: Metres = 1.0
+
+    def to_case(self, name: str, unit: float, where: str) -> Case:
+        """Return the case of this name with its coordinates in metres; `where` begins messages."""
+        ships = [
+            TargetShip(
+                *(unit * ship.x, unit * ship.y, ship.to_heading(f"{where}target_ships[{n}].")),
+                *(ship.speed, ship.behaviour),
+            )
+            for n, ship in enumerate(self.target_ships)
+        ]
+        start, goal = ([unit * number for number in point] for point in (self.start, self.goal))
+        return Case(start, self.to_heading(where), goal, self.ideal_path, ships, name)
+
+
+@dataclass
+class Case:
+    """One encounter (figure 4): metres, degrees counter-clockwise from east. `name` is the stem of its file.
 
     `ideal_path` names the shortest safe path, which cases may share. Only similarity reads it.
     """
 
-    start: Point
-    heading: Number
-    goal: Point
-    ideal_path: Annotated[str, Rule("one line of plain text", str.isprintable)]
-    target_ships: Annotated[list[TargetShip], SHIP_COUNT]
-
-
-@dataclass
-class CaseFile(Layout):
-    """Fields of a case's YAML file; `unit` is how many metres a 1 in a coordinate stands for."""
-
-    unit: Metres = 1.0
-
-    def in_metres(self, name: str) -> Case:
-        """Return the case of this name with its coordinates in metres."""
-        unit = self.unit
-        ships = [replace(ship, x=unit * ship.x, y=unit * ship.y) for ship in self.target_ships]
-        start, goal = ([unit * number for number in point] for point in (self.start, self.goal))
-        return Case(start, self.heading, goal, self.ideal_path, ships, name)
-
-
-@dataclass
-class Case(Layout):
-    """One encounter in metres (figure 4). `name` is the stem of its file."""
-
+    start: list[float]
+    heading: float
+    goal: list[float]
+    ideal_path: str
+    target_ships: list[TargetShip]
     name: str = ""
 
     @property
@@ -90,10 +123,21 @@ class Case(Layout):
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
+def to_heading(course: float) -> float:
+    """Return the heading, from -90 to 270 degrees counter-clockwise from east, of a course clockwise from north."""
+    heading = 90.0 - course
+    return heading + 360.0 if heading < -90.0 else heading
+
+
+def to_course(heading: float) -> float:
+    """Return the course, from 0 to below 360 degrees clockwise from north, of a heading."""
+    return (90.0 - heading) % 360.0
+
+
 def load_world(name: str = "paper", changes: Iterable[str] = ()) -> World:
     """Read the shared physics of conf/world, for use without Hydra, with changes such as "turn_time=4"."""
-    values = OmegaConf.load(conf_dir() / "world" / f"{name}.yaml")
-    return read_as(World, OmegaConf.merge(values, OmegaConf.from_dotlist(list(changes))), key="world")
+    values = read_yaml(conf_dir() / "world" / f"{name}.yaml")
+    return read_as(World, OmegaConf.merge(values, read_changes(changes)), key="world")
 
 
 def case_folders() -> list[Path]:
@@ -129,9 +173,20 @@ def load_case(name: str, world: World, key: str = "case", unit: float | None = N
         # Results are written to a folder of this name.
         raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
     found = read_as(CaseFile, read_values(path), f"{path}: ")
-    case = replace(found, unit=unit or found.unit).in_metres(stem(path))
+    case = found.to_case(stem(path), unit or found.unit, f"{path}: ")
     check_case(case, world, str(path))
     return case
+
+
+def readable_cases(world: World) -> list[Case]:
+    """Return the cases of all names; an error is printed for a file that is invalid."""
+    cases = []
+    for name in case_names():
+        try:
+            cases.append(load_case(name, world))
+        except ConfigError as error:
+            print_error(f"left out: {error}")
+    return cases
 
 
 def find_case(name: str) -> Path | None:

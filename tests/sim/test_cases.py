@@ -4,11 +4,22 @@ import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.sim.cases import MAX_TARGET_SHIPS, Case, case_names, load_case, shadowing_file
+from ship_trl.sim.cases import (
+    MAX_TARGET_SHIPS,
+    Case,
+    case_names,
+    load_case,
+    readable_cases,
+    shadowing_file,
+    to_course,
+    to_heading,
+)
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 BUNDLED = [*PAPER, "ship"]
@@ -20,6 +31,7 @@ goal: [0.0, 600.0]
 ideal_path: straight
 target_ships:
 {SHIP}"""
+COURSE = GOOD.replace("heading: 90.0", "course: 045")
 
 
 def load_text(text: str | bytes, folder: Path, world: World) -> Case:
@@ -75,7 +87,16 @@ def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, worl
     ("text", "field"),
     [
         (without("start"), "start"),
-        (without("heading"), "heading"),
+        (without("heading"), "course: missing"),
+        (GOOD + "course: 000\n", "course and heading: must be one of them: course (degrees clockwise"),
+        (with_ship(course="180"), "target_ships[0].course and heading: must be one of them"),
+        (with_ship(heading=""), "target_ships[0].course: missing"),
+        (
+            COURSE.replace("045", "361"),
+            "course: must be from 0 to 360 (degrees clockwise from north), got 361",
+        ),
+        (COURSE.replace("045", "-1"), "course: must be from 0 to 360 (degrees clockwise from north), got -1"),
+        (with_value("heading", "0x1F"), "heading: must be a finite number, got 0x1F"),
         (without("goal"), "goal"),
         (without("ideal_path"), "ideal_path"),
         (without("target_ships").replace(SHIP, ""), "target_ships"),
@@ -117,7 +138,7 @@ def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, worl
         (with_value("start", "[{}, 0.0]"), "start[0]: must be a finite number, got {}"),
         (with_value("goal", "{0: 0.0, 1: 600.0}"), "goal: must be a list, as [A,B] or [], got {0: 0.0"),
         (with_ship(x="9" * 400), "target_ships[0].x: must be at most 9223372036854775807 in size, got 9999"),
-        (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: start,"),
+        (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: course,"),
         (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],
 )
@@ -215,3 +236,77 @@ def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: Wo
 def test_a_ship_may_start_at_the_safe_distance(tmp_path: Path, world: World) -> None:
     case = load_text(with_ship(x="27.0", y="36.0"), tmp_path, world)
     assert case.target_ships[0].x == 27.0
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [("045", 45), ("010", 10), ("090", 90), ("-045", -45), ("0450", 450), ("1_0", 10), ("08.5", 8.5)],
+)
+def test_digits_with_leading_zeros_are_decimals(
+    written: str, value: float, tmp_path: Path, world: World
+) -> None:
+    case = load_text(with_ship(y=written).replace("90.0", written), tmp_path, world)
+    assert (case.heading, case.target_ships[0].y) == (value, value)
+
+
+@pytest.mark.parametrize("written", ["3:30", "1:30.5"])
+def test_a_number_in_base_60_is_refused_with_file_and_line(
+    written: str, tmp_path: Path, world: World
+) -> None:
+    with pytest.raises(ConfigError, match=rf"mine.yaml: .*{written} is no decimal number.* line 2,"):
+        load_text(with_value("heading", written), tmp_path, world)
+    # As text it stands in quotes; other words are taken as they are written.
+    for name in (f'"{written}"', "2024_05_01", "010", "0x1F"):
+        assert load_text(with_value("ideal_path", name), tmp_path, world).ideal_path == name.strip('"')
+
+
+@pytest.mark.parametrize(
+    ("course", "heading"),
+    [
+        ("000", 90),
+        ("045", 45),
+        ("090", 0),
+        ("135", -45),
+        ("180", -90),
+        ("225", 225),
+        ("270", 180),
+        ("360", 90),
+    ],
+)
+def test_a_course_is_clockwise_from_north(course: str, heading: float, tmp_path: Path, world: World) -> None:
+    text = COURSE.replace("045", course).replace("heading: 180.0", f"course: {course}")
+    case = load_text(text, tmp_path, world)
+    assert (case.heading, case.target_ships[0].heading) == (heading, heading)
+    # To the bit as with `heading:`, which files may still have.
+    old = GOOD.replace("heading: 90.0", f"heading: {heading}").replace("180.0", str(heading))
+    assert load_text(old, tmp_path, world).fingerprint == case.fingerprint
+
+
+@given(st.floats(0, 360, exclude_max=True))
+def test_a_heading_has_one_course_and_a_course_one_heading(course: float) -> None:
+    heading = to_heading(course)
+    assert -90 <= heading < 270
+    # A course of 1e-300 degrees is lost beside 90.
+    assert to_course(heading) == pytest.approx(course, abs=1e-12) or course < 1e-12
+
+
+@given(st.integers(-720 * 64, 720 * 64))
+def test_a_sixty_fourth_of_a_degree_is_exact(parts: int) -> None:
+    heading = parts / 64
+    assert 0 <= to_course(heading) < 360
+    assert (to_heading(to_course(heading)) - heading) % 360 == 0
+
+
+def test_a_broken_file_is_named_and_left_out(
+    tmp_path: Path, world: World, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "conf/case"
+    folder.mkdir(parents=True)
+    (folder / "mine.yaml").write_text(GOOD)
+    (folder / "broken.yaml").write_text("start: [0,\n")
+    assert {case.name for case in readable_cases(world)} == set(case_names()) - {"broken"}
+    said = capsys.readouterr().err
+    assert (
+        said.startswith("ship_trl: left out: conf/case/broken.yaml: not readable as YAML")
+        and said.count("\n") == 1
+    )

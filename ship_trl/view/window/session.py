@@ -14,7 +14,7 @@ import pygame
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import Entry
-from ship_trl.sim.cases import case_names, load_case
+from ship_trl.sim.cases import readable_cases
 from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard
@@ -48,7 +48,7 @@ class Session(Window):
         has_own_cases = len(entries) != len(self.policies) * len(self.cases)
         if len(self.cases) == 1 or has_own_cases:
             world, perturbation = entries[0].world, entries[0].suite.perturbation
-            shipped = (suite_of(load_case(name, world), perturbation) for name in case_names())
+            shipped = (suite_of(case, perturbation) for case in readable_cases(world))
             self.cases = distinct_cases([*self.cases, *shipped])
         self._first, self._changes_case = int(compare), has_own_cases and not compare
         self.policy, self.case, self.episode = self._first, self.policies[0].suite, 0

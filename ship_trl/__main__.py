@@ -34,6 +34,7 @@ def train(words: list[str]) -> None:
     from ship_trl.config.checks import to_config
     from ship_trl.config.errors import print_error
     from ship_trl.config.paths import conf_dir
+    from ship_trl.grid.compose import use_loader
     from ship_trl.grid.launchers import die_with_launcher, mark_launcher, place_in_grid
     from ship_trl.grid.sweep import objective
     from ship_trl.run.plan import make_run
@@ -57,36 +58,11 @@ def train(words: list[str]) -> None:
 
     with refusals():
         check_words(words)
-        # Hydra reads them from there.
-        sys.argv[1:] = add_profile(words)
+    use_loader()
     mark_launcher()
     end_at_sigterm()
     with hydra_errors():
         entry()
-
-
-def add_profile(words: list[str]) -> list[str]:
-    """Add the profile that the suite of target or source asks for, unless the words name one.
-
-    Raises:
-        ConfigError: the suites of a grid ask for different profiles.
-    """
-    from ship_trl.config.errors import ConfigError
-    from ship_trl.sim.suites import profile_of
-
-    if any(word.lstrip("+").startswith("profile=") for word in words):
-        return words
-    for key in ("target=", "source="):
-        for place, word in enumerate(words):
-            if not word.startswith(key):
-                continue
-            profiles = {profile_of(name) for name in word.removeprefix(key).split(",")}
-            if len(profiles) > 1:
-                raise ConfigError(f"profile: the suites of {word} have different ones; give profile=NAME")
-            if profile := profiles.pop():
-                # Beside it, because the last word may belong to a flag.
-                return [*words[: place + 1], f"profile={profile}", *words[place + 1 :]]
-    return words
 
 
 if __name__ == "__main__":

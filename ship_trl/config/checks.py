@@ -189,7 +189,8 @@ def check_arm(config: Config) -> None:
         is_bundled = weights in (SourceWeights.learned, SourceWeights.pretrained)
         require(is_bundled, "source_weights", left_out, weights.value)
         require(config.source_file is None, "source_file", left_out, config.source_file)
-    require(config.source is not None, "source", f"a case, for method={method.value}", "none")
+    source = f"a case, for method={method.value}; without a source method=scratch"
+    require(config.source is not None, "source", source, "none")
     form, counts = FORMS[method], range(1, config.network.depth + 1)
     *others, last = [*map(str, counts), *form.words]
     numbers = f"{', '.join(others)} or {last}"

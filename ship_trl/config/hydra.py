@@ -48,8 +48,15 @@ def explain_hydra(error: Exception) -> str:
 
 def allowed_keys(key: str) -> str:
     """List the keys that are allowed where an unknown `key` was given."""
+    from ship_trl.config.algorithm import SETTINGS
+    from ship_trl.config.schema import fields_of
     from ship_trl.config.types import Config
 
+    if key.startswith("algorithm."):
+        # A grid may choose several algorithms, and an own one may have any.
+        names = {re.split("[.:]", build)[-2]: fields_of(keys) for build, keys in SETTINGS.items()}
+        own = "; ".join(f"{name}: {', '.join(keys) or 'none'}" for name, keys in names.items())
+        return f"unknown key of an algorithm that is chosen; allowed: {own}"
     place: type = Config
     for part in key.split(".")[:-1]:
         hints = typing.get_type_hints(place)

@@ -120,7 +120,8 @@ class Reader:
             self.refuse(key, f"at most {MAX_INTEGER} in size", value)
         found = value if hint is Any else self.convert(hint, value)
         if found is None and hint is not Any:
-            self.refuse(key, name_of(hint), value)
+            quotes = ", in quotes" if hint is str and type(value) in (bool, float) else ""
+            self.refuse(key, name_of(hint) + quotes, value)
         return found
 
     def refuse(self, key: str, allowed: str, value: object) -> None:
@@ -178,7 +179,8 @@ class Reader:
             if self.from_json:
                 # Control characters would reach a terminal.
                 return value if is_text and value.isprintable() else None
-            return str(value) if isinstance(value, str | int | float) else None
+            # Of a name such as 1e3 or 7.50 only a number would be left.
+            return str(value) if type(value) in (str, int) else None
         if isinstance(kind, type) and issubclass(kind, Enum):
             return value if isinstance(value, kind) else kind.__members__.get(str(value))
         return value if type(value) is kind else None

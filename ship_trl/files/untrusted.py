@@ -25,12 +25,12 @@ MAX_YAML_DEPTH = 50
 # What plain numbers look like. YAML 1.1 would also read 045 in base 8 and 3:30 in base 60.
 NUMBERS = {
     "tag:yaml.org,2002:int": r"-?(0|[1-9][0-9]*)$",
-    "tag:yaml.org,2002:float": r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=e))(e[-+]?[0-9]+)?$|[-+]?\.inf$|\.nan$",
+    "tag:yaml.org,2002:float": r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=e))(e[-+]?[0-9]+)?$|[-+]?\.(inf|nan)$",
     "sexagesimal": r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$",
 }
 
 
-def refuse_sexagesimal(loader: Any, node: yaml.Node) -> NoReturn:
+def refuse_sexagesimal(_loader: Any, node: yaml.Node) -> NoReturn:
     """Raise a YAMLError that names the line of a number such as 3:30."""
     problem = f"{node.value} is no decimal number; as text it stands in quotes"
     raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
@@ -59,7 +59,7 @@ def read_changes(words: Iterable[str]) -> DictConfig:
     """Read words such as "turn_time=4" or "pairs=[high,low]" as OmegaConf does, with decimal numbers."""
     changes = OmegaConf.create()
     for key, _, text in (word.partition("=") for word in words):
-        OmegaConf.update(changes, key, yaml.load(text, LOADER))
+        OmegaConf.update(changes, key, LOADER(text).get_single_data())
     return changes
 
 
@@ -79,7 +79,7 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
     try:
         text = data.decode()
         refuse_more_than_values(text)
-        values = yaml.load(text, LOADER)
+        values = LOADER(text).get_single_data()
         if not isinstance(values, dict | list | None):
             raise yaml.YAMLError("a single value")
         return OmegaConf.create(values or {})

@@ -35,8 +35,10 @@ def check(config: DictConfig) -> None:
     """Compose and check every run.
 
     Raises:
-        ConfigError: a run is invalid, two different runs share a folder, or there is no cluster.
+        ConfigError: a run is invalid, two different runs share a folder, a key is given twice, or there is no
+            cluster.
     """
+    check_repeated(OmegaConf.to_container(config.hydra.overrides.task, resolve=False))
     check_slurm(str(config.hydra.runtime.choices["hydra/launcher"]), "hydra/launcher")
     in_folder: dict[Path, dict[str, set[str]]] = {}
     for number, words in enumerate(list_runs(config)):
@@ -55,6 +57,16 @@ def check(config: DictConfig) -> None:
             differ = every[0].union(*every) - every[0].intersection(*every)
             keys = sorted({word.split("=")[0].lstrip("+") for word in differ})
             raise ConfigError(describe_shared(folder, keys))
+
+
+def check_repeated(words: Any) -> None:
+    """Refuse a key that is given twice: Hydra would take the last one, and drop the values of a grid."""
+    given: dict[str, str] = {}
+    for word in words:
+        key = word.partition("=")[0].lstrip("+")
+        if key in given:
+            raise ConfigError(f"{key}: given twice, as {given[key]} and {word}; allowed: once in a grid")
+        given[key] = word
 
 
 def describe_shared(folder: Path, keys: Sequence[str]) -> str:

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
-
 from ship_trl.config.algorithm import ON_POLICY, non_default_algorithm
 from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.checks import require
@@ -25,7 +23,7 @@ from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
 from ship_trl.run.folder import TakenError, check_folder
 from ship_trl.run.run import Run
 from ship_trl.run.teacher import digest_teacher, teacher_factor
-from ship_trl.sim.cases import load_case
+from ship_trl.sim.cases import load_case, read_values
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import rank
 
@@ -102,7 +100,7 @@ def resolve_pretrained(config: Config, target: Suite) -> Config:
                 f"source: {PRETRAINED} is allowed for the shipped pairs only, not for {config.pair}; "
                 "allowed: source=CASE source_weights=pretrained"
             )
-        source = str(OmegaConf.load(pair).source)
+        source = str(read_values(pair).source)
     else:
         names = [one.name for one in networks()]
         cases = [load_case(name, config.world, "source") for name in names]

@@ -124,7 +124,7 @@ class Case:
 
 
 def to_heading(course: float) -> float:
-    """Return the heading, from -90 to 270 degrees counter-clockwise from east, of a course clockwise from north."""
+    """Return the heading, from -90 to 270 degrees counter-clockwise from east, of a course."""
     heading = 90.0 - course
     return heading + 360.0 if heading < -90.0 else heading
 

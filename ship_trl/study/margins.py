@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Annotated
 
 import yaml
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, limit, read_as
+from ship_trl.files.untrusted import read_yaml
 from ship_trl.study.analysis.metrics import METRICS
 
 PositiveNumber = Annotated[float, limit(above=0)]
@@ -34,8 +33,8 @@ class Margins:
 def read_margins(path: Path) -> Margins:
     """Read and check a file of margins."""
     try:
-        values = OmegaConf.load(path)
-    except (yaml.YAMLError, OSError, OmegaConfBaseException) as error:
+        values = read_yaml(path)
+    except (yaml.YAMLError, OSError) as error:
         raise ConfigError(f"{path.name}: cannot be read: {' '.join(str(error).split())}") from None
     return read_as(Margins, values, f"{path.name}: ")
 

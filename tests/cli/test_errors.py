@@ -30,7 +30,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which the main command was run once, at smoke size."""
     folder = tmp_path_factory.mktemp("trained")
     done = ship_trl(*SMOKE, folder=folder)
-    assert "case 1 -> case 2, FT3, seed 0" in done.stdout
+    assert "case 1 -> case 2, FT3, seed 0, profile smoke\n" in done.stdout
     return folder
 
 
@@ -198,6 +198,10 @@ REFUSED = {
     "profile=banana": "profile: no banana; allowed: long, paper, quick, smoke",
     "network=six target=1 method=scratch": "network: no six; allowed: five, paper",
     "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
+    "-m algorithm=double_dqn,ppo algorithm.clip=0.1 target=4 method=scratch": (
+        "algorithm.clip: unknown key of an algorithm that is chosen; allowed: double_dqn: none; n_step: steps; "
+        "ppo: rollout_steps, epochs, "
+    ),
     "+pair=high layers=[": "overrides: no viable alternative",
     "source=1 target=2 layers=1 source_file=a/seed=0/b": "overrides: mismatched input '='",
     "--config-dir=broken target=1 method=scratch network=broken": "config: not YAML: while parsing",

@@ -11,7 +11,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import yaml
+from omegaconf import OmegaConf
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, plain
@@ -58,7 +58,7 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
             "wandb": {"folder": str(study), "group": f"{job.part}/{job.label}"},
         }
         with atomic_write(folder / f"{job.name}.yaml") as draft:
-            draft.write_text("# @package _global_\n" + yaml.safe_dump(values, sort_keys=False))
+            draft.write_text("# @package _global_\n" + OmegaConf.to_yaml(values))
 
 
 def finished(job: Job, config: StudyConfig) -> Result | None:

@@ -20,6 +20,7 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import limit, read_as
 from ship_trl.config.types import Logger, WandbMode
+from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.launchers import check_slurm
 from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS, WHOLE
 
@@ -100,7 +101,7 @@ def to_study(overrides: list[str]) -> StudyConfig:
         ConfigError: a key or a name is unknown, or a value is not allowed.
     """
     try:
-        values = OmegaConf.merge(OmegaConf.load(conf_dir() / "study.yaml"), OmegaConf.from_dotlist(overrides))
+        values = OmegaConf.merge(read_yaml(conf_dir() / "study.yaml"), read_changes(overrides))
     except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
         # OmegaConf raises Python's own errors for an unclosed bracket in a key, or thousands of digits.
         words, example = " ".join(overrides), "pairs=[high,low]"
@@ -171,5 +172,5 @@ def check_names(key: str, got: list[str], allowed: list[str]) -> None:
 @cache
 def read_option(group: str, name: str) -> Mapping[str, Any]:
     """Read the values of an option of a config group."""
-    values: Any = OmegaConf.to_container(OmegaConf.load(conf_dir() / group / f"{name}.yaml"))
+    values: Any = OmegaConf.to_container(read_yaml(conf_dir() / group / f"{name}.yaml"))
     return MappingProxyType(values)

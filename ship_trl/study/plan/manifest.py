@@ -22,6 +22,7 @@ from ship_trl.config.schema import Rule, read_as
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
+from ship_trl.grid.compose import quote_text
 from ship_trl.sim.suites import load_suite
 from ship_trl.study.plan.config import StudyConfig
 from ship_trl.study.plan.jobs import PAIRS, Job
@@ -70,7 +71,8 @@ def run_config(config: StudyConfig) -> Config:
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            line = ["target=1", "method=scratch", f"profile={config.profile}", *config.run_overrides]
+            line = ["target=1", "method=scratch", f"profile={config.profile}"]
+            line += map(quote_text, config.run_overrides)
             return to_config(compose("config", overrides=line))
     except HydraException as error:
         raise ConfigError(f"overrides: {explain_hydra(error).removeprefix('overrides: ')}") from None

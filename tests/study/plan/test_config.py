@@ -90,6 +90,11 @@ def test_every_control_composes_and_says_what_it_is() -> None:
         assert set(arms) <= set(options("arm")) and pair in options("pair")
 
 
+def test_text_stays_as_typed_and_digits_are_decimals() -> None:
+    config = to_study(["output=2024_05_01", "first_seed=010", "wandb.project=1_0"])
+    assert (str(config.folder), config.first_seed, config.wandb.project) == ("2024_05_01", 10, "1_0")
+
+
 def test_what_follows_from_the_settings() -> None:
     assert to_study(["profile=quick"]).folder == Path("outputs/quick_study")
     assert to_study(["profile=quick", "output=elsewhere"]).folder == Path("elsewhere")

@@ -1,0 +1,117 @@
+"""Words of a command line stay as they are typed, and a suite brings its profile however it is named."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
+from ship_trl.grid.compose import Loader, quote_text
+from tests.command import ship_trl
+
+TRAFFIC = "# @package _global_\ntarget: traffic\nmethod: scratch\noutput: 2024_05_01\nseed: 010\n"
+
+
+@pytest.fixture(autouse=True)
+def _as_the_command_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hydra._internal.hydra.ConfigLoaderImpl", Loader)
+
+
+def composed(*words: str) -> Any:
+    folder = Path("own/experiment")
+    folder.mkdir(parents=True)
+    (folder / "2024_05_01.yaml").write_text(TRAFFIC)
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        found = compose("config", [f"hydra.searchpath=[file://{Path('own').absolute()}]", *words])
+    return to_config(OmegaConf.create(OmegaConf.to_container(found)))
+
+
+@pytest.mark.parametrize(
+    ("words", "profile", "episodes"),
+    [
+        *(([word, "method=scratch"], "traffic", 26000) for word in ("target=traffic", 'target="traffic"')),
+        *(([word, "method=scratch"], "traffic", 26000) for word in ("++target=traffic", "target='traffic'")),
+        (["target=traffic_reacting", "method=scratch"], "traffic", 26000),
+        (["+experiment=2024_05_01"], "traffic", 26000),
+        (["source=traffic", "target=imazu", "layers=1"], "traffic", 26000),
+        (["source=4", "target=traffic", "layers=1"], "traffic", 26000),
+        (["target=traffic", "method=scratch", "profile=quick"], "quick", 600),
+        (["target=traffic", "method=scratch", "profile=smoke"], "smoke", 6),
+        (["+experiment=2024_05_01", "profile=quick"], "quick", 600),
+        (["target=paper", "method=scratch"], "quick", 600),
+        (["+pair=high", "layers=1"], "quick", 600),
+    ],
+)
+def test_a_suite_brings_its_profile(words: list[str], profile: str, episodes: int) -> None:
+    config = composed(*words)
+    assert (config.profile, config.learn.episodes) == (profile, episodes)
+
+
+def test_each_run_of_a_grid_takes_its_own_profile(tmp_path: Path) -> None:
+    grid = ("-m", "hydra/launcher=basic", "method=scratch", "learn.batch_size=200001")
+    for targets, most in (("choice(traffic)", 200000), ("traffic,4", 200000), ("4,traffic", 10000)):
+        said = ship_trl(*grid, f"target={targets}", folder=tmp_path, code=1).stderr
+        assert said.startswith(f"ship_trl: learn.batch_size: must be at most learn.replay_size={most}, got")
+
+
+def test_keys_of_text_take_the_word_as_typed() -> None:
+    names = ("output=2024_05_01", "target=1_0", "wandb.project=1e3", "+wandb.group=010", "wandb.entity=true")
+    config = composed(*names, "method=scratch", "case_base=-1", "seed=010", "learn.lr=1e-3")
+    wandb = config.wandb
+    assert (config.output, config.target, config.case_base) == ("2024_05_01", "1_0", "-1")
+    assert (wandb.project, wandb.group, wandb.entity) == ("1e3", "010", "true")
+    assert (config.seed, config.learn.lr, config.source) == (10, 1e-3, None)
+
+
+def test_files_that_hydra_reads_have_decimal_numbers() -> None:
+    config = composed("+experiment=2024_05_01")
+    assert (config.output, config.seed) == ("2024_05_01", 10)
+
+
+@pytest.mark.parametrize(
+    ("word", "wanted"),
+    [
+        ("output=1e3,2_0, x", "output='1e3','2_0', x"),
+        ("output=choice(1e3,true)", "output=choice('1e3','true')"),
+        ("++target=010", "++target='010'"),
+        ("network=5", "network='5'"),
+        ("hydra/launcher=5", "hydra/launcher='5'"),
+        ("+experiment=1_0", "+experiment='1_0'"),
+        ("algorithm.teacher=1e3", "algorithm.teacher='1e3'"),
+        ("hydra.sweep.dir=2024_05_01", "hydra.sweep.dir='2024_05_01'"),
+        *((word, word) for word in ("source=null", "target=range(1,4)", "output='1e3'", "output=${seed}/1")),
+        *(
+            (word, word)
+            for word in ("seed=1_0", "learn.lr=1e-3", "layers=3", "fast=true", "~output", "a.b=1")
+        ),
+        ("learn.typo.x=1", "learn.typo.x=1"),
+    ],
+)
+def test_only_words_of_text_keys_are_quoted(word: str, wanted: str) -> None:
+    assert quote_text(word) == wanted
+
+
+def test_folders_of_a_grid_are_named_as_typed(tmp_path: Path) -> None:
+    line = (
+        "-m",
+        "hydra/launcher=basic",
+        "profile=smoke",
+        "target=1",
+        "method=scratch",
+        "output=1e3,2024_05_01",
+    )
+    ship_trl(*line, folder=tmp_path)
+    found = {path.relative_to(tmp_path).parts[0] for path in tmp_path.rglob("result.json")}
+    assert found == {"1e3", "2024_05_01"}
+
+
+def test_a_number_in_base_60_is_refused_with_file_and_line(tmp_path: Path) -> None:
+    (tmp_path / "own/world").mkdir(parents=True)
+    (tmp_path / "own/world/mine.yaml").write_text("defaults: [paper, _self_]\ndt: 1:30\n")
+    line = ("--config-dir", "own", "world=mine", "target=1", "method=scratch")
+    said = ship_trl(*line, folder=tmp_path, code=1).stderr
+    assert said.startswith("ship_trl: config: not YAML: 1:30 is no decimal number") and "line 2" in said
+    assert "own/world/mine.yaml" in said and said.count("\n") == 1

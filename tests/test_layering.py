@@ -23,7 +23,8 @@ WITHOUT_TORCH = (
     "transfer/casebase",
     "study/measured", "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
     "run/folder", "run/plan", "run/stop", "run/progress", "grid/launchers", "run/results",
-    "grid/check", "grid/compose", "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",
+    "grid/check", "grid/compose",
+    "explain/study", "study/records", "study/report/wandb_summary", "study/report/write",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))
 BENCHMARKS = PACKAGE.parent / "benchmarks"

@@ -25,7 +25,7 @@ MAX_YAML_DEPTH = 50
 # What plain numbers look like. YAML 1.1 would also read 045 in base 8 and 3:30 in base 60.
 NUMBERS = {
     "tag:yaml.org,2002:int": r"-?(0|[1-9][0-9]*)$",
-    "tag:yaml.org,2002:float": r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=e))(e[-+]?[0-9]+)?$|[-+]?\.(inf|nan)$",
+    "tag:yaml.org,2002:float": r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=e))(e[-+]?[0-9]+)?$|-?\.(inf|nan)$",
     "sexagesimal": r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$",
 }
 

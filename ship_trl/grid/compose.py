@@ -10,11 +10,10 @@ from dataclasses import is_dataclass
 from functools import cache
 from typing import Any
 
-import omegaconf._utils
 from hydra._internal import hydra as hydra_parts
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, _utils
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.errors import ConfigError
@@ -63,12 +62,12 @@ def use_loader() -> None:
 @contextmanager
 def decimal_numbers() -> Iterator[None]:
     """Let OmegaConf read YAML as `read_yaml` does."""
-    before = omegaconf._utils.get_yaml_loader
-    omegaconf._utils.get_yaml_loader = lambda: LOADER
+    before = _utils.get_yaml_loader
+    _utils.get_yaml_loader = lambda: LOADER
     try:
         yield
     finally:
-        omegaconf._utils.get_yaml_loader = before
+        _utils.get_yaml_loader = before
 
 
 def missing_profile(values: DictConfig, words: list[str]) -> str:

@@ -199,8 +199,8 @@ REFUSED = {
     "network=six target=1 method=scratch": "network: no six; allowed: five, paper",
     "+pair=high layers=3 learn.typo=3": "learn.typo: unknown key; allowed here: episodes",
     "-m algorithm=double_dqn,ppo algorithm.clip=0.1 target=4 method=scratch": (
-        "algorithm.clip: unknown key of an algorithm that is chosen; allowed: double_dqn: none; n_step: steps; "
-        "ppo: rollout_steps, epochs, "
+        "algorithm.clip: unknown key of an algorithm that is chosen; allowed: double_dqn: none; "
+        "n_step: steps; ppo: rollout_steps, epochs, "
     ),
     "+pair=high layers=[": "overrides: no viable alternative",
     "source=1 target=2 layers=1 source_file=a/seed=0/b": "overrides: mismatched input '='",

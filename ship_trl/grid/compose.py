@@ -73,14 +73,14 @@ def decimal_numbers() -> Iterator[None]:
 def missing_profile(values: DictConfig, words: list[str]) -> str:
     """Return the profile that the suite of target or source asks for, empty if none or if one is given."""
     is_given = any(word.lstrip("+").startswith("profile=") for word in words)
-    # In a grid of targets the runs have one, and the grid has none.
-    if is_given or values.hydra.runtime.choices.get("profile") != DEFAULT_PROFILE or not values.get("target"):
+    if is_given or values.hydra.runtime.choices.get("profile") != DEFAULT_PROFILE:
         return ""
     try:
-        profiles = [profile_of(str(values.get(key))) for key in ("target", "source")]
+        # In a grid of targets each run has one, and the grid has none.
+        names = [values.get("target"), values.get("source")] if values.get("target") else []
+        return next(filter(None, (profile_of(str(name)) for name in names)), "")
     except (ConfigError, OmegaConfBaseException):  # refused where the suite is loaded
         return ""
-    return next(filter(None, profiles), "")
 
 
 def quote_text(word: str) -> str:

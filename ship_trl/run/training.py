@@ -48,7 +48,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     """
     started = time.perf_counter()
     # Printed first, because the planner and the jumpstart draws take a while.
-    console.say(f"{place}: {run.title}" if place else f"{run.title}, profile {run.config.profile}")
+    console.say(f"{f'{place}: ' if place else ''}{run.title}, profile {run.config.profile}")
     named = ("suite", run.target.name), ("case", str(run.config.target))
     for kind, name in dict.fromkeys((*named, *(("case", case.name) for case in run.target.cases))):
         if own := shadowing_file(kind, name):

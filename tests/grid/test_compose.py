@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from omegaconf import DictConfig
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
@@ -26,7 +26,8 @@ def composed(*words: str) -> Any:
     (folder / "2024_05_01.yaml").write_text(TRAFFIC)
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         found = compose("config", [f"hydra.searchpath=[file://{Path('own').absolute()}]", *words])
-    return to_config(OmegaConf.create(OmegaConf.to_container(found)))
+    assert isinstance(found, DictConfig)
+    return to_config(found)
 
 
 @pytest.mark.parametrize(

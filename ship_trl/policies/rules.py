@@ -27,7 +27,7 @@ from torch import Tensor
 from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.config.types import World
 from ship_trl.policies.encounter import Encounters, Onset
-from ship_trl.sim.encounter import Encounter, Motion, relative_motion
+from ship_trl.sim.encounter import Encounter, Motion, are_ruled, relative_motion
 from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
 from ship_trl.sim.state import HEADING, SHIP_HEADING, SPEED, is_present, relative_positions, target_ships
 
@@ -217,6 +217,7 @@ def at(values: Tensor, time: Tensor) -> Tensor:
 def _locked_classes(states: Tensor, motion: Motion, onset: Onset) -> Tensor:
     """Return encounter classes that stay from onset to past and clear, int64 [N, T + 1, K]."""
     encounters = Encounters(onset)
+    motion = motion._replace(dcpa=motion.dcpa.masked_fill(~are_ruled(states, motion), math.inf))
     steps = range(states.shape[1])
     return torch.stack(
         [encounters.update(states[:, t], Motion(*(part[:, t] for part in motion))) for t in steps], 1

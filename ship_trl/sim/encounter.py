@@ -38,6 +38,9 @@ ABAFT_BEAM = math.radians(112.5)
 # Pedersen 2023: the overtaken ship is at most this far off the overtaker's bow.
 AHEAD = math.radians(67.5)
 
+# M/s. Slower, ships come 3 m nearer in half a minute.
+LEAST_APPROACH = 0.1
+
 
 class Encounter(IntEnum):
     """What the rules ask of own ship towards one target ship."""
@@ -93,6 +96,16 @@ def relative_motion(state: Tensor) -> Motion:
         -angle_off_bow(own, state[..., HEADING, None], own + away),
         -angle_off_bow(own + away, ships[..., SHIP_HEADING], own),
     )
+
+
+def are_ruled(state: Tensor, motion: Motion) -> Tensor:
+    """Return for which target ships own ship is in an encounter that the rules judge, bool [..., K].
+
+    A ship at anchor goes nowhere, whatever its heading, and ships that move alike do not approach. How ships
+    react is not asked here.
+    """
+    under_way = target_ships(state)[..., SHIP_SPEED] > 0
+    return under_way & (torch.linalg.vector_norm(motion.velocity, dim=-1) > LEAST_APPROACH)
 
 
 def meets(bearing: Angle, aspect: Angle, head_on: float = HEAD_ON) -> Flag:

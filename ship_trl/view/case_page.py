@@ -17,6 +17,7 @@ from ship_trl.files.disk import atomic_write
 from ship_trl.sim import scene
 from ship_trl.sim.encounter import (
     Encounter,
+    are_ruled,
     classify,
     own_velocity,
     relative_motion,
@@ -48,7 +49,7 @@ CLASSES: dict[Encounter, tuple[str, Colour]] = {
 def encounter_classes(state: Tensor) -> list[Encounter]:
     """Return the encounter class of each target ship in a state [S]."""
     motion = relative_motion(state.double())
-    found = classify(motion.bearing, motion.aspect).tolist()
+    found = (classify(motion.bearing, motion.aspect) * are_ruled(state, motion)).tolist()
     return [Encounter(one) for one in found[: int(state[SHIP_COUNT])]]
 
 

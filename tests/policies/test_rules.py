@@ -12,7 +12,7 @@ from torch.nn.utils.rnn import pad_sequence
 from ship_trl.config.bounds import RULES
 from ship_trl.policies.encounter import Steering
 from ship_trl.policies.rules import Scores, closest_pass, safety_score, scaled_settings, score_rules
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from tests.policies.tracks import PORT, STARBOARD, STRAIGHT, track
 
@@ -259,3 +259,21 @@ def test_a_wider_head_on_sector_is_a_setting() -> None:
 )
 def test_steering(error: float, speed: float, action: int) -> None:
     assert Steering(WORLD)(torch.tensor([error]), torch.tensor([speed])).item() == action
+
+
+@pytest.mark.parametrize("heading", [0.0, 90.0, 180.0, 270.0])
+def test_a_ship_at_anchor_is_not_classed_by_its_heading(heading: float) -> None:
+    anchored = score(replace(IMAZU[1], target_ships=[TargetShip(0, 300, heading, 0.0)]), (STRAIGHT, 10))
+    assert (anchored.encounter, anchored.onset, anchored.rules) == (Encounter.NONE, -1, {})
+    slow = score(replace(IMAZU[1], target_ships=[TargetShip(0, 300, heading, 1.0)]), (STRAIGHT, 10))
+    assert slow.encounter != Encounter.NONE and slow.onset == 0
+
+
+@pytest.mark.parametrize("east", [-50.0, 50.0])
+def test_ships_that_move_alike_are_no_encounter_until_one_turns(east: float) -> None:
+    beside = replace(IMAZU[1], target_ships=[TargetShip(east, 0, 90.0, 15.0)])
+    kept = score(beside, (STRAIGHT, 10))
+    assert (kept.encounter, kept.onset, kept.rules) == (Encounter.NONE, -1, {})
+    turned = score(beside, (STRAIGHT, 5), (STARBOARD if east > 0 else PORT, 2), (STRAIGHT, 1))
+    assert turned.encounter == (Encounter.GIVE_WAY if east > 0 else Encounter.STAND_ON)
+    assert turned.onset == 6

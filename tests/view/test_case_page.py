@@ -60,6 +60,8 @@ def test_a_caption_counts_the_ships_of_each_class(world: World, make_case: Calla
     assert [text for text, _ in describe_classes(found)] == ["head-on", "give way, 2 ships"]
     assert encounter_classes(initial_state(make_case(port), world)) == [Encounter.STAND_ON]
     assert describe_classes([])[0][0] == "no target ships"
+    anchored, alike = (0, 300, -90, 0), (100, 0, 90, 15)
+    assert encounter_classes(initial_state(make_case(anchored, alike), world)) == [Encounter.NONE] * 2
     assert set(CLASSES) == set(Encounter)
 
 

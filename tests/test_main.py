@@ -15,7 +15,7 @@ BENCHMARKS = (
     "from benchmarks.__main__ import main\ntry: main(['--help'])\nexcept SystemExit: import matplotlib"
 )
 ENTRIES = {
-    "ship_trl": ("-m", "ship_trl", "cases", "target=1", "--picture", "drawn.png"),
+    "ship_trl": ("-m", "ship_trl", "cases", "target=imazu", "--picture", "drawn.png"),
     "benchmarks": ("-c", BENCHMARKS),
 }
 

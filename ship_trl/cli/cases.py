@@ -8,13 +8,13 @@ other cases are ranked as sources, and an arm is recommended.
 
 from __future__ import annotations
 
-import shlex
 import sys
 from itertools import islice
 from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
+from ship_trl.config.command import command, override
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
@@ -155,22 +155,24 @@ def show_ranking(target: Case, sources: list[Case], world: World, by: str, store
     """Print the sources for a target, best first, with stored networks and the paper's arm."""
     fingerprints = [entry.fingerprint for entry in stored.entries()]
     ranking = rank(target, sources, world, by)[:MAX_SHOWN]
-    arms = [" ".join(f"{key}={value}" for key, value in match.arm.keys.items()) for match in ranking]
+    arms = [[override(key, value) for key, value in match.arm.keys.items()] for match in ranking]
     rows = []
     for match, arm in zip(ranking, arms, strict=True):
         measured = (f"{value:.2f}" for value in match.measured.values())
-        rows.append((match.case.name, *measured, arm, str(fingerprints.count(match.case.fingerprint))))
+        rows.append(
+            (match.case.name, *measured, " ".join(arm), str(fingerprints.count(match.case.fingerprint)))
+        )
     headings = ("source", *MEASURES, "arm, by the paper", "stored networks")
     show(headings, rows, title=f"Sources for case {target.name}, by {by}")
     if not ranking:
         return
     first = ranking[0].case
-    command = f"python -m ship_trl source={first.name} target={target.name} {arms[0]}"
-    sys.stdout.write(f"By the paper's rule:\n{command}\n")
+    words = override("source", first.name), override("target", target.name), *arms[0]
+    sys.stdout.write(f"By the paper's rule:\n{command(*words)}\n")
     if best := stored.representative(first):
         known = f"{best.arm}, seed {best.seed}, greedy return {best.best_return:.1f}"
         sys.stdout.write(f"with the best stored network of case {first.name} ({known}):\n")
-        sys.stdout.write(f"{command} {shlex.quote(f'source_file={best.policy}')}\n")
+        sys.stdout.write(f"{command(*words, override('source_file', best.policy))}\n")
 
 
 def show_measured(target: Case, found: list[Transfer]) -> None:
@@ -199,7 +201,7 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
         lines += best.commands()
     else:
         lines = [f"By measurement, none of {len(found)} transfers is shown to gain; without a source:"]
-        lines.append(f"python -m ship_trl target={target.name} method=scratch")
+        lines.append(command(override("target", target.name), "method=scratch"))
     sys.stdout.write("\n".join(lines) + "\n")
 
 
@@ -224,10 +226,11 @@ def show_expected(target: Case, sources: list[Case], world: World) -> None:
     values = {name: measure.value(one, goal) for name, one in known.items()}
     first = (min if measure.nearer else max)(values, key=lambda name: values[name])
     asked = f"{len(known)} {'bundled networks' if files else 'cases'}"
-    weights = " source_weights=pretrained" if files else ""
+    words = [override("source", first), *["source_weights=pretrained"] * bool(files)]
+    words += [override("target", target.name), f"+arm={best.arm}"]
     sys.stdout.write(
         f"By {best.measure}, which predicted gains best in the benchmark of sources (docs/sources.md): "
         f"{values[first]:.2f}, the {'least' if measure.nearer else 'largest'} of {asked}. There such choices "
         f"gained {best.gain:+.2f} ({best.gain_low:+.2f} to {best.gain_high:+.2f}) in mean greedy score with "
-        f"{best.arm}:\npython -m ship_trl source={first}{weights} target={target.name} +arm={best.arm}\n"
+        f"{best.arm}:\n{command(*words)}\n"
     )

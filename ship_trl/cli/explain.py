@@ -6,7 +6,6 @@ safetensors file. The first is explained and compared with the others, for examp
 
 from __future__ import annotations
 
-import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +13,7 @@ from typing import Annotated
 from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
+from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
@@ -38,8 +38,7 @@ def main(arguments: list[str] | None = None) -> None:
         from ship_trl.explain.page import write
 
         given = sys.argv[1:] if arguments is None else arguments
-        command = shlex.join(["python", "-m", "ship_trl", "explain", *given])
-        write(entries, options.output or OUTPUT, options.episodes, options.seed, command)
+        write(entries, options.output or OUTPUT, options.episodes, options.seed, command("explain", *given))
 
 
 def choose_entries(words: list[str], colour: bool) -> list[Entry]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
+from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.disk import atomic_write
@@ -74,7 +75,7 @@ def train_cases(runs: Path) -> dict[str, Path]:
 
 def train(output: Path, seeds: Iterable[int], *words: str) -> None:
     """Train the missing runs from scratch, and exit if one fails."""
-    grid = *words, "method=scratch", f"seed={','.join(map(str, seeds))}", f"output={output}"
+    grid = *words, "method=scratch", f"seed={','.join(map(str, seeds))}", override("output", output)
     if code := subprocess.run([sys.executable, "-m", "ship_trl", "-m", *grid], check=False).returncode:
         sys.exit(code)
 

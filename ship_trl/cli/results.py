@@ -15,6 +15,7 @@ import numpy as np
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
+from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import Evaluation
@@ -89,9 +90,7 @@ def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
     from ship_trl.study.records.tables import has_tables
 
     for folder in filter(has_tables, folders):
-        raise ConfigError(
-            f"folder: {folder} holds a study's tables; python -m ship_trl report {folder} reads them"
-        )
+        raise ConfigError(f"folder: {folder} holds a study's tables; {command('report', folder)} reads them")
     places = ", ".join(map(str, folders))
     raise ConfigError(f"folder: no finished run below {places}; python -m ship_trl makes one")
 

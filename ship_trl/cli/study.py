@@ -7,6 +7,7 @@ import sys
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.help import HELP_FLAGS
+from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.progress import format_duration
 from ship_trl.run.stop import TerminatedError, raise_at_sigterm
@@ -56,7 +57,7 @@ def main(arguments: list[str] | None = None) -> None:
             if has_tables(config.folder):
                 raise ConfigError(
                     f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER; "
-                    f"python -m ship_trl keep --restore {config.folder} FOLDER makes one from the tables"
+                    f"{command('keep', '--restore', config.folder, 'FOLDER')} makes one from the tables"
                 )
             # The report reads the margins, perhaps days from now: check them first.
             margins()

@@ -8,11 +8,10 @@ the next. Without a policy, the pretrained network of case 4 is shown. Press H i
 
 from __future__ import annotations
 
-import shlex
-
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
+from ship_trl.config.command import command
 from ship_trl.policies.entry import failures_first, split_suites
 
 DEFAULT_WORDS = ["pretrained", "target=4"]
@@ -37,6 +36,6 @@ def main(arguments: list[str] | None = None) -> None:
         # Load the policies first: their errors are shown without a screen, too.
         session = Session(failures_first(entries, options.seed), options.compare, options.seed)
         flags = [*["--compare"] * options.compare, *["--colour"] * options.colour]
-        words = shlex.join([*options.words, *flags])
-        with open_window(options.size, f"python -m ship_trl record {words} --output film.gif makes a film"):
+        record = command("record", *options.words, *flags, "--output", "film.gif")
+        with open_window(options.size, f"{record} makes a film"):
             session.run()

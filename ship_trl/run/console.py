@@ -11,6 +11,7 @@ from filelock import FileLock, Timeout
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from ship_trl.config.command import command
 from ship_trl.config.errors import one_line
 from ship_trl.files.result import Evaluation, Result
 from ship_trl.learn.train import Evaluated, Finished
@@ -159,7 +160,7 @@ def show_result(result: Result, title: str, folder: Path, is_course_best: bool) 
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
         say("  no run from scratch of these settings to compare with; to train one: +arm=scratch")
-    say(f"  watch it: python -m ship_trl watch {folder}")
+    say(f"  watch it: {command('watch', folder)}")
     if is_course_best:
         say(
             f"  in {describe(result.target)} holding course is best, so that no run shows avoidance; "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from ship_trl.config.algorithm import ON_POLICY, non_default_algorithm
 from ship_trl.config.arm import SCRATCH, SourceWeights
 from ship_trl.config.checks import require
+from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir, stem
@@ -69,7 +71,7 @@ def make_run(config: Config) -> Run:
                 raise ConfigError(
                     f"output: {error.folder}, where the source would be trained, holds {error.held}; "
                     "allowed: another output=FOLDER, or "
-                    f"target={config.source} method=scratch overwrite=true first"
+                    f"{shlex.quote(override('target', config.source))} method=scratch overwrite=true first"
                 ) from None
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; allowed: a safetensors file")

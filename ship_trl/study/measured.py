@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 import re
-import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from ship_trl.config.command import command, override
 from ship_trl.config.paths import conf_dir
 from ship_trl.files.table import read_table
 from ship_trl.sim.cases import Case
@@ -46,16 +46,16 @@ class Transfer:
 
     def commands(self) -> list[str]:
         """Return the commands that repeat the transfer; if there are two, the first one trains the source."""
-        run = f"python -m ship_trl profile={self.profile}"
-        transfer = f"{run} source={self.source} target={self.target} +arm={self.arm}"
+        run, target = f"profile={self.profile}", override("target", self.target)
+        transfer = run, override("source", self.source), target, f"+arm={self.arm}"
         if self.epsilon_start is None:
-            return [transfer]
+            return [command(*transfer)]
         # Train the source with the default epsilon_start. The transfer would train it with its own.
         folder = "outputs/source"
-        network = f'source_file="{folder}/{self.source}/scratch/seed=0/{POLICY}"'
+        network = override("source_file", f"{folder}/{self.source}/scratch/seed=0/{POLICY}")
         start = f"learn.epsilon_start={self.epsilon_start:g}"
-        first = f"{run} target={self.source} method=scratch output={folder}"
-        return [first, f"{transfer} {start} {shlex.quote(network)}"]
+        first = run, override("target", self.source), "method=scratch", f"output={folder}"
+        return [command(*first), command(*transfer, start, network)]
 
 
 COLUMNS = tuple(field.name for field in fields(Transfer))

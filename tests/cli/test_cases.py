@@ -1,6 +1,7 @@
 """The command that shows the cases: Table 2, a picture, and which source a target should take."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from ship_trl.sim.cases import load_world
 from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CaseBase
 from tests.command import ROOT, refused, ship_trl
+from tests.pasted import composed_values, printed_commands
 
 
 def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
@@ -40,7 +42,8 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     base.retain(case, "FTW-from-1", 3, "abc", {"best": {"return": 80.0}}, place)
     done = ship_trl("target=new", "--case-base", "a base", folder=tmp_path, verb="cases")
     policy = "a base/2/FTW-from-1/seed=3-abc/policy.safetensors"
-    assert f"{line} 'source_file={policy}'" in done.stdout.splitlines()
+    stored = next(one for one in printed_commands(done.stdout) if "source_file" in one)
+    assert composed_values(stored) == composed_values(line) | {"source_file": policy}
     assert "(FTW-from-1, seed 3, greedy return 80.0)" in done.stdout
     done = ship_trl("target=banana", folder=tmp_path, verb="cases", code=1)
     assert done.stderr.startswith("ship_trl: target: no case or suite banana; allowed: 1, 2")
@@ -89,3 +92,12 @@ def test_of_many_cases_the_first_are_listed_and_drawn(capsys: pytest.CaptureFixt
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == "outputs/cases_traffic_test.png: the first 60 of 500 cases"
     assert sum("traffic_" in line for line in lines[:-1]) == 60
+
+
+def test_recommended_commands_keep_odd_names(tmp_path: Path) -> None:
+    folder = tmp_path / "conf" / "case"
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / "conf" / "case" / "2.yaml", folder / "münchen.yaml")
+    done = ship_trl("target=münchen", folder=tmp_path, verb="cases")
+    lines = printed_commands(done.stdout)
+    assert lines and {composed_values(line)["target"] for line in lines} == {"münchen"}

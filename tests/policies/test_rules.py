@@ -261,19 +261,24 @@ def test_steering(error: float, speed: float, action: int) -> None:
     assert Steering(WORLD)(torch.tensor([error]), torch.tensor([speed])).item() == action
 
 
-@pytest.mark.parametrize("heading", [0.0, 90.0, 180.0, 270.0])
-def test_a_ship_at_anchor_is_not_classed_by_its_heading(heading: float) -> None:
-    anchored = score(replace(IMAZU[1], target_ships=[TargetShip(0, 300, heading, 0.0)]), (STRAIGHT, 10))
+def beside_own(east: float, north: float, heading: float, speed: float) -> Case:
+    """A target ship, placed from own ship, which heads north at 15 m/s."""
+    x, y = IMAZU[1].start
+    return replace(IMAZU[1], target_ships=[TargetShip(x + east, y + north, heading, speed)])
+
+
+@pytest.mark.parametrize(
+    ("heading", "moving"),
+    [(90.0, Encounter.OVERTAKING), (180.0, Encounter.GIVE_WAY), (270.0, Encounter.HEAD_ON)],
+)
+def test_a_ship_at_anchor_is_not_classed_by_its_heading(heading: float, moving: Encounter) -> None:
+    anchored = score(beside_own(5, 300, heading, 0.0), (STRAIGHT, 10))
     assert (anchored.encounter, anchored.onset, anchored.rules) == (Encounter.NONE, -1, {})
-    slow = score(replace(IMAZU[1], target_ships=[TargetShip(0, 300, heading, 1.0)]), (STRAIGHT, 10))
-    assert slow.encounter != Encounter.NONE and slow.onset == 0
+    assert score(beside_own(5, 300, heading, 1.0), (STRAIGHT, 10)).encounter == moving
 
 
-@pytest.mark.parametrize("east", [-50.0, 50.0])
-def test_ships_that_move_alike_are_no_encounter_until_one_turns(east: float) -> None:
-    beside = replace(IMAZU[1], target_ships=[TargetShip(east, 0, 90.0, 15.0)])
-    kept = score(beside, (STRAIGHT, 10))
-    assert (kept.encounter, kept.onset, kept.rules) == (Encounter.NONE, -1, {})
-    turned = score(beside, (STRAIGHT, 5), (STARBOARD if east > 0 else PORT, 2), (STRAIGHT, 1))
-    assert turned.encounter == (Encounter.GIVE_WAY if east > 0 else Encounter.STAND_ON)
-    assert turned.onset == 6
+@pytest.mark.parametrize(("east", "slower"), [(-50.0, Encounter.STAND_ON), (50.0, Encounter.GIVE_WAY)])
+def test_ships_that_move_alike_are_no_encounter(east: float, slower: Encounter) -> None:
+    alike = score(beside_own(east, 1, 90.0, 15.0), (STRAIGHT, 10))
+    assert (alike.encounter, alike.onset, alike.rules) == (Encounter.NONE, -1, {})
+    assert score(beside_own(east, 1, 90.0, 14.0), (STRAIGHT, 10)).encounter == slower

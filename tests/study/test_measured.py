@@ -11,6 +11,7 @@ from ship_trl.files.result import read_result
 from ship_trl.sim.cases import load_case
 from ship_trl.study.measured import COLUMNS, Transfer, read_transfers, transfers_to
 from tests.command import ship_trl
+from tests.pasted import ODD, composed_values
 
 ROW = ("3", "4", "abc", "def", "quick", "FT3", "", "15", "0.05", "0.03", "0.07")
 
@@ -86,3 +87,11 @@ def test_cases_are_matched_by_fingerprint_not_by_name(world: World) -> None:
     irrelevant = [known(*pair, 0.3) for pair in ((own["3"], "x"), ("x", own["4"]), (own["4"], own["4"]))]
     found = transfers_to(cases[2], [worse, *irrelevant, better], cases)
     assert [(one.source, one.target, one.low) for one in found] == [("2", "4", 0.2), ("3", "4", 0.1)]
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_commands_keep_odd_names(name: str) -> None:
+    found = Transfer(name, name, "abc", "def", "quick", "FT3", 0.5, 15, 0.05, 0.03, 0.07)
+    first, second = map(composed_values, found.commands())
+    assert first["target"] == second["source"] == second["target"] == name
+    assert second["source_file"] == f"{first['output']}/{name}/scratch/seed=0/policy.safetensors"

@@ -13,6 +13,7 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
+from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, plain
 from ship_trl.files.disk import atomic_write, links
@@ -79,19 +80,17 @@ def unfinished(jobs: list[Job], config: StudyConfig) -> list[Job]:
 
 def command(jobs: list[Job], config: StudyConfig) -> list[str]:
     """Return the command of a multirun of these jobs."""
-    # Quoted, because a path may hold characters of Hydra's grammar.
-    sweep = str(config.folder.absolute()).replace("'", "\\'")
     wandb = config.wandb if config.logger.includes(Logger.wandb) else None
     return [
         *(sys.executable, "-m", "ship_trl", "--multirun"),
         *("--config-dir", str((config.folder / JOBS).absolute())),
-        *(f"hydra/launcher={config.launcher}", f"hydra.sweep.dir='{sweep}'"),
+        *(f"hydra/launcher={config.launcher}", override("hydra.sweep.dir", config.folder.absolute())),
         # The runs were checked when they were planned.
         "~hydra.callbacks.check_runs",
         *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
         *(f"profile={config.profile}", f"logger={config.logger.name}"),
-        *([f"wandb.project={wandb.project}", f"wandb.mode={wandb.mode.name}"] if wandb else []),
-        *([f"wandb.entity={wandb.entity}"] if wandb and wandb.entity else []),
+        *([override("wandb.project", wandb.project), f"wandb.mode={wandb.mode.name}"] if wandb else []),
+        *([override("wandb.entity", wandb.entity)] if wandb and wandb.entity else []),
         *config.overrides,
         f"+job={','.join(job.name for job in jobs)}",
     ]

@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
+from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE
 from ship_trl.files.result import RESULT, read_result
@@ -118,9 +119,10 @@ def time_runs(config: StudyConfig, episodes: int) -> float:
         # The last of a key that is given twice counts; a check of the grid would refuse it.
         line = [
             *(sys.executable, "-m", "ship_trl", "--multirun", f"hydra.launcher.n_jobs={count}"),
-            *(f"hydra.sweep.dir={folder}", f"profile={config.profile}", *config.run_overrides),
+            *(override("hydra.sweep.dir", folder), f"profile={config.profile}", *config.run_overrides),
             *("target=4", "method=scratch", f"learn.episodes={episodes}", "learn.warmup_steps=100"),
-            *("~hydra.callbacks.check_runs", f"output={folder}", f"seed={','.join(map(str, range(count)))}"),
+            *("~hydra.callbacks.check_runs", override("output", folder)),
+            f"seed={','.join(map(str, range(count)))}",
         ]
         with started(line, log) as child:
             if child.wait() != 0:

@@ -1,7 +1,9 @@
 """Runs without a result are started again; damaged runs are renamed, and whole or stopped ones stay."""
 
 import json
+import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from ship_trl.study.plan.config import StudyConfig, to_study
 from ship_trl.study.plan.jobs import PAIRS, Job, plan_jobs
 from tests.a_result import a_result
 from tests.command import files
+from tests.pasted import ODD, composed_values
 from tests.study.commands import SMALL
 from tests.study.synthetic import learning, write_run
 
@@ -53,6 +56,14 @@ def test_so_many_processes_as_are_asked_for() -> None:
         said = launch.command(plan_jobs(config), config)
         assert ("hydra.launcher.n_jobs=1" in said) == wanted
     assert launch.processes(to_study(["processes=3"])) == 3
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_hydra_gets_the_folder_that_was_asked_for(name: str, tmp_path: Path) -> None:
+    config = replace(to_study([*SMALL, "logger=wandb"]), output=str(tmp_path / name))
+    words = launch.command(plan_jobs(config), config)[6:]
+    given = composed_values(shlex.join(["python", "-m", "ship_trl", *words]))
+    assert given["hydra.sweep.dir"] == str(tmp_path / name)
 
 
 PLACES = ["log.txt", "jobs", "jobs/job", "case_base", "pairs", "reuse", "pairs/high", "pairs/high/FTW/seed=0"]

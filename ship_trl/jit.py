@@ -81,7 +81,7 @@ def compiled(fastmath: set[str] | bool = False) -> Callable[[Loop], Loop]:
     """
 
     def decorate(function: Loop) -> Loop:
-        loop = numba.njit(fastmath=fastmath, error_model="numpy")(function)
+        loop: Any = numba.njit(fastmath=fastmath, error_model="numpy")(function)
         with suppress(RuntimeError):  # no writable folder for a cache
             loop._cache = LoopCache(function)  # noqa: SLF001
         return loop

@@ -138,7 +138,8 @@ def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> Non
 def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
     done = ship_trl("-m", *SMOKE[:2], "+arm=FE3,FT3", folder=tmp_path)
     assert "Joblib" in done.stdout
-    assert sum(line.endswith(" of 2: case 1, scratch, seed 0, profile smoke") for line in done.stdout.splitlines()) == 1
+    lines = done.stdout.splitlines()
+    assert sum(line.endswith(" of 2: case 1, scratch, seed 0, profile smoke") for line in lines) == 1
     for place, arm in enumerate(("FE3", "FT3"), 1):
         assert f"{place} of 2: case 1 -> case 2, {arm}, seed 0: best" in done.stdout
         assert (tmp_path / f"outputs/smoke/high/{arm}/seed=0/result.json").is_file()

@@ -69,8 +69,7 @@ class Run:
         of its source, which were trained together with the copied layers.
         """
         # The stem, so that a bundled case by name and by path gets the same streams.
-        source = "" if self.arm.is_scratch else self.config.source
-        source = stem(source) if source else source
+        source = "" if self.arm.is_scratch else self.config.source and stem(self.config.source)
         words = (self.config.seed, source, self.target.fingerprint, purpose)
         return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
 

@@ -154,7 +154,7 @@ def test_the_same_shapes_with_other_strides_are_another_architecture(tmp_path: P
     ("header", "reason"),
     [
         ("{", "Expecting property name"),
-        ("3", "not iterable"),
+        ("3", "argument of type 'int' is not"),  # Python words the rest
         (
             '{"network": 3}',
             "network: must be a group of conv, hidden, linear, ships, per_ship, vector",

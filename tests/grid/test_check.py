@@ -25,7 +25,7 @@ SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
             "/1/scratch/seed=0; allowed: 'output=outputs/${learn.lr}-${learn.tau}'",
         ),
         (["seed=1,2", "seed=3"], "seed: given twice, as seed=1,2 and seed=3; allowed: once in a grid"),
-        (["learn.lr=0.1", "+learn.lr=0.2"], "learn.lr: given twice, as learn.lr=0.1 and +learn.lr=0.2"),
+        (["learn.lr=0.1", "++learn.lr=0.2"], "learn.lr: given twice, as learn.lr=0.1 and ++learn.lr=0.2"),
         (["network=paper,five"], "allowed: a grid for each value, with its own output=FOLDER"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",

@@ -26,7 +26,7 @@ from ship_trl.view.words import circle_names, counted
 # Steps between the two moments shown: at the second one the ships of the paper's cases are near.
 STEPS = 12
 PICTURE = 3 * scene.SIZE
-GAP, MARGIN, LABEL, HEAD, LEGEND = 12, 20, 176, 50, 72
+GAP, MARGIN, LABEL, HEAD, LEGEND = 12, 20, 176, 50, 58
 WIDTH = 2 * MARGIN + LABEL + 4 * PICTURE + 3 * GAP
 
 
@@ -72,6 +72,6 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     expected, safe = circle_names(world)
     lengths = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
     text = f"the network sees hulls of {lengths}; around own ship, black: {safe}, red: {expected}"
-    pen.write(sheet, text, (MARGIN, bottom + 54), FAINT, 13)
+    pen.write(sheet, text, (MARGIN, bottom + 38), FAINT, 13)
     with atomic_write(path) as draft:
         Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)

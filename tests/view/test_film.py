@@ -85,9 +85,10 @@ def test_the_gif_of_an_episode_has_a_frame_for_each_state(world: World, tmp_path
                 assert np.abs(apart).mean() < 1.0
         last = film.convert("RGB")
     assert times == [100] * episode.length + [2000]
-    # Flat colours survive the shared palette as they are.
-    shown = {tuple(pixel) for pixel in np.asarray(last).reshape(-1, 3).tolist()}
-    assert {scene.DISC, GOAL_MARK, scene.OWN, scene.TARGET} <= shown
+    # Flat colours survive the shared palette; the octree has others close to them.
+    shown = np.unique(np.asarray(last).reshape(-1, 3), axis=0).astype(int)
+    for kept in (scene.DISC, GOAL_MARK, scene.OWN, scene.TARGET):
+        assert np.abs(shown - kept).max(-1).min() <= 3
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def draw_start(state: Tensor, world: World, side: int, width: float) -> pygame.S
     poses = torch.cat((own[None], ships)).double().numpy()
     ways = torch.cat((own_velocity(state)[None], ship_velocities(state)[: len(classes)])).double().numpy()
     picture = draw_water(frame).copy()
-    draw_goal(picture, frame, world, poses[0, :2].tolist(), goal(state).tolist())
+    draw_goal(picture, frame, world, poses[0, :2], goal(state).double().numpy())
     draw_safe_ring(picture, frame, world, poses[0])
     colours = [scene.OWN, *(CLASSES[one][1] for one in classes)]
     for pose, way, colour in zip(poses, ways, colours, strict=True):

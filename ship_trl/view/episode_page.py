@@ -88,7 +88,7 @@ def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygam
     x, y = ((start + end) / 2).tolist()
     frame = Projection(x, y, math.pi / 2, side, side / width)
     picture = draw_water(frame).copy()
-    draw_goal(picture, frame, world, start.tolist(), end.tolist())
+    draw_goal(picture, frame, world, start.numpy(), end.numpy())
     ships = target_ships(states)[:, : int(states[0, SHIP_COUNT])]
     tracks = [(FAINT, ships[:, k, : SHIP_HEADING + 1].numpy(), scene.TARGET) for k in range(ships.shape[1])]
     tracks.append((colour, states[:, : SHIP_HEADING + 1].numpy(), scene.OWN))
@@ -99,7 +99,7 @@ def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygam
             pen.strip(picture, shade, one, other, 2.5 if shade == colour else 1.2)
         for mark in places[::every]:
             pen.circle(picture, shade, mark, 2)
-    draw_safe_ring(picture, frame, world, position(states[-1]).tolist(), episode.outcome == "collision")
+    draw_safe_ring(picture, frame, world, position(states[-1]).numpy(), episode.outcome == "collision")
     for _, poses, hull in tracks:
         pen.polygon(picture, hull, frame.hull(poses[-1], hull_length(world, frame.scale)))
     return picture

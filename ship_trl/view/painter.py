@@ -142,7 +142,7 @@ def paint_scene(
 
 
 def draw_goal(
-    picture: pygame.Surface, frame: Projection, world: World, start: Sequence[float], goal: Sequence[float]
+    picture: pygame.Surface, frame: Projection, world: World, start: Numbers, goal: Numbers
 ) -> None:
     """Draw the goal, and the straight way to it from the start."""
     at, radius = frame.point(*goal), world.goal_distance * frame.scale
@@ -152,7 +152,7 @@ def draw_goal(
 
 
 def draw_safe_ring(
-    picture: pygame.Surface, frame: Projection, world: World, own: Sequence[float], is_danger: bool = False
+    picture: pygame.Surface, frame: Projection, world: World, own: Numbers, is_danger: bool = False
 ) -> None:
     """Draw the safe distance around own ship (x, y): quiet, and red if a ship is inside."""
     colour, width = (DANGER, 3.0) if is_danger else (FAINT, max(1.0, frame.side / 600))

@@ -83,7 +83,8 @@ def read_runs(path: Path) -> list[Cells]:
     """
     try:
         data = path.read_bytes()
-        return rows(lzma.decompress(data) if path.suffix == ".xz" else data, COLUMNS)
+        table = rows(lzma.decompress(data) if path.suffix == ".xz" else data, COLUMNS)
+        return [cells for _, cells in table]
     except (OSError, EOFError, lzma.LZMAError) as error:
         raise ConfigError(f"runs: {path} cannot be read: {error}") from None
     except ValueError as error:

@@ -30,13 +30,15 @@ from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.table import read_table
 from ship_trl.run.table import show
-from ship_trl.sources.judgements import FITTED, ORACLE, PAPER, Judgement, winner
+from ship_trl.sources.judgements import FITTED, ORACLE, Judgement, winner
 from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.report.tables import write_csv
 
 if TYPE_CHECKING:
-    from ship_trl.sources.known import Known
+    from benchmarks.probes import Probed
 
+# What the paper says: equation 8.
+PAPER = "similarity"
 MAX_BYTES = 20_000_000
 # Of cases, along an axis of the picture.
 MAX_NAMES = 10
@@ -112,7 +114,7 @@ def measure_all(cases: tuple[str, ...], seeds: int, folder: Path, processes: int
 
 def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> list[dict[str, Any]]:
     """Measure the similarity of all sources to a target; `NAME seconds` is the processor time of each."""
-    from benchmarks.oracles import MEASURES
+    from benchmarks.measures import MEASURES
 
     rows = []
     for source in cases:
@@ -131,13 +133,13 @@ def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> lis
 
 
 @cache
-def known(folder: Path, case: str, seed: int) -> Known:
+def known(folder: Path, case: str, seed: int) -> Probed:
     """Read a source's network, once a process."""
+    from benchmarks.probes import Probed
     from ship_trl.sim.cases import load_case, load_world
-    from ship_trl.sources.known import Known
 
     world = load_world()
-    return Known.load(load_case(case, world, "source"), world, weights_path(folder, case, seed))
+    return Probed.load(load_case(case, world, "source"), world, weights_path(folder, case, seed))
 
 
 def read_measures(
@@ -148,7 +150,7 @@ def read_measures(
     Raises:
         ConfigError: the table is not whole.
     """
-    from benchmarks.oracles import MEASURES
+    from benchmarks.measures import MEASURES
 
     rows = read_table(path, ("target", "source", "seed", *MEASURES), dict, MAX_BYTES, "sources", "measures")
     pairs = len(cases) * (len(cases) - 1)
@@ -170,7 +172,7 @@ def judge_all(
     values: Mapping[str, Floats], seconds: Mapping[str, float], judged: Mapping[str, Floats]
 ) -> list[Judgement]:
     """Judge every measure, and what is fitted, on the arms that are judged."""
-    from benchmarks.oracles import KINDS
+    from benchmarks.measures import KINDS
 
     free = {name: value for name, value in values.items() if KINDS[name] != ORACLE}
     found = []

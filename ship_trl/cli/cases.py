@@ -210,8 +210,8 @@ def show_expected(target: Case, sources: list[Case], world: World) -> None:
 
     A measure that asks the source's network is asked of the bundled networks.
     """
-    from ship_trl.sources.known import Known
     from ship_trl.sources.measures import MEASURES as ALL_MEASURES
+    from ship_trl.sources.measures import Known
 
     best = winner(read_judgements())
     files = {one.name: one.file for one in networks()} if best.kind == SOURCE else {}

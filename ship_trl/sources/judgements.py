@@ -12,8 +12,6 @@ from ship_trl.files.table import Cells, read_table
 # Of the benchmark from numbers.
 BUNDLED_TABLE = Path(__file__).parent / "judgements.csv"
 MAX_TABLE_BYTES = 1_000_000
-# What the paper says: equation 8.
-PAPER = "similarity"
 # Kinds of measures that cannot win: oracles, and measures fitted to gains.
 ORACLE, FITTED = "oracle", "fitted"
 # A kind that may win: it asks the network of the source.

@@ -112,9 +112,12 @@ def distance(base: Case, target: Case, world: World, weights: dict[str, float] |
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of similarity of base and target; if `nearer`, smaller values mean more similar."""
+    """A measure of similarity; if `nearer`, smaller values mean more similar.
 
-    value: Callable[[Case, Case, World], float]
+    `value` takes base, target and world here, and what is known of both cases in `sources.measures`.
+    """
+
+    value: Callable[..., float]
     nearer: bool = False
 
 

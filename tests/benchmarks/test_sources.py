@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks import runs, similarity, source_runs, sources
-from benchmarks.oracles import MEASURES
+from benchmarks.measures import MEASURES
 from benchmarks.runs import Row, Setting, Task, join, key
 from benchmarks.source_runs import train
 from benchmarks.sources import SETTINGS

@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import similarity
 from ship_trl.sources.judgements import BUNDLED_TABLE, read_judgements, winner
+from ship_trl.sources.measures import MEASURES
 from tests.command import ROOT
 
 KEPT = ROOT / "outputs/sources"
@@ -34,4 +35,6 @@ def test_the_page_follows_from_the_runs(
     assert judged.exists() == (setting == "numbers")
     if judged.exists():  # the table that `cases` recommends by
         assert judged.read_bytes() == BUNDLED_TABLE.read_bytes()
-        assert f"the winner is {winner(read_judgements()).measure}:" in printed
+        best = winner(read_judgements()).measure
+        assert f"the winner is {best}:" in printed
+        assert best in MEASURES

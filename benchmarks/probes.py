@@ -1,27 +1,22 @@
-"""What is known of a case: the states that a planner meets in it, and a network that was trained on it."""
+"""The states that a planner meets in a case, and episodes there, for measures of similarity."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
 from torch import Generator, Tensor
 
 from ship_trl.config.types import World
-from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode, rollout
-from ship_trl.policies.random_policy import random_return
 from ship_trl.policies.reference import best_known
 from ship_trl.policies.vo import vo
-from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.suites import Suite, suite_of
-from ship_trl.transfer.layers import load_weights, read_look
+from ship_trl.sim.suites import Suite
+from ship_trl.sources.measures import Known
 
 # Episodes of the planner, and the share of random actions in them.
 EPISODES, EXPLORATION = 32, 0.3
@@ -42,58 +37,17 @@ class Probe:
     terminated: Tensor
 
 
-class Known:
-    """A case, and a network that was trained on it or None.
-
-    Measures ask for what they need; each thing is computed once.
-    """
-
-    def __init__(self, case: Case, world: World, network: DuelingNetwork | None = None) -> None:
-        self.case, self.suite = case, suite_of(case)
-        self.world = world
-        self._network = network
-
-    @classmethod
-    def load(cls, case: Case, world: World, path: Path) -> Known:
-        """Read the network from a safetensors file.
-
-        Raises:
-            ConfigError: the file holds no network for this world.
-        """
-        config, colour = read_look(path, "source_file")
-        network = make_network(config, len(world.actions), Generator(), colour=colour)
-        network.load_state_dict(dict(load_weights(path, network)))
-        return cls(case, world, network)
-
-    @property
-    def network(self) -> DuelingNetwork:
-        """The network, in evaluation.
-
-        Raises:
-            ValueError: there is none.
-        """
-        if self._network is None:
-            raise ValueError(f"case {self.case.name} has no network")
-        return self._network
+class Probed(Known):
+    """A case and its network, with what the measures of the benchmark ask for; each is computed once."""
 
     @cached_property
     def probe(self) -> Probe:
         """The planner's transitions."""
         return probe(self.suite, self.world)
 
-    def observer(self, network: DuelingNetwork) -> Callable[[Tensor], Tensor]:
-        """Return what maps states of the case to a network's input."""
-        return ShipEnv(self.suite, self.world).observer(network.config, network.colour)
-
     def observe(self, network: DuelingNetwork) -> Tensor:
         """Return what a network sees in the probe's states, [N, ...]."""
         return self.observer(network)(self.probe.states)
-
-    def greedy_episode(self, network: DuelingNetwork) -> Episode:
-        """Return the greedy episode of a network in the case."""
-        env = ShipEnv(self.suite, self.world)
-        (episode,) = rollout(env, greedy_policy(network, self.observer(network)))
-        return episode
 
     @cached_property
     def own_episode(self) -> Episode:
@@ -110,16 +64,6 @@ class Known:
 
         (episode,) = rollout(ShipEnv(self.suite, self.world), follow)
         return episode
-
-    @cached_property
-    def bounds(self) -> tuple[float, float]:
-        """The mean return of random actions, and the best known return."""
-        return random_return(self.suite, self.world), best_known(self.case, self.world).episode_return
-
-    def score(self, episode: Episode) -> float:
-        """Return the score of an episode in the case: 0 is random or worse, 1 the best known."""
-        random, known = self.bounds
-        return max(0.0, (episode.episode_return - random) / (known - random))
 
 
 def probe(suite: Suite, world: World, episodes: int = EPISODES, seed: int = 0) -> Probe:

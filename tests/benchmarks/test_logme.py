@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ship_trl.sources.logme import evidence, logme
+from benchmarks.logme import evidence, logme
 
 COUNT, WIDTH = 400, 6
 

@@ -325,7 +325,7 @@ def test_the_gif_option_writes_an_animation(tmp_path: Path, capsys: pytest.Captu
         ),
         (
             "mine.py:early target=2",
-            "policy: mine.py:early fails: ZeroDivisionError: division by zero (mine.py",
+            "policy: mine.py:early fails: ZeroDivisionError: integer division or modulo by zero (mine.py",
         ),
         ("mine.py:module target=2", "policy: mine.py:module fails: RuntimeError: no (mine.py, line 17)"),
         ("vo target=2 world.turn_tim=4", "world.turn_tim: unknown key; allowed here: dt, max_steps"),

@@ -61,7 +61,8 @@ def test_what_is_no_action_is_refused(action: Any, got: str, fast: bool) -> None
     with pytest.raises(ValueError, match="actions: must be whole numbers from 0 to 6") as refused:
         env.step(action)
     assert str(refused.value).endswith(f"got {got}")
-    assert env.step(np.array(3))[4]["state"][STEP] == state[STEP] + 1
+    straight: Any = np.array(3)
+    assert env.step(straight)[4]["state"][STEP] == state[STEP] + 1
 
 
 def test_all_checks_of_gymnasium_pass_in_every_render_mode(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,12 +75,13 @@ def test_all_checks_of_gymnasium_pass_in_every_render_mode(monkeypatch: pytest.M
 def test_a_window_shows_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env, drawn = (ShipCollisionEnv(case="4", render_mode=mode) for mode in ("human", "rgb_array"))
-    begin = time.monotonic()
-    for shown, wanted in ((env.reset(), drawn.reset()), *((env.step(3), drawn.step(3)) for _ in range(3))):
-        assert np.array_equal(shown[0], wanted[0])
-        window = pygame.display.get_surface()
-        assert window is not None and env.render() is None
-        assert np.array_equal(pygame.surfarray.array3d(window).swapaxes(0, 1), drawn.render())
+    begin, straight = time.monotonic(), np.int64(3)
+    for step in range(4):
+        shown, wanted = ((one.step(straight) if step else one.reset())[0] for one in (env, drawn))
+        assert np.array_equal(shown, wanted)
+        window, picture = pygame.display.get_surface(), drawn.render()
+        assert window is not None and picture is not None and env.render() is None
+        assert np.array_equal(pygame.surfarray.array3d(window).swapaxes(0, 1), picture)
     assert time.monotonic() - begin > 3 / env.metadata["render_fps"]
     env.close()
     env.close()

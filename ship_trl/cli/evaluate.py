@@ -186,15 +186,15 @@ def print_table(found: list[Evaluated], options: Namespace) -> None:
 
 def row(one: Evaluated, best: float | None) -> list[str]:
     """Return the row of one episode; `best` is the best known return."""
-    (episode,), reached, claimed = one.episodes, one.reached, one.entry.claimed
+    (episode,) = one.episodes
     return [
         one.suite_name,
         one.entry.label,
-        f"{reached:.1f}",
-        f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-",
+        f"{one.reached:.1f}",
+        one.share(best),
         episode.outcome,
         # Cases without target ships have none.
         f"{episode.dcpa:.0f}" if math.isfinite(episode.dcpa) else "-",
         f"{episode.length}",
-        "" if claimed is None else f"{claimed:.1f}",
+        one.claimed,
     ]

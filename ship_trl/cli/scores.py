@@ -64,6 +64,15 @@ class Evaluated:
         return sum(one.episode_return for one in self.episodes) / len(self.episodes)
 
     @property
+    def claimed(self) -> str:
+        """The cell of the return that is claimed."""
+        return "" if self.entry.claimed is None else f"{self.entry.claimed:.1f}"
+
+    def share(self, best: float | None) -> str:
+        """Return the cell of the share that is reached of the best known return."""
+        return f"{self.reached / best:.0%}" if best is not None and min(best, self.reached) > 0 else "-"
+
+    @property
     def suite_name(self) -> str:
         """The name of the suite, and whether starts are perturbed."""
         suite = self.entry.suite
@@ -79,18 +88,13 @@ class Evaluated:
 
     def row(self, best: float | None) -> list[str]:
         """Return the cells of `HEADINGS`; `best` is the best known mean return."""
-        reached, claimed = self.reached, self.entry.claimed
-        cells = score_cells(self.measured)
-        share = f"{reached / best:.0%}" if best is not None and min(best, reached) > 0 else "-"
-        cells.insert(HEADINGS.index("of best known") - 2, share)
-        ends = [f"{self.decision_time:.2g}", "" if claimed is None else f"{claimed:.1f}"]
-        return [self.suite_name, self.entry.label, *cells, *ends]
+        cells = score_cells(self.measured, self.share(best))
+        return [self.suite_name, self.entry.label, *cells, f"{self.decision_time:.2g}", self.claimed]
 
     def class_rows(self) -> Iterator[list[str]]:
         """Yield the same cells for each class of encounter."""
         for name in sorted(set(self.measured.encounters.tolist())):
             cells = score_cells(self.measured.select(self.measured.encounters == name))
-            cells.insert(HEADINGS.index("of best known") - 2, "-")
             yield [f"{self.suite_name}: {name}", self.entry.label, *cells, "", ""]
 
     def csv_rows(self) -> Iterator[dict[str, Any]]:
@@ -108,8 +112,8 @@ class Evaluated:
             }
 
 
-def score_cells(measured: Measurements) -> list[str]:
-    """Return the cells from `episodes` to `path`, without the share of the best known return."""
+def score_cells(measured: Measurements, share: str = "-") -> list[str]:
+    """Return the cells from `episodes` to `path`, with the share of the best known return."""
     import numpy as np
 
     count, near = len(measured.outcomes), measured.known("least_distance")
@@ -117,6 +121,7 @@ def score_cells(measured: Measurements) -> list[str]:
         str(count),
         *(describe_share(measured, end) for end in ("goal", "collision", "timeout")),
         f"{measured.known('return').mean():.1f}",
+        share,
         f"{near.mean():.0f} ({np.percentile(near, LOW):.0f})" if near.size else "-",
         *(describe_mean(measured, f"rule_{rule}") for rule in RULES),
         describe_mean(measured, "path_ratio"),

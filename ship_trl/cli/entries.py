@@ -61,9 +61,8 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
         for name in (value.split(",") if key == "target" else ())
         if name
     ]
-    trained = {
-        name: folder_entries(Path(name), targets, perturbation) for name in names if is_result_folder(name)
-    }
+    folders = [name for name in names if not is_pretrained(name) and Path(name).is_dir()]
+    trained = {name: folder_entries(Path(name), targets, perturbation) for name in folders}
     # Runs of two folders may have the same name.
     labels = Counter(label for runs in trained.values() for label in {one.label for one in runs})
     trained = {
@@ -83,11 +82,6 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
             suites = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
             entries += named_entries(name, suites, world, colour)
     return entries
-
-
-def is_result_folder(name: str) -> bool:
-    """Return whether a policy is a folder with results."""
-    return not is_pretrained(name) and Path(name).is_dir()
 
 
 def named_entries(name: str, suites: list[Suite], world: World, colour: bool) -> list[Entry]:
@@ -129,14 +123,7 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
         chosen = [(one, load_suite(one.target, world, "target", perturbation)) for one in named]
     is_paper = world == load_world()
     return [
-        Entry(
-            str(one.file),
-            name,
-            suite,
-            world,
-            colour=False,
-            claimed=one.claim(suite) if is_paper else None,
-        )
+        Entry(str(one.file), name, suite, world, colour=False, claimed=one.claim(suite) if is_paper else None)
         for one, suite in chosen
     ]
 

@@ -26,9 +26,8 @@ def main(arguments: list[str] | None = None) -> None:
 
         if options.restore:
             runs, others = restore(origin, goal)
-            left = (
-                f"; not complete, to be trained again: seeds {' '.join(map(str, others))}" if others else ""
-            )
+            seeds = " ".join(map(str, others))
+            left = f"; not complete, to be trained again: seeds {seeds}" if others else ""
             sys.stdout.write(f"{runs} runs{left}; {goal}\n")
             return
         whole, broken = write_tables(origin, goal)

@@ -114,15 +114,12 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
     if options.csv is not None:
         from ship_trl.study.report.tables import write_csv
 
-        names = [(name, curve.name) for name, curves in arms.items() for curve in curves]
         each = [
-            dict(zip(base, numbers, strict=True))
-            for values in measured.values()
-            for numbers in zip(*(one.tolist() for one in values.values()), strict=True)
+            {"arm": name, "run": curve.name} | {key: float(one[k]) for key, one in measured[name].items()}
+            for name, curves in arms.items()
+            for k, curve in enumerate(curves)
         ]
-        write_csv(
-            options.csv, [{"arm": arm, "run": run} | row for (arm, run), row in zip(names, each, strict=True)]
-        )
+        write_csv(options.csv, each)
         sys.stdout.write(f"{options.csv}\n")
 
 
@@ -152,9 +149,5 @@ def describe(estimate: Estimate, sign: str = "") -> str:
     """Format an estimate with its interval, without one where there is a single run; - for NaN."""
     if math.isnan(estimate.value):
         return "-"
-    value = f"{estimate.value:{sign}.2f}"
-    return (
-        f"{value} ({estimate.low:{sign}.2f} to {estimate.high:{sign}.2f})"
-        if math.isfinite(estimate.low)
-        else value
-    )
+    between = f" ({estimate.low:{sign}.2f} to {estimate.high:{sign}.2f})"
+    return f"{estimate.value:{sign}.2f}" + between * math.isfinite(estimate.low)

@@ -63,14 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
         if options.suites:
             make_suites(options.folder, options.runs)
         else:
-            write_networks(options.folder, train_cases(options.runs))
-
-
-def train_cases(runs: Path) -> dict[str, Path]:
-    """Train the missing runs of each case; return the folder of its runs."""
-    cases = sorted(one.target for one in networks())
-    train(runs, SEEDS, f"target={','.join(cases)}")
-    return {case: runs / case / "scratch" for case in cases}
+            make_cases(options.folder, options.runs)
 
 
 def train(output: Path, seeds: Iterable[int], *words: str) -> None:
@@ -80,10 +73,8 @@ def train(output: Path, seeds: Iterable[int], *words: str) -> None:
         sys.exit(code)
 
 
-def write_networks(folder: Path, places: dict[str, Path]) -> None:
-    """Write the best network of each case, the curves of all runs and last a manifest into `folder`.
-
-    `places` are the folders of each case's runs.
+def make_cases(folder: Path, runs: Path) -> None:
+    """Train the missing runs of cases; write each case's best network, all curves and last a manifest.
 
     Raises:
         ConfigError: a run is missing or incomplete.
@@ -94,14 +85,16 @@ def write_networks(folder: Path, places: dict[str, Path]) -> None:
 
     from ship_trl.run.process import configure_process
 
+    cases = sorted(one.target for one in networks())
+    train(runs, SEEDS, f"target={','.join(cases)}")
     configure_process()
-    networks, runs, curves = [], [], []
-    for place in places.values():
-        paths = [place / f"seed={seed}" for seed in SEEDS]
+    written, kept, curves = [], [], []
+    for case in cases:
+        paths = [runs / case / "scratch" / f"seed={seed}" for seed in SEEDS]
         found = [read_run(path) for path in paths]
         for result, training in found:
             about = {"case": result.target, "seed": result.seed, "config_hash": result.config_hash}
-            runs.append(about | {"best_return": result.best.episode_return})
+            kept.append(about | {"best_return": result.best.episode_return})
             rows = training[["episode", "return"]].round({"return": 2})
             curves.append(rows.assign(config_hash=result.config_hash))
         # On ties `argmax` finds the first, which has the lower seed.
@@ -111,10 +104,10 @@ def write_networks(folder: Path, places: dict[str, Path]) -> None:
             f"case {one.name}: seed {one.seed}, return {one.episode_return:.1f}, "
             f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
         )
-        networks.append(asdict(one))
+        written.append(asdict(one))
     with atomic_write(folder / CURVES) as draft:
         pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
-    update_manifest(folder, algorithm_version=ALGORITHM_VERSION, networks=networks, runs=runs)
+    update_manifest(folder, algorithm_version=ALGORITHM_VERSION, networks=written, runs=kept)
 
 
 def make_suites(folder: Path, runs: Path) -> None:

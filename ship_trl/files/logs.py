@@ -215,14 +215,14 @@ def add_own(curve: LearningCurve, path: Path, table: Sequence[tuple[int, Cells]]
         rates = np.array([float(row[SUCCESS]) for _, row in table if row.get(SUCCESS)])
     except ValueError:
         raise ConfigError(f"{key}: {path} has a {SUCCESS} that is no number") from None
+    curve = replace(curve, success_rates=rates)
     try:
         result = read_result(path.parent)
     except ResultError:
-        return replace(curve, success_rates=rates)
+        return curve
     low, high = result.random_return, result.best_known_return
     return replace(
         curve,
-        success_rates=rates,
         known=(low, high) if high is not None and high > low else None,
         forgetting=math.nan if result.on_source is None else result.on_source.forgetting,
     )

@@ -12,7 +12,6 @@ from typing import Any
 
 from hydra._internal import hydra as hydra_parts
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra.types import RunMode
 from omegaconf import DictConfig, _utils
 from omegaconf.errors import OmegaConfBaseException
 
@@ -36,21 +35,15 @@ class Loader(ConfigLoaderImpl):
     """
 
     def load_configuration(
-        self,
-        config_name: str | None,
-        overrides: list[str],
-        run_mode: RunMode,
-        from_shell: bool = True,
-        validate_sweep_overrides: bool = True,
+        self, config_name: str | None, overrides: list[str], *flags: Any, **options: Any
     ) -> DictConfig:
         """Compose a configuration; see `quote_text` and `missing_profile` for what is added to Hydra's."""
         words = [quote_text(word) for word in overrides]
-        flags = (run_mode, from_shell, validate_sweep_overrides)
         with decimal_numbers():
-            values = super().load_configuration(config_name, words, *flags)
+            values = super().load_configuration(config_name, words, *flags, **options)
             if profile := missing_profile(values, words):
                 words.append(f"profile={profile}")
-                values = super().load_configuration(config_name, words, *flags)
+                values = super().load_configuration(config_name, words, *flags, **options)
         return values
 
 

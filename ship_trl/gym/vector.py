@@ -75,10 +75,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         self._over: Flags = np.zeros(num_envs, np.bool_)
 
     def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, Infos]:
         """Reset all episodes, or those in `options["reset_mask"]`, bool [N].
 

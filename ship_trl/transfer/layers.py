@@ -57,11 +57,6 @@ def open_safetensors(path: Path, key: str) -> Iterator[Any]:
         raise ConfigError(f"{key}: {path} is not a whole safetensors file ({reason})") from None
 
 
-def saved_network(path: Path, key: str) -> Network:
-    """Read which layers the network in a file has; see `read_look`."""
-    return read_look(path, key)[0]
-
-
 def read_look(path: Path, key: str) -> tuple[Network, bool]:
     """Read which layers the network in a file has, and whether its pictures have colours.
 
@@ -123,7 +118,7 @@ def load_weights(
         names = set(file.keys())
         shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
         # Another network's pictures may have speed vectors or not: its layers fit.
-        saved = replace(saved_network(path, key), vector_time=network.config.vector_time)
+        saved = replace(read_look(path, key)[0], vector_time=network.config.vector_time)
         if saved != network.config:
             layers = [describe_network(each).items() for each in (saved, network.config)]
             got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)

@@ -29,7 +29,7 @@ from ship_trl.sim.cases import load_case
 from ship_trl.study.plan.manifest import read_plan
 from ship_trl.study.records.tables import CURVES, KEPT, PLAN, RUNS, digest, read_tables
 from ship_trl.transfer.casebase import CaseBase
-from ship_trl.transfer.layers import load_weights, saved_network
+from ship_trl.transfer.layers import load_weights, read_look
 from tests.a_result import a_result
 from tests.faults.damage import EXECUTED, Executes, hostile_files
 
@@ -76,7 +76,7 @@ def a_network() -> DuelingNetwork:
 # Readers of untrusted files, with the name of the file.
 READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
     "weights": ("policy.safetensors", lambda path, world: load_weights(path, a_network(), "policy")),
-    "layers of weights": ("policy.safetensors", lambda path, world: saved_network(path, "policy")),
+    "layers of weights": ("policy.safetensors", lambda path, world: read_look(path, "policy")),
     "checkpoint": ("1.safetensors", lambda path, world: read_checkpoint(path)),
     "result": ("result.json", lambda path, world: read_result(path.parent)),
     "curve": ("curve.csv", lambda path, world: read_curve(path.parent)),
@@ -238,7 +238,7 @@ def test_a_small_file_asks_for_no_large_network(tmp_path: Path) -> None:
     save_file(tensors, path, metadata={"ship_trl": json.dumps({"network": {"conv": layers, "hidden": 1}})})
     assert path.stat().st_size < 1000
     with pytest.raises(ConfigError, match=r"conv2\.weight has another shape"):
-        saved_network(path, "policy")
+        read_look(path, "policy")
 
 
 def test_decompression_is_bounded(tmp_path: Path) -> None:

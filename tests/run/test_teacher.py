@@ -22,7 +22,7 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
-from ship_trl.transfer.layers import save_weights, saved_network
+from ship_trl.transfer.layers import read_look, save_weights
 from tests.config.test_config import composed
 
 
@@ -68,7 +68,7 @@ def test_it_is_known_by_its_content_and_named_in_the_result(tmp_path: Path) -> N
     assert len({run.config_hash for run in alike}) == 1
     run = make_run(pupil(one, "learn.episodes=2", "network.vector_time=8"))
     result = run_experiment(run)
-    assert saved_network(run.folder / POLICY, "policy").vector_time == 8
+    assert read_look(run.folder / POLICY, "policy")[0].vector_time == 8
     assert result.teacher is not None and result.teacher.startswith(f"{one} sha256=")
     assert json.loads((run.folder / "result.json").read_text())["teacher"] == result.teacher
 

@@ -14,7 +14,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network, plain
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.transfer.layers import load_weights, permute_values, save_weights, saved_network
+from ship_trl.transfer.layers import load_weights, permute_values, read_look, save_weights
 from ship_trl.transfer.methods import make_method
 
 FIVE, VECTOR = load_network("five"), load_network("vector")
@@ -115,13 +115,13 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
-    assert saved_network(saved, "policy") == load_network()
+    assert read_look(saved, "policy")[0] == load_network()
     path = tmp_path / "five.safetensors"
     save_weights(path, network(1, config=FIVE), {"episode": 3})
-    assert saved_network(path, "policy") == FIVE
+    assert read_look(path, "policy")[0] == FIVE
     assert "has other layers: conv=[[32, 8, 4], [64, 4, 2], [64, 3, 1], [64, 3, 1]," in refused(path)
     save_weights(path, network(1, config=VECTOR), {"episode": 3})
-    assert saved_network(path, "policy") == VECTOR
+    assert read_look(path, "policy")[0] == VECTOR
     loaded = load_weights(path, network(2, config=VECTOR))
     assert all(
         torch.equal(value, loaded[key]) for key, value in network(1, config=VECTOR).state_dict().items()
@@ -129,13 +129,13 @@ def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     assert "has other layers: linear=[128, 128, 256, 256] ships=3 per_ship=2; allowed: conv=" in refused(path)
     # Older files do not describe their network: it is the paper's.
     save_file(tensors_of(network(0)), path)
-    assert saved_network(path, "policy") == load_network()
+    assert read_look(path, "policy")[0] == load_network()
 
 
 def test_layers_fit_a_network_whose_pictures_have_no_speed_vectors(tmp_path: Path) -> None:
     path, seeing = tmp_path / "seeing.safetensors", replace(load_network(), vector_time=8.0)
     save_weights(path, network(1, config=seeing), {})
-    assert saved_network(path, "policy") == seeing
+    assert read_look(path, "policy")[0] == seeing
     weights = load_weights(path, network(2))
     assert all(torch.equal(value, weights[key]) for key, value in network(1).state_dict().items())
 
@@ -176,7 +176,7 @@ def test_a_header_that_does_not_describe_its_network_is_refused(
     path = tmp_path / "policy.safetensors"
     save_file(tensors_of(network(0)), path, metadata={"ship_trl": header})
     with pytest.raises(ConfigError) as caught:
-        saved_network(path, "policy")
+        read_look(path, "policy")
     message = str(caught.value)
     assert message.startswith(f"policy: {path}: its header does not describe its network (")
     assert reason in message and "\n" not in message

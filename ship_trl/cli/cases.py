@@ -159,9 +159,8 @@ def show_ranking(target: Case, sources: list[Case], world: World, by: str, store
     rows = []
     for match, arm in zip(ranking, arms, strict=True):
         measured = (f"{value:.2f}" for value in match.measured.values())
-        rows.append(
-            (match.case.name, *measured, " ".join(arm), str(fingerprints.count(match.case.fingerprint)))
-        )
+        stored_count = str(fingerprints.count(match.case.fingerprint))
+        rows.append((match.case.name, *measured, " ".join(arm), stored_count))
     headings = ("source", *MEASURES, "arm, by the paper", "stored networks")
     show(headings, rows, title=f"Sources for case {target.name}, by {by}")
     if not ranking:
@@ -181,9 +180,8 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
     The lower bound decides, because the largest of many measured gains may be due to chance.
     """
     if not found:
-        sys.stdout.write(
-            f"By measurement: no transfer to case {target.name} from these cases was measured.\n"
-        )
+        line = f"By measurement: no transfer to case {target.name} from these cases was measured."
+        sys.stdout.write(f"{line}\n")
         return
     title = (
         f"Measured on case {target.name}: mean score of all training episodes, compared with scratch with "

@@ -5,7 +5,6 @@ An arm is one curve of a figure. No other module reads its name.
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -141,11 +140,6 @@ class Arm:
         return self.method is Method.scratch
 
     @property
-    def copies_all(self) -> bool:
-        """Whether the whole network is copied."""
-        return self.layers == ALL_LAYERS
-
-    @property
     def has_trained_source(self) -> bool:
         """Whether a source network was trained for it."""
         return not self.is_scratch and self.weights is not SourceWeights.random
@@ -164,16 +158,12 @@ class Arm:
             return tuple(name for name in layers if name in FULLY_CONNECTED)
         if self.layers == BODY:
             return tuple(name for name in layers if name not in OUTPUT)
-        return tuple(layers) if self.copies_all else ()
+        return tuple(layers) if self.layers == ALL_LAYERS else ()
 
     @property
     def keys(self) -> dict[str, Any]:
         """Its method and layers, as results and hashes hold them and a command line sets them."""
         return {"method": self.method.value, "layers": self.layers}
-
-    def with_weights(self, weights: SourceWeights) -> Arm:
-        """Return the same arm with other weights, such as its control."""
-        return dataclasses.replace(self, weights=weights)
 
     def label(self, demonstrations: bool) -> str:
         """Return the name of a run of this arm, with a suffix if it begins with demonstrations."""

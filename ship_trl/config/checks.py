@@ -207,6 +207,5 @@ def check_arm(config: Config) -> None:
         require(bool(config.network.conv), "layers", "a number or all with observation=vector", layers)
     if method in USES_FUNCTION:
         is_trained = weights in (SourceWeights.learned, SourceWeights.pretrained)
-        require(
-            is_trained, "source_weights", f"learned or pretrained with method={method.value}", weights.value
-        )
+        allowed = f"learned or pretrained with method={method.value}"
+        require(is_trained, "source_weights", allowed, weights.value)

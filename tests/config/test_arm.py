@@ -1,5 +1,7 @@
 """Arms: their names, their order, and which layers they copy and freeze."""
 
+from dataclasses import replace
+
 import pytest
 
 from ship_trl.config.arm import SCRATCH, Arm, Method, SourceWeights
@@ -82,9 +84,9 @@ def test_an_arm_knows_what_is_copied_and_frozen(
 
 
 def test_a_control_is_the_arm_with_other_weights() -> None:
-    assert Arm.parse("FE3").with_weights(SourceWeights.random) == Arm.parse("FE3-random")
+    assert replace(Arm.parse("FE3"), weights=SourceWeights.random) == Arm.parse("FE3-random")
     with pytest.raises(ValueError, match="no arm has"):
-        SCRATCH.with_weights(SourceWeights.random)
+        replace(SCRATCH, weights=SourceWeights.random)
 
 
 def test_demonstrations_change_the_label_and_not_the_arm() -> None:

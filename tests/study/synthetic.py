@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.config.arm import Arm, SourceWeights
+from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights
 from ship_trl.files.result import write_result
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.plan.config import to_study
@@ -94,7 +94,9 @@ def write_planned(folder: Path, seeds: int, episodes: int = 600, *overrides: str
         arm = Arm.parse(job.arm)
         is_ahead = not arm.is_scratch and arm.weights is SourceWeights.learned
         # The whole network is ahead of all four conv layers.
-        head_start = 0.4 + 0.1 * (5 if arm.copies_all else int(arm.layers or 0)) if is_ahead else 0.0
+        head_start = (
+            0.4 + 0.1 * (5 if arm.layers == ALL_LAYERS else int(arm.layers or 0)) if is_ahead else 0.0
+        )
         low = job.values.get("learn", {}).get("epsilon_start", 1.0)
         epsilon = np.maximum(1e-4, low * (1 - np.arange(episodes) / (0.6 * episodes)))
         end = rng.normal(0.92, 0.02) * (0.4 if rng.random() < 0.2 * (1 - head_start) else 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import replace
 
 from ship_trl.config import arm as arms
 from ship_trl.config.arm import ALL_LAYERS, Arm, Method, SourceWeights
@@ -19,7 +20,7 @@ CONTROL_KINDS = (RANDOM, PERMUTED)
 
 def control_arm(arm: str, kind: str) -> str:
     """Return the name of an arm's control."""
-    return Arm.parse(arm).with_weights(SourceWeights(kind)).name
+    return replace(Arm.parse(arm), weights=SourceWeights(kind)).name
 
 
 def rivals(names: Iterable[str]) -> list[str]:

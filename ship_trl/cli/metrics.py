@@ -15,11 +15,10 @@ extremes of all runs. Less time and forgetting are better; the other metrics are
 from __future__ import annotations
 
 import glob
-import math
 import sys
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 
@@ -30,9 +29,6 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import limit
 from ship_trl.files.logs import KINDS, LearningCurve, read_logs
 from ship_trl.run.table import show
-
-if TYPE_CHECKING:
-    from ship_trl.study.analysis.statistics import Estimate
 
 Return = Annotated[float, limit(-1e9, 1e9)]
 # In the steps that all runs have.
@@ -100,12 +96,13 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
     measured = metrics.measure_arms(arms, steps, scale)
     (baseline, base), rows = next(iter(measured.items())), []
     for name, values in measured.items():
-        cells = [describe(metrics.mean_estimate(one)) for one in values.values()]
+        cells = [metrics.estimate(float(one.mean()), [one]).words() for one in values.values()]
         rows.append([name, str(len(arms[name])), *cells, ""])
         if name != baseline:
-            cells = [describe(metrics.compare(one, base[key]), "+") for key, one in values.items()]
+            pairs = [(one, base[key]) for key, one in values.items()]
+            cells = [metrics.estimate(float(a.mean() - b.mean()), [a, b]).words("+") for a, b in pairs]
             forward = metrics.forward_transfer(values["area"], base["area"])
-            rows.append([f"{name} - {baseline}", "", *cells, describe(forward, "+")])
+            rows.append([f"{name} - {baseline}", "", *cells, forward.words("+")])
     show(("arm", "runs", *base, "forward transfer"), rows, options.markdown)
     sys.stdout.write(
         f"scores: 0 is a return of {low:g}, 1 is {high:g}; areas over the first {steps:,.0f} steps; time: "
@@ -143,11 +140,3 @@ def check_steps(arms: dict[str, list[LearningCurve]], steps: float) -> None:
                     f"{name}: {curve.name} begins at step {curve.steps[0]:,.0f} of the {steps:,.0f} that all "
                     "runs have; allowed: runs from step 0 on, with the file before if it was resumed"
                 )
-
-
-def describe(estimate: Estimate, sign: str = "") -> str:
-    """Format an estimate with its interval, without one where there is a single run; - for NaN."""
-    if math.isnan(estimate.value):
-        return "-"
-    between = f" ({estimate.low:{sign}.2f} to {estimate.high:{sign}.2f})"
-    return f"{estimate.value:{sign}.2f}" + between * math.isfinite(estimate.low)

@@ -72,9 +72,10 @@ def read_transfers(path: Path) -> list[Transfer]:
 
 def parse_transfer(row: dict[str, str]) -> Transfer:
     """Convert the cells of a row; raise ValueError if one is invalid."""
-    texts = {name: row[name] for name in ("source", "target", "source_fingerprint", "target_fingerprint")}
+    names = ("source", "target", "source_fingerprint", "target_fingerprint", "profile", "arm")
+    texts = {name: row[name] for name in names}
     # They become part of a command that people paste into a shell.
-    if not all(re.fullmatch(r"\w[\w.-]{0,99}", text) for text in texts.values()):
+    if not all(re.fullmatch(r"\w[\w.-]{0,99}", row[name]) for name in names[:4]):
         raise ValueError("a case name or fingerprint has characters other than letters, digits, _ . -")
     for group in ("profile", "arm"):
         allowed = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
@@ -86,16 +87,7 @@ def parse_transfer(row: dict[str, str]) -> Transfer:
     gain, low, high = (float(row[name]) for name in ("gain", "low", "high"))
     if not -math.inf < low <= gain <= high < math.inf:
         raise ValueError(f"gain is {gain:g}; allowed: from low ({low:g}) to high ({high:g})")
-    return Transfer(
-        **texts,
-        profile=row["profile"],
-        arm=row["arm"],
-        epsilon_start=start,
-        seeds=int(row["seeds"]),
-        gain=gain,
-        low=low,
-        high=high,
-    )
+    return Transfer(**texts, epsilon_start=start, seeds=int(row["seeds"]), gain=gain, low=low, high=high)
 
 
 def transfers_to(target: Case, known: Iterable[Transfer], cases: Iterable[Case]) -> list[Transfer]:

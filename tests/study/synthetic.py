@@ -128,11 +128,8 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     judged = np.concatenate([returns_of(np.zeros(1)), totals])
     there = np.concatenate([[False], goal])
     greedy = Episodes(count, np.full(len(count), np.nan), judged, there, ~there, np.full(len(count), 50.0))
-    return Record(
-        Path(part, pair, arm), part, pair, None, "2", Arm.parse(arm), seed, "quick", BEST, RANDOM, RANDOM,
-        training, greedy,
-        computed={},
-    )  # fmt: skip
+    result = a_result(pair=pair, arm=arm, seed=seed, source=None, before=an_evaluation(RANDOM))
+    return Record(Path(part, pair, arm), part, result, Arm.parse(arm), BEST, training, greedy)
 
 
 def study_of(**arms: NDArray[np.float64]) -> Study:

@@ -48,7 +48,8 @@ def mean(values: NDArray[Any]) -> float:
 
 def start(record: Record) -> float:
     """Return the mean greedy score before training, over draws of the layers that are not copied."""
-    return mean(record.score(record.draws if len(record.draws) else np.array([record.before])))
+    result = record.result
+    return mean(record.score(np.array(result.draws or [result.before.episode_return])))
 
 
 def moving_scores(record: Record) -> NDArray[np.float64]:
@@ -80,8 +81,9 @@ def total_time(record: Record) -> float:
 
     The network that figure 9 reuses was trained twice: on case 1, then on case 2.
     """
-    trained = record.source is not None and record.arm.has_trained_source
-    trained_twice = record.part in (LOW, ONE) and record.source == REUSED_CASE
+    source = record.result.source
+    trained = source is not None and record.arm.has_trained_source
+    trained_twice = record.part in (LOW, ONE) and source == REUSED_CASE
     return time_to_threshold(record) + trained + trained_twice
 
 
@@ -161,7 +163,7 @@ METRICS: dict[str, Callable[[Record], float]] = {
     # The least distance (m) to a target ship in the last greedy episode; NaN without ships.
     "least distance": lambda run: float(run.greedy.dcpa[-1]),
     # The source network's score on its case less that of the network at the end; NaN if not measured.
-    "forgetting": lambda run: run.forgetting,
+    "forgetting": lambda run: math.nan if (on := run.result.on_source) is None else on.forgetting,
 }
 # Metrics that came after studies were kept. Reports have them if a run measured its source, so that those of
 # older studies stay as they are.
@@ -172,7 +174,7 @@ TIMES = ("time", "time to 0.5", "time to 0.8", "total time")
 
 def metrics_of(records: Iterable[Record]) -> list[str]:
     """Return the names of the metrics that tables of these runs have, see `LATER`."""
-    is_later = any(math.isfinite(record.forgetting) for record in records)
+    is_later = any(math.isfinite(measure(record, "forgetting")) for record in records)
     return [name for name in METRICS if is_later or name not in LATER]
 
 

@@ -30,7 +30,7 @@ def measure_runs(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any
         metrics = {metric: measure(record, metric) for metric in METRICS}
         returns, known = record.greedy.returns, record.best_known
         shares = {BEST: float(np.max(returns)) / known, LAST: float(returns[-1]) / known}
-        yield {"run": name, "seed": record.seed, **metrics, **shares}
+        yield {"run": name, "seed": record.result.seed, **metrics, **shares}
 
 
 def rows(measured: Sequence[Mapping[str, Any]]) -> Iterator[list[str]]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import isfinite, sqrt
+from math import isfinite, isnan, sqrt
 from typing import Any
 
 import numpy as np
@@ -51,6 +51,13 @@ class Estimate:
         """Format the ends of the interval."""
         is_bounded = isfinite(self.low) and isfinite(self.high)
         return f"{self.low:+.3f} to {self.high:+.3f}" if is_bounded else "unbounded"
+
+    def words(self, sign: str = "") -> str:
+        """Format the number with its interval, without one where it is unbounded; - for NaN."""
+        if isnan(self.value):
+            return "-"
+        value, low, high = (f"{number:{sign}.2f}" for number in (self.value, self.low, self.high))
+        return f"{value} ({low} to {high})" if isfinite(self.low) else value
 
     def cells(self, name: str, mark: str = " ") -> dict[str, Any]:
         """Return the columns `name`, `name low` and `name high` of a table, with `mark` for the space."""

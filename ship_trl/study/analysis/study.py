@@ -115,13 +115,13 @@ class Study:
         """Count the runs by version, torch, device, precision, backend and processor."""
         found: dict[str, Counter[str]] = defaultdict(Counter)
         for record in self.records.values():
-            for key, value in record.computed.items():
-                found[key][value] += 1
-        return {key: dict(sorted(found[key].items())) for key in COMPUTED if found[key]}
+            for key in COMPUTED:
+                found[key][str(getattr(record.result, key))] += 1
+        return {key: dict(sorted(counts.items())) for key, counts in found.items()}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
         """Return source and target of a pair; no source if all its runs are from scratch."""
-        runs = [run for key, run in sorted(self.records.items()) if key[:2] == (PAIRS, pair)]
+        runs = [run.result for key, run in sorted(self.records.items()) if key[:2] == (PAIRS, pair)]
         return next((run.source for run in runs if run.source), None), runs[0].target
 
     def matched(self, places: Places) -> dict[str, list[Record]]:
@@ -135,7 +135,7 @@ def read_study(folder: Path) -> Study:
     """Read a study from its tables, or else from the runs below a folder."""
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
-    records = {(one.part, one.pair, one.arm.name, one.seed): one for one, _, _ in found}
+    records = {(*one.place, one.result.seed): one for one, _ in found}
     return Study(records, broken, read_manifest(folder), layers=layers_of(folder, records, broken))
 
 
@@ -191,9 +191,9 @@ def places_of(study: Study) -> dict[str, dict[str, Place]]:
     for label in SCRATCH_PAIR:
         own: dict[str, Place] = {place[2]: place for place in study.places if place[:2] == (CONTROLS, label)}
         if own:
-            record = next(iter(study.arm(*next(iter(own.values()))).values()))
+            result = next(iter(study.arm(*next(iter(own.values()))).values())).result
             scratch = scratch_place(CONTROLS, label)
             base: dict[str, Place] = {SCRATCH: scratch} if study.arm(*scratch) else {}
-            found[f"{record.source} to {record.target}"] = base | own
+            found[f"{result.source} to {result.target}"] = base | own
     reused = {name: place for name, place in REUSED.items() if study.arm(*place)}
     return {**found, NEW_CASE: reused} if reused else found

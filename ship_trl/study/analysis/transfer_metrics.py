@@ -96,18 +96,11 @@ def find_scale(arms: Mapping[str, Sequence[LearningCurve]], steps: float) -> Sca
     return Scale(low, high if high > low else low + 1.0)
 
 
-def mean_estimate(values: NDArray[np.float64]) -> Estimate:
-    """Return the mean over runs with Student's 95 % interval; unbounded for one run."""
-    return estimate(float(values.mean()), [values])
-
-
-def compare(values: NDArray[np.float64], baseline: NDArray[np.float64]) -> Estimate:
-    """Return the difference of means of two arms with Welch's 95 % interval; unbounded for a single run."""
-    return estimate(float(values.mean() - baseline.mean()), [values, baseline])
-
-
 def estimate(value: float, samples: Sequence[NDArray[np.float64]]) -> Estimate:
-    """Return a number with the interval that the variances of independent samples give (Welch, 1947)."""
+    """Return a mean or a difference of means with Student's or Welch's (1947) 95 % interval.
+
+    `samples` are the independent samples that it is made of. It is unbounded for a sample of one run.
+    """
     if any(len(one) < 2 for one in samples):
         return Estimate(value, -np.inf, np.inf)
     parts = np.array([np.var(one, ddof=1) / len(one) for one in samples])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,13 +14,13 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.errors import print_error
 from ship_trl.files.curve import CURVE, CurveError, read_curve, split
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
-from ship_trl.study.plan.jobs import PARTS
+from ship_trl.study.plan.jobs import PARTS, Place
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    # A record with the result and the curve that it is made of.
-    Run = tuple["Record", Result, pd.DataFrame]
+    # A record with the curve that it is made of.
+    Run = tuple["Record", pd.DataFrame]
 
 # Returns and distances (m) are rounded as tables keep them: runs and their tables then give the same report.
 DECIMALS = {"return": 3, "dcpa": 1}
@@ -53,31 +52,21 @@ class Episodes:
 
 @dataclass(frozen=True)
 class Record:
-    """A finished run.
-
-    `random` is the mean return of random actions, `before` the greedy return before training. `draws` are
-    greedy returns before training over draws of the layers that are not copied, [D], if there were any.
-    `computed` holds version, device, precision and the like; `measured` caches metrics. `forgetting` is that
-    of `SourceReturns`, NaN where the source was not measured.
-    """
+    """A finished run with the best known return of its target; `measured` caches metrics."""
 
     folder: Path
     part: str
-    pair: str
-    source: str | None
-    target: str
+    result: Result
     arm: Arm
-    seed: int
-    profile: str
     best_known: float
-    random: float
-    before: float
     training: Episodes
     greedy: Episodes
-    computed: dict[str, str]
-    draws: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    forgetting: float = math.nan
     measured: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @property
+    def place(self) -> Place:
+        """Its part of the study, pair and arm."""
+        return self.part, self.result.pair, self.arm.name
 
     @property
     def scores(self) -> NDArray[np.float64]:
@@ -87,7 +76,8 @@ class Record:
 
     def score(self, values: Any) -> Any:
         """Scale returns to scores: 0 is random actions, 1 the best known return."""
-        return (values - self.random) / (self.best_known - self.random)
+        random = self.result.random_return
+        return (values - random) / (self.best_known - random)
 
 
 def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = "") -> Record:
@@ -102,24 +92,8 @@ def make_record(result: Result, rows: pd.DataFrame, folder: Path, part: str = ""
         raise BrokenRunError(f"{RESULT}: {error}") from None
     training, greedy = split(rows)
     check_curve(training, greedy, result.episodes)
-    return Record(
-        folder=folder,
-        part=part,
-        pair=result.pair,
-        source=result.source,
-        target=result.target,
-        arm=arm,
-        seed=result.seed,
-        profile=result.profile,
-        best_known=result.best_known_return,
-        random=result.random_return,
-        before=result.before.episode_return,
-        training=to_episodes(training),
-        greedy=to_episodes(greedy),
-        computed={key: str(getattr(result, key)) for key in COMPUTED},
-        draws=np.array(result.draws, np.float64),
-        forgetting=math.nan if result.on_source is None else result.on_source.forgetting,
-    )
+    episodes = to_episodes(training), to_episodes(greedy)
+    return Record(folder, part, result, arm, result.best_known_return, *episodes)
 
 
 def check_curve(training: pd.DataFrame, greedy: pd.DataFrame, count: int) -> None:
@@ -161,7 +135,7 @@ def read_run(folder: Path, part: str = "") -> Run:
     columns = {name: rows[name].map(lambda value, n=n: round(value, n)) for name, n in DECIMALS.items()}
     result = replace(result, draws=[round(value, DECIMALS["return"]) for value in result.draws])
     rows = rows.assign(**columns)
-    return make_record(result, rows, folder, part), result, rows
+    return make_record(result, rows, folder, part), rows
 
 
 def read_groups(groups: Mapping[str, Sequence[Path]]) -> Iterator[tuple[str, Record]]:
@@ -178,7 +152,7 @@ def read_placed(folder: Path, part: str = "") -> Run:
     """Read a run's folder, whose path must name the run: a copied folder is no further seed."""
     run = read_run(folder, part)
     record = run[0]
-    if folder.parts[-3:] != (record.pair, record.arm.name, f"seed={record.seed}"):
+    if folder.parts[-3:] != (*record.place[1:], f"seed={record.result.seed}"):
         raise BrokenRunError(f"{RESULT} is of another run")
     return run
 

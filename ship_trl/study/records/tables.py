@@ -79,7 +79,7 @@ def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list
         for (part, result), place, curve in zip(results, places, curves.values(), strict=True):
             is_draw = curve["kind"] == DRAW
             whole, curve = replace(result, draws=curve["return"][is_draw].tolist()), curve[~is_draw]
-            runs.append((make_record(whole, curve, folder / place, part), whole, curve))
+            runs.append((make_record(whole, curve, folder / place, part), curve))
     return plan, runs
 
 
@@ -117,9 +117,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    runs = sorted(
-        read_runs(folder, broken), key=lambda run: (run[0].seed, run[0].part, run[0].pair, run[0].arm.name)
-    )
+    runs = sorted(read_runs(folder, broken), key=lambda run: (run[0].result.seed, *run[0].place))
     if not runs and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not runs:
@@ -127,7 +125,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     names = [one.name for one in fields(Job) if one.name != "values"]
     plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
-    table = pd.DataFrame([{"part": record.part} | to_cells(result) for record, result, _ in runs])
+    table = pd.DataFrame([{"part": record.part} | to_cells(record.result) for record, _ in runs])
     try:
         copy.mkdir(parents=True, exist_ok=True)
         # Compression takes a minute. All files are written before one is renamed, and the plan is renamed
@@ -153,11 +151,11 @@ def write_curves(path: Path, runs: Sequence[Run]) -> None:
     import pandas as pd
 
     with path.open("wb") as file:
-        for _, runs_of_seed in groupby(enumerate(runs), lambda numbered: numbered[1][0].seed):
+        for _, runs_of_seed in groupby(enumerate(runs), lambda numbered: numbered[1][0].result.seed):
             parts = []
-            for number, (_, result, curve) in runs_of_seed:
-                draws = pd.DataFrame({"kind": DRAW, "episode": 0, "return": result.draws})
-                parts.append((pd.concat([draws, curve]) if result.draws else curve).assign(run=number))
+            for number, (record, curve) in runs_of_seed:
+                draws = pd.DataFrame({"kind": DRAW, "episode": 0, "return": record.result.draws})
+                parts.append((pd.concat([draws, curve]) if len(draws) else curve).assign(run=number))
             form = {"columns": COLUMNS, "index": False, "lineterminator": "\n"}
             text = pd.concat(parts).to_csv(None, header=not file.tell(), **form)
             file.write(lzma.compress(text.encode(), preset=PRESET))
@@ -173,10 +171,10 @@ def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
     """
     plan, runs = read_tables(copy, "copy")
     planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in plan["jobs"]}
-    have = {(record.part, record.pair, record.arm.name, record.seed) for record, _, _ in runs}
+    have = {(*record.place, record.result.seed) for record, _ in runs}
     seeds = {seed for *_, seed in planned}
     complete = seeds - {seed for *_, seed in planned - have}
-    restored = [run for run in runs if run[0].seed in complete]
+    restored = [run for run in runs if run[0].result.seed in complete]
     if not complete:
         raise ConfigError(f"copy: {copy} has no seed with all its runs; start a new study instead")
     folder = folder.resolve()
@@ -185,11 +183,11 @@ def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
         draft.mkdir(parents=True)
-        for record, result, rows in restored:
-            place = draft / place_of(record.part, result)
+        for record, rows in restored:
+            place = draft / place_of(record.part, record.result)
             place.mkdir(parents=True)
             write_curve(place, rows)
-            write_result(place, result)
+            write_result(place, record.result)
         del plan[KEPT]
         (draft / PLAN).write_text(json.dumps(plan, indent=1))
         draft.rename(folder)

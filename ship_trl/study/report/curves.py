@@ -100,7 +100,7 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
         for runs, look in found:
             shown, returns = smooth([kind(run).returns for run in runs])
             values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look))
-        for level, dashes in ((run.best_known, BEST_DASHES), (run.random, RANDOM_DASHES)):
+        for level, dashes in ((run.best_known, BEST_DASHES), (run.result.random_return, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
         set_episodes(axis, len(run.training.returns))

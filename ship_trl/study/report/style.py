@@ -52,14 +52,9 @@ LOOKS = {
     WHOLE: Look(ORANGE, DASH_DOTTED),
     **{control_arm(arm, RANDOM): Look(SKY, DOTTED) for arm in TRANSFERS},
     **{control_arm(arm, PERMUTED): Look(BROWN, DASH_DOTTED) for arm in TRANSFERS},
-    "reused, low": Look(ORANGE, DASH_DOTTED),
-    "reused, 1": Look(ORANGE, DASH_DOTTED),
-    "case 1": Look(BLUE),
-    "case 2": Look(VERMILION, DASHED),
-    "case 3": Look(GREEN),
-    "case 4": Look(PINK, DASHED),
-    "case 5": Look(SKY),
-    "case 6": Look(BROWN, DASHED),
+    **dict.fromkeys(("reused, low", "reused, 1"), Look(ORANGE, DASH_DOTTED)),
+    **{f"case {k}": Look(colour) for k, colour in ((1, BLUE), (3, GREEN), (5, SKY))},
+    **{f"case {k}": Look(colour, DASHED) for k, colour in ((2, VERMILION), (4, PINK), (6, BROWN))},
 }
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.errors import one_line
 from ship_trl.files.disk import atomic_write
+from ship_trl.files.result import Result
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study.analysis import transfer_metrics
@@ -26,7 +27,6 @@ from ship_trl.study.claims.verdicts import Answer
 from ship_trl.study.measured import COLUMNS
 from ship_trl.study.plan.config import REUSED_CASE, options, read_option
 from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, PARTS, Place, scratch_place
-from ship_trl.study.records.record import Record
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
 Row = dict[str, Any]
@@ -145,16 +145,18 @@ def transfer_rows(study: Study) -> list[Row]:
     """
     judged = study.first(len(study.seeds), study.level)
     cases = study.plan.cases
-    targets: dict[str, list[tuple[Place, Record]]] = defaultdict(list)
+    targets: dict[str, list[tuple[Place, Result]]] = defaultdict(list)
     for place in judged.places:
         part, pair, _ = place
         runs = judged.matched({"arm": place, "scratch": scratch_place(part, pair)})["arm"]
-        arm = runs[0].arm if len(runs) >= MIN_SEEDS else SCRATCH
+        if len(runs) < MIN_SEEDS:
+            continue
+        arm, result = runs[0].arm, runs[0].result
         if arm.is_scratch or arm.weights is not SourceWeights.learned:
             continue
-        trained_twice = part in (LOW, ONE) and runs[0].source == REUSED_CASE
-        if not trained_twice and {runs[0].source, runs[0].target} <= set(cases):
-            targets[runs[0].target].append((place, runs[0]))
+        trained_twice = part in (LOW, ONE) and result.source == REUSED_CASE
+        if not trained_twice and {result.source, result.target} <= set(cases):
+            targets[result.target].append((place, result))
     rows = []
     for target, transfers in targets.items():
         # All intervals of a target together miss as often as one (Bonferroni).

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import isfinite
 from pathlib import Path
 
 from ship_trl.files.result import Result
+from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.records.record import read_groups
 from ship_trl.study.report.tables import FORWARD, Row, arm_rows
@@ -30,7 +30,7 @@ def rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
         arm = record.arm.name
         # "low FT3 learn.lr=0.01"; the name of a folder may hold blanks too.
         pair = re.sub(rf" {re.escape(arm)}(?= \S+=|$)", "", name, count=1)
-        records["", pair, arm, record.seed] = record
+        records["", pair, arm, record.result.seed] = record
         names[pair, arm] = name
     for row in arm_rows(Study(records)):
         cells = (describe(row, name) for name in METRICS)
@@ -40,9 +40,7 @@ def rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
 def describe(row: Row, name: str) -> str:
     """Format a metric with its interval, if there is one; - where it was not measured."""
     value, low, high = (row.get(key, "") for key in (name, f"{name} low", f"{name} high"))
-    if value == "":
-        return "-"
-    return f"{value:.2f} ({low:.2f} to {high:.2f})" if isfinite(low) else f"{value:.2f}"
+    return "-" if value == "" else Estimate(value, low, high).words()
 
 
 def describe_scales(results: Iterable[Result]) -> str:

@@ -47,14 +47,8 @@ def report(folder: Path, output: Path, seeds: int | None = None) -> None:
             raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures hold reference cycles, 8 MB a report.
     gc.collect()
-    for line in lines:
-        say(line)
-    say(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}")
-
-
-def say(line: str) -> None:
-    """Print a line."""
-    sys.stdout.write(f"{line}\n")
+    lines.append(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}")
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
 def write(study: Study, output: Path, earlier: Earlier, missing: int, show: Show) -> list[str]:
@@ -76,11 +70,8 @@ def write(study: Study, output: Path, earlier: Earlier, missing: int, show: Show
     show(TABLES)
     has_forgetting = any("forgetting" in row for row in arms)
     shown = {"arms": arms, "has_forgetting": has_forgetting, "similar": rows["table_2"], "missing": missing}
-
-    def draw(share: float) -> None:
-        show(TABLES + (1 - TABLES) * share)
-
-    page = render(study, answers, explored, grades, earlier, pictures=draw_all(study, output, draw), **shown)
+    pictures = draw_all(study, output, lambda share: show(TABLES + (1 - TABLES) * share))
+    page = render(study, answers, explored, grades, earlier, pictures=pictures, **shown)
     verdicts = as_markdown(answers, grades, earlier, len(study.looks))
     for name, text in (("index.html", page), ("verdicts.md", verdicts)):
         with atomic_write(output / name) as draft:

@@ -35,8 +35,8 @@ def test_areas_and_ends(tmp_path: Path) -> None:
 def test_the_start_is_the_mean_over_draws_of_the_fresh_layers(tmp_path: Path) -> None:
     one = record(tmp_path, [0.5] * 10, before=0.3)
     assert measure(one, "start") == pytest.approx(0.3)
-    draws = returns_of(np.array([0.1, 0.2, 0.6]))
-    assert measure(replace(one, draws=draws), "start") == pytest.approx(0.3)
+    drawn = replace(one.result, draws=returns_of(np.array([0.1, 0.2, 0.6])).tolist())
+    assert measure(replace(one, result=drawn), "start") == pytest.approx(0.3)
 
 
 def test_rates(tmp_path: Path) -> None:
@@ -81,11 +81,12 @@ def test_who_never_gets_there_has_taken_all_the_time(tmp_path: Path) -> None:
 
 def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
     run = replace(record(tmp_path, [0.9] * 100), arm=Arm.parse("FE3"))
-    assert run.source == "1"
+    assert run.result.source == "1"
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
-    reused = replace(run, part="reuse/epsilon_1", source="2")
+    reused = replace(run, part="reuse/epsilon_1", result=replace(run.result, source="2"))
     assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
-    for alone in (replace(run, source=None), replace(run, arm=Arm.parse("FE3-random"))):
+    without = replace(run, result=replace(run.result, source=None))
+    for alone in (without, replace(run, arm=Arm.parse("FE3-random"))):
         assert metrics.total_time(alone) == metrics.time_to_threshold(run)
 
 

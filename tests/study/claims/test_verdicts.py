@@ -70,7 +70,10 @@ def test_differences_within_the_margin_are_equivalent() -> None:
     (found,) = judge(study, [claim("A", ("FE1", "FE2"), ("FE2", "FE3"))], 15, 0.025)
     assert found.verdict is Verdict.equivalent
     # What could be gained on a case of one's own is not known, and so nothing is.
-    own = {key: replace(record, target="mine") for key, record in study.records.items()}
+    own = {
+        key: replace(record, result=replace(record.result, target="mine"))
+        for key, record in study.records.items()
+    }
     (found,) = judge(replace(study, records=own), [claim("A", ("FE1", "FE2"))], 15, 0.025)
     assert found.verdict is Verdict.inconclusive
 

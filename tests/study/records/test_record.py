@@ -17,9 +17,9 @@ from tests.study.synthetic import learning, write_run
 def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
     record, *_ = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
-    assert (record.pair, record.arm.name, record.seed, record.part) == ("high", "FE3", 4, "pairs")
+    assert record.place == ("pairs", "high", "FE3") and record.result.seed == 4
     np.testing.assert_allclose(record.score(record.training.returns), scores, atol=2e-6)
-    assert record.score(record.before) == pytest.approx(0.2)
+    assert record.score(record.result.before.episode_return) == pytest.approx(0.2)
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
     assert (record.training.goal == (record.training.returns > 0)).all()
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
@@ -44,8 +44,8 @@ def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slic
 def test_draws_before_training_are_read(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
     record, *_ = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
-    assert record.draws.tolist() == [-300.0, 80.5]
-    assert read_run(write_run(tmp_path, scores, seed=2))[0].draws.shape == (0,)
+    assert record.result.draws == [-300.0, 80.5]
+    assert read_run(write_run(tmp_path, scores, seed=2))[0].result.draws == []
 
 
 @pytest.mark.parametrize(

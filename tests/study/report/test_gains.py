@@ -32,7 +32,10 @@ def cells(figure: Figure) -> list[str]:
 
 
 def with_source(study: Study, sources: dict[str, str]) -> Study:
-    records = {key: replace(one, source=sources.get(key[1])) for key, one in study.records.items()}
+    records = {
+        key: replace(one, result=replace(one.result, source=sources.get(key[1])))
+        for key, one in study.records.items()
+    }
     return replace(study, records=records)
 
 

@@ -12,7 +12,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -58,6 +58,7 @@ class Checkpoints:
 
     def __init__(self, run: Path, every: float = 1.0, seconds: float = 0.0) -> None:
         self.folder = run / FOLDER
+        self._paths = [self.folder / f"{number}.safetensors" for number in (1, 2)]
         self._every, self._seconds = every, seconds
         self.begin(0)
 
@@ -98,12 +99,7 @@ class Checkpoints:
 
     def about(self) -> About | None:
         """Return the newest readable header, or None; the tensors are not read."""
-        for path in reversed(self._oldest_first()):
-            try:
-                return read_about(path)
-            except CheckpointError:
-                continue
-        return None
+        return max(map(read_about, reversed(self._paths)), key=steps_of)
 
     def remove(self) -> None:
         """Delete the checkpoints, because the run is finished or starts over."""
@@ -111,21 +107,19 @@ class Checkpoints:
 
     def _oldest_first(self) -> list[Path]:
         """List both paths; a missing or unreadable file counts as the oldest."""
-        return sorted((self.folder / f"{number}.safetensors" for number in (1, 2)), key=read_steps)
+        return sorted(self._paths, key=lambda path: steps_of(read_about(path)))
 
 
-def read_steps(path: Path) -> int:
-    """Return the environment steps in a checkpoint's header, or -1 if it is unreadable."""
-    try:
-        return read_about(path).steps
-    except CheckpointError:
-        return -1
+def steps_of(about: About | None) -> int:
+    """Return the environment steps before a checkpoint; -1 for None."""
+    return -1 if about is None else about.steps
 
 
-def read_about(path: Path) -> About:
-    """Read the header of a checkpoint; raise a `CheckpointError` if it is missing or damaged."""
-    with open_checkpoint(path, "numpy") as (_, about, _):
+def read_about(path: Path) -> About | None:
+    """Read the header of a checkpoint; return None if it is missing or damaged."""
+    with suppress(CheckpointError), open_checkpoint(path, "numpy") as (_, about, _):
         return about
+    return None
 
 
 def read(path: Path) -> tuple[About, dict[str, Tensor]]:

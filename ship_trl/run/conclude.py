@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from ship_trl import __version__
+from ship_trl.config.arm import SCRATCH
 from ship_trl.config.network import non_default_network
-from ship_trl.files.result import SCHEMA_VERSION, Result, SourceReturns
+from ship_trl.files.curve import CurveError, read_curve, split
+from ship_trl.files.result import SCHEMA_VERSION, Result, ResultError, SourceReturns, read_result
 from ship_trl.learn.train import Evaluated
+from ship_trl.policies import pretrained
 from ship_trl.policies.random_policy import random_return
 from ship_trl.policies.reference import best_known_return
 from ship_trl.run import console
 from ship_trl.run.history import summarise
 from ship_trl.run.parts import Parts
-from ship_trl.run.plan import ALGORITHM_VERSION
+from ship_trl.run.plan import ALGORITHM_VERSION, hash_of
 from ship_trl.run.process import processor_name
 from ship_trl.run.run import Run
-from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, Entry
@@ -34,9 +40,7 @@ def write_files(run: Run, parts: Parts, known: float | None) -> None:
     finished, evaluated = history.finished, history.evaluated
     about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
     save_weights(folder / POLICY_LAST, parts.algorithm.network, about)
-    greedy = [(one.episode, one.episode_return, one.outcome) for one in evaluated]
-    rates = [one.success_rate for one in evaluated] if run.evaluation_episodes > 1 else []
-    draw_curve(folder / "curve.png", finished, greedy, known, run.title, rates)
+    draw_curve(folder / "curve.png", finished, evaluated, known, run.title)
     if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
         returns = [episode.episode_return for episode in finished]
         draw_transfer(folder / console.TRANSFER, config.arm_label, returns, scratch, known, run.title)
@@ -48,6 +52,41 @@ def write_files(run: Run, parts: Parts, known: float | None) -> None:
     case = first_case(run.target, best.states[0])
     rasteriser, network = parts.eval_env.rasteriser, history.network
     write_gif(folder / "episode.gif", case, config.world, best, rasteriser, title, network)
+
+
+def scratch_returns(run: Run) -> NDArray[np.float64] | None:
+    """Return raw training returns [S, E] of runs from scratch that differ only in the transfer and the seed.
+
+    They are in the run's output folder or among the bundled curves; None if there are none.
+    """
+    curves, manifest = dict(find_own_curves(run)), pretrained.read()
+    seeds, version = {one["seed"] for one in manifest["runs"]}, manifest["algorithm_version"]
+    bundled = pretrained.training_returns({hash_from_scratch(run, seed, version) for seed in seeds})
+    for digest, rows in bundled.groupby("config_hash", sort=False):
+        curves.setdefault(str(digest), rows["return"].to_numpy())
+    return np.stack(list(curves.values())) if curves else None
+
+
+def find_own_curves(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Yield config hash and training returns of the runs from scratch in the run's output folder."""
+    output, arm = Path(run.config.output), run.config.with_arm(SCRATCH).arm_label
+    for label in sorted({run.config.label, run.target.name}):
+        for folder in sorted((output / label / arm).glob("seed=*")):
+            try:
+                result = read_result(folder)
+                if result.config_hash == hash_from_scratch(run, result.seed):
+                    returns = split(read_curve(folder))[0]["return"].to_numpy()
+                    # A copied curve may be truncated at the end of a line.
+                    if len(returns) == run.config.learn.episodes:
+                        yield result.config_hash, returns
+            except (ResultError, CurveError):
+                continue
+
+
+def hash_from_scratch(run: Run, seed: int, version: int | None = None) -> str:
+    """Return the hash of the run without its transfer, with another seed, by a version of the algorithm."""
+    config = dataclasses.replace(run.config.with_arm(SCRATCH), seed=seed)
+    return hash_of(config, run.target, None, demonstrations=run.demonstrations, version=version)
 
 
 def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> Result:

@@ -24,18 +24,8 @@ from ship_trl.transfer.casebase import CONFIG, LOCKS, CaseBase
 
 # Settings that do not change what a run learns.
 IGNORED_KEYS = {
-    *(
-        "output",
-        "case_base",
-        "overwrite",
-        "logger",
-        "wandb",
-        "checkpoint",
-        "objective",
-        "pair",
-        "profile",
-        "fast",
-    )
+    *("output", "case_base", "overwrite", "logger", "wandb", "checkpoint", "objective", "pair", "profile"),
+    "fast",
 }
 MAX_DIFFERENCES_SHOWN = 3
 

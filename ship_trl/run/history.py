@@ -84,13 +84,10 @@ class History:
         """All greedy evaluations, in order."""
         return [
             Evaluation(
-                episode_return=values["greedy_return"],
-                outcome=values["greedy_outcome"],
-                length=values["greedy_length"],
-                dcpa=values.get("greedy_dcpa"),
                 episode=values["episode"],
-                success_rate=values["greedy_success_rate"],
-                episodes=values["greedy_episodes"],
+                dcpa=values.get("greedy_dcpa"),
+                episode_return=values["greedy_return"],
+                **{key: values[f"greedy_{key}"] for key in ("outcome", "length", "success_rate", "episodes")},
             )
             for values in self.rows
             if "greedy_return" in values

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
+from typing import Any
 
 import torch
 from torch import Generator
@@ -23,9 +24,8 @@ from ship_trl.policies.pretrained import REWARD_SCALE
 from ship_trl.run import console
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
-from ship_trl.run.source import Source
-from ship_trl.run.source_check import SourceCheck, make_source_check
-from ship_trl.run.teacher import describe_teacher, read_teacher
+from ship_trl.run.source import Source, SourceCheck, make_env, make_source_check
+from ship_trl.run.teacher import digest_teacher, read_teacher
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import mirrored_state
@@ -104,17 +104,9 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     # the device that uses them, as torch demands.
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
-    make_env = partial(
-        ShipEnv,
-        run.target,
-        world,
-        colour=config.colour,
-        vector_time=config.network.vector_time,
-        device=device,
-        fast=config.fast,
-    )
     drawn = Generator().manual_seed(run.stream("evaluation"))
-    eval_env = make_env(starts=make_starts(run.target, world).balanced(run.evaluation_episodes, drawn))
+    begun = make_starts(run.target, world).balanced(run.evaluation_episodes, drawn)
+    eval_env = make_env(run, run.target, device, starts=begun)
     draw = eval_env.observer(config.network)
     actions = len(world.actions)
     network = make_network(config.network, actions, streams["weights"], colour=config.colour)
@@ -140,8 +132,10 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     )
     algorithm = build_algorithm(setup)
     starts = Generator().manual_seed(run.stream("starts"))
-    env = make_env(learn.num_envs, encoders=algorithm.encoders, generator=starts, margin=config.margin)
+    given: dict[str, Any] = {"encoders": algorithm.encoders, "generator": starts, "margin": config.margin}
+    env = make_env(run, run.target, device, num_envs=learn.num_envs, **given)
     show_demonstrations(run, env, algorithm)
+    digest = digest_teacher(config)
     return Parts(
         history=History(fixed_copy(network, network.state_dict())),
         training=Training(env, eval_env, algorithm, learn),
@@ -152,7 +146,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         scratch=scratch,
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
-        teacher=describe_teacher(config),
+        teacher=digest and f"{config.algorithm['teacher']} sha256={digest}",
         source_check=make_source_check(run, source, device),
     )
 

@@ -22,9 +22,7 @@ from ship_trl.run.plan import DAMAGED
 from ship_trl.transfer.casebase import CONFIG
 
 # Keys of a configuration that name or place of a run hold, and those that only change the last digits.
-NOT_NAMED = {
-    *("seed", "method", "layers", "source_weights", "device", "learn.backend", "learn.jumpstart_draws"),
-}
+NOT_NAMED = {"seed", "method", "layers", "source_weights", "device", "learn.backend", "learn.jumpstart_draws"}
 # Keys of a transfer alone; they tell the runs of an arm apart.
 OF_TRANSFER = ("source", "source_file", "demonstrations", "transfer.")
 # The seed of a run, also in the path of its source.

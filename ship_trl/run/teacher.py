@@ -92,12 +92,6 @@ def digest_teacher(config: Config) -> str | None:
     return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def describe_teacher(config: Config) -> str | None:
-    """Return the teacher's name and digest for a result; None without a teacher."""
-    digest = digest_teacher(config)
-    return None if digest is None else f"{config.algorithm['teacher']} sha256={digest}"
-
-
 def read_teacher(config: Config, env: ShipEnv) -> Teacher | None:
     """Return the teacher's Q-values in the run's scaled rewards, of states; None without a teacher.
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import json
+import shlex
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
-from ship_trl.config.types import Logger
+import yaml
+from PIL import Image
+
+from ship_trl.config.types import Logger, plain
 from ship_trl.files.curve import COLUMNS, CURVE
 from ship_trl.files.disk import writing
 from ship_trl.files.result import Result
 from ship_trl.learn.train import Evaluated, Finished
+from ship_trl.run import console
 from ship_trl.run.folder import open_folder
-from ship_trl.run.history import Row, to_csv, to_row
+from ship_trl.run.history import Row, to_csv, to_numbers, to_row
 from ship_trl.run.run import Run
-from ship_trl.run.tensorboard_tracker import TensorboardTracker
 from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
+
+# A code block in TensorBoard's Markdown.
+CODE_BLOCK = "```\n{}\n```"
 
 
 class CsvTracker:
@@ -37,6 +46,52 @@ class CsvTracker:
         """Close the file."""
         with writing(self._path):
             self._file.close()
+
+
+class TensorboardTracker:
+    """Writes event files into the run's folder, so that TensorBoard names the run by pair, arm and seed."""
+
+    def __init__(self, run: Run) -> None:
+        # Imported here because TensorBoard is optional; checks.py refuses the logger if it is not installed.
+        from torch.utils.tensorboard import SummaryWriter
+
+        self._folder, self._output = run.folder, run.config.output
+        self._writer: Any = SummaryWriter(str(run.folder))
+        values = plain(run.config) | {"arm": run.config.arm_label, "config_hash": run.config_hash}
+        self._writer.add_text("config", CODE_BLOCK.format(yaml.safe_dump(values, sort_keys=False)))
+
+    def log(self, row: Row) -> None:
+        """Log the row of an event, with the episode as horizontal axis."""
+        with writing(self._folder):
+            for name, value in to_numbers(row).items():
+                self._writer.add_scalar(name, value, row["episode"])
+
+    def finish(self, result: Result, folder: Path) -> None:
+        """Log the pictures and the result."""
+        text = CODE_BLOCK.format(json.dumps(result.to_json(), indent=1))
+        with writing(self._folder):
+            self._add_image("learning curve", folder / "curve.png", result.episodes)
+            self._add_image("greedy episode", folder / "episode.gif", result.episodes)
+            self._writer.add_text("result", text, result.episodes)
+
+    def _add_image(self, name: str, path: Path, step: int) -> None:
+        """Log an image file unchanged: TensorBoard also plays GIFs, and `add_video` would need moviepy."""
+        from tensorboard.compat.proto.summary_pb2 import Summary
+
+        with Image.open(path) as picture:
+            width, height = picture.size
+        image = Summary.Image(
+            encoded_image_string=path.read_bytes(), width=width, height=height, colorspace=3
+        )
+        self._writer.file_writer.add_summary(Summary(value=[Summary.Value(tag=name, image=image)]), step)
+
+    def close(self, failed: bool) -> None:
+        """Close the files, and print the command that shows them."""
+        with writing(self._folder):
+            self._writer.close()
+        console.say(
+            f"tensorboard: {self._folder}; to see it: tensorboard --logdir {shlex.quote(self._output)}"
+        )
 
 
 class Tracker:

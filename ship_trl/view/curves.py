@@ -14,6 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from ship_trl.files.curve import moving_mean
+from ship_trl.files.result import Evaluation
 from ship_trl.learn.train import Finished
 from ship_trl.view.chart import save, tidy
 from ship_trl.view.palette import (
@@ -54,19 +55,18 @@ Groups = Mapping[str, Sequence[Curve]]
 def draw_curve(
     path: Path,
     finished: Sequence[Finished],
-    evaluated: Sequence[tuple[int, float, str]],
+    evaluated: Sequence[Evaluation],
     best_return: float | None,
     title: str,
-    success_rates: Sequence[float] = (),
 ) -> None:
     """Write the learning curve of one run as a PNG of 1200 x 800.
 
-    `evaluated` has for each greedy evaluation the number of training episodes before it, its raw return and
-    its outcome. Evaluations of several episodes have a mean return, and `success_rates` in place of outcomes.
-    Without a `best_return` there is no line for it.
+    Greedy evaluations of several episodes have success rates in place of outcomes. Without a `best_return`
+    there is no line for it.
     """
     figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    has_rates = evaluated[0].episodes > 1
     # Names of files in the title may contain a dollar sign.
     figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
     for outcome, (colour, marker) in CHART_OUTCOMES.items():
@@ -75,7 +75,8 @@ def draw_curve(
         # The legend also lists an outcome that never happened.
         label = f"training: {outcome} ({len(trained)})"
         upper.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
-        greedy = [row[:2] for row in evaluated if row[2] == outcome and not success_rates]
+        alone = [one for one in evaluated if one.outcome == outcome and not has_rates]
+        greedy = [(one.episode, one.episode_return) for one in alone]
         if greedy:
             # A cross consists only of its edge.
             edge = colour if marker == "x" else SCRATCH
@@ -85,12 +86,12 @@ def draw_curve(
     mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
     label = f"training: mean of {MEAN_OVER}"
     upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
-    steps, greedy_returns = np.transpose([row[:2] for row in evaluated])
-    label = "greedy evaluation, mean" if success_rates else "greedy evaluation"
-    upper.step(steps, greedy_returns, where="post", color=SCRATCH, linewidth=1.2, label=label)
-    if success_rates:
-        label = "greedy share of goals"
-        lower.step(steps, success_rates, where="post", color=SCRATCH, linewidth=1.2, label=label)
+    steps, returns = [one.episode for one in evaluated], [one.episode_return for one in evaluated]
+    label = "greedy evaluation, mean" if has_rates else "greedy evaluation"
+    upper.step(steps, returns, where="post", color=SCRATCH, linewidth=1.2, label=label)
+    if has_rates:
+        label, rates = "greedy share of goals", [one.success_rate for one in evaluated]
+        lower.step(steps, rates, where="post", color=SCRATCH, linewidth=1.2, label=label)
     upper.set_ylabel("return of an episode (undiscounted raw reward)")
     if best_return is not None:
         best = f"best known: {best_return:.1f}"

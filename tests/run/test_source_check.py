@@ -15,7 +15,7 @@ from ship_trl.policies.pretrained import networks
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
-from ship_trl.run.source_check import MAX_EVALUATIONS, SourceCheck
+from ship_trl.run.source import MAX_EVALUATIONS, SourceCheck
 from tests.command import files
 from tests.config.test_config import composed
 

@@ -9,15 +9,21 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from ship_trl.files.result import Evaluation
 from ship_trl.learn.train import Finished
 from ship_trl.view.curves import Curve, draw_comparison, draw_curve, draw_transfer
 from ship_trl.view.palette import CHART_SERIES, SCRATCH, arm_styles
+from tests.a_result import an_evaluation
 
 OUTCOMES = ("collision", "timeout", "goal")
 ROWS = [
     Finished(k, 30 * k, 1 - k / 100, 3.0 * k - 300, 30, OUTCOMES[k % 3], 60.0, None) for k in range(1, 101)
 ]
-GREEDY = [(0, -320.0, "collision"), (50, -500.0, "timeout"), (100, 60.0, "goal")]
+GREEDY = [
+    an_evaluation(-320.0, "collision", 0),
+    an_evaluation(-500.0, "timeout", 50),
+    an_evaluation(60.0, "goal", 100),
+]
 
 
 def read(path: Path) -> NDArray[np.uint8]:
@@ -47,7 +53,7 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
     ids=["no episode", "two episodes", "no epsilon"],
 )
 def test_a_curve_of_few_episodes_is_drawn(
-    tmp_path: Path, rows: list[Finished], greedy: list[tuple[int, float, str]]
+    tmp_path: Path, rows: list[Finished], greedy: list[Evaluation]
 ) -> None:
     # A dollar sign in a title is no formula.
     draw_curve(tmp_path / "curve.png", rows, greedy, 83.9, "case $mine{$_1, scratch, seed 0")

@@ -13,9 +13,9 @@ from ship_trl.files.curve import read_curve, split
 from ship_trl.policies import pretrained
 from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.policies.reference import best_known
+from ship_trl.run.conclude import scratch_returns
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
-from ship_trl.run.scratch import scratch_returns
 from ship_trl.sim.cases import load_case, load_world
 from tests.command import ship_trl
 

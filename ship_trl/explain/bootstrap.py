@@ -16,8 +16,6 @@ Ints = NDArray[np.int64]
 RESAMPLES = 2000
 # Confidence level of all intervals.
 LEVEL = 0.95
-
-
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 
 

@@ -12,12 +12,12 @@ from matplotlib.image import AxesImage
 from torch import Tensor
 
 from ship_trl.explain.bootstrap import Floats
-from ship_trl.explain.measure import OTHER_SEEDS, PIXELS, Measured
+from ship_trl.explain.measure import OTHER_SEEDS, PAIRS, PIXELS, Measured
 from ship_trl.explain.networks import Role
 from ship_trl.explain.saliency import gradient, greedy_actions, occlusion
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
-from ship_trl.view.chart import tidy
+from ship_trl.view.chart import add_legend, tidy
 
 # Keyword arguments of Matplotlib.
 Style = dict[str, Any]
@@ -32,20 +32,7 @@ STYLES: dict[Role, Style] = {
     Role.untrained: {"color": "#CC79A7", "marker": "x", "linestyle": ":", "label": "untrained (control)"},
 }
 PIXEL_STYLE: Style = {"color": "#E69F00", "linestyle": (0, (6, 2)), "label": "raw pixels (control)"}
-SHUFFLED_STYLE: Style = {
-    "color": "#666666",
-    "marker": "+",
-    "linestyle": "none",
-    "label": "shuffled (control)",
-}
-# Comparisons of layers in the style of a role.
-CHANGE_LOOKS = {
-    "source, before training": Role.before,
-    "before, after training": Role.explained,
-    "source, after training": Role.source,
-    "after training, untrained": Role.untrained,
-    OTHER_SEEDS: Role.beside,
-}
+SHUFFLED_STYLE: Style = {"color": "#666666", "marker": "+", "linestyle": "", "label": "shuffled (control)"}
 # Blue below zero, orange above, from Okabe and Ito; in grey they differ from zero in brightness.
 SIGNED = LinearSegmentedColormap.from_list("signed", ["#0072B2", "#F2F2F2", "#D55E00"])
 # Lower R² is drawn here.
@@ -55,13 +42,6 @@ MIN_R2 = -0.15
 def new_figure(height: float) -> Figure:
     """Begin a figure of the page's width; height in inches."""
     return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
-
-
-def add_legend(figure: Figure, axis: Axes) -> None:
-    """Add a legend of the lines in `axis` below all axes, each label once."""
-    lines, labels = axis.get_legend_handles_labels()
-    entries = dict(zip(labels, lines, strict=True))
-    figure.legend(entries.values(), entries, loc="outside lower center", ncols=4, fontsize=10, frameon=False)
 
 
 def draw_probes(measured: Measured) -> Figure:
@@ -76,7 +56,7 @@ def draw_probes(measured: Measured) -> Figure:
             draw_quantity(axis, measured, name)
         for axis in side[len(names) :]:
             axis.set_visible(False)
-    add_legend(figure, axes[0, 0])
+    add_legend(figure, [axes[0, 0]], "center", 4, 10)
     return figure
 
 
@@ -109,13 +89,13 @@ def draw_change(measured: Measured) -> Figure:
     x = np.arange(len(measured.layers))
     # Beside each other, so that intervals can be told apart.
     for shift, (name, table) in zip(0.05 * np.arange(len(found)), found.items(), strict=True):
-        style = STYLES[CHANGE_LOOKS[name]] | {"label": name}
+        style = STYLES[Role.beside if name == OTHER_SEEDS else PAIRS[name][2]] | {"label": name}
         axis.plot(x + shift, table.cka, **style)
         axis.vlines(x + shift, table.cka_low, table.cka_high, style["color"])
     axis.set_xticks(x, measured.layers, fontsize=11)
     axis.set_ylabel("CKA: 1 similar, 0 unrelated", fontsize=11)
     tidy(axis, "y")
-    add_legend(figure, axis)
+    add_legend(figure, [axis], "center", 4, 10)
     return figure
 
 
@@ -136,7 +116,7 @@ def draw_erased(measured: Measured) -> Figure:
     axis.set_xlabel("share of states in which the action changes", fontsize=11)
     axis.set_xlim(-0.03, 1.0)
     tidy(axis, "x")
-    add_legend(figure, axis)
+    add_legend(figure, [axis], "center", 4, 10)
     return figure
 
 

@@ -22,12 +22,13 @@ from ship_trl.explain.states import StateSet
 
 # Network, role and layer of the probes on raw pixels.
 PIXELS = "pixels"
-# Pairs of roles whose layers are compared, in the order of the networks. Other seeds are added to them.
+# Pairs of roles whose layers are compared, in the order of the networks, and the role whose look they have.
+# Other seeds are added to them.
 PAIRS = {
-    "source, before training": (Role.before, Role.source),
-    "before, after training": (Role.explained, Role.before),
-    "source, after training": (Role.explained, Role.source),
-    "after training, untrained": (Role.explained, Role.untrained),
+    "source, before training": (Role.before, Role.source, Role.before),
+    "before, after training": (Role.explained, Role.before, Role.explained),
+    "source, after training": (Role.explained, Role.source, Role.source),
+    "after training, untrained": (Role.explained, Role.untrained, Role.untrained),
 }
 OTHER_SEEDS = "different seeds"
 Row = dict[str, Any]
@@ -59,7 +60,7 @@ class Measured:
         rows = self.cka
         chosen = {
             name: rows[(rows.first_role == first) & (rows.second_role == second)]
-            for name, (first, second) in PAIRS.items()
+            for name, (first, second, _) in PAIRS.items()
         }
         chosen[OTHER_SEEDS] = rows[rows.alike]
         for name, pairs in chosen.items():

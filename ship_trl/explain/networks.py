@@ -185,13 +185,11 @@ def make_untrained(like: DuelingNetwork, generator: Generator) -> DuelingNetwork
 def add_controls(named: list[Compared], origin: Origin, generator: Generator) -> list[Compared]:
     """Add the origin of the first network and untrained networks to the named ones."""
     first, *others = named
-    found = [first]
-    if origin.before is not None:
-        found.append(Compared(f"{first.name} before training", Role.before, origin.before))
-    if origin.source is not None:
-        found.append(Compared(f"source of {first.name}", Role.source, origin.source))
-    found += others
-    for k in range(1, UNTRAINED_NETWORKS + 1):
-        untrained = make_untrained(first.network, generator)
-        found.append(Compared(f"untrained {k}", Role.untrained, untrained))
-    return found
+    owned = (
+        (f"{first.name} before training", Role.before, origin.before),
+        (f"source of {first.name}", Role.source, origin.source),
+    )
+    found = [Compared(name, role, network) for name, role, network in owned if network is not None]
+    drawn = [make_untrained(first.network, generator) for _ in range(UNTRAINED_NETWORKS)]
+    untrained = [Compared(f"untrained {k}", Role.untrained, one) for k, one in enumerate(drawn, 1)]
+    return [first, *found, *others, *untrained]

@@ -9,11 +9,9 @@ from pathlib import Path
 
 import pygame
 import torch
-from PIL import Image
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.files.disk import atomic_write
 from ship_trl.sim import scene
 from ship_trl.sim.encounter import (
     Encounter,
@@ -69,8 +67,7 @@ def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: Wor
     captions = [describe_classes(encounter_classes(state)) for state in states]
     lines = [max(map(len, captions[k : k + COLUMNS])) for k in range(0, len(captions), COLUMNS)]
     tops = list(accumulate((PICTURE + NAME + LINE * count + GAP for count in lines), initial=MARGIN))
-    page = pen.new_surface(WIDTH, tops[-1] + 2 * LINE + MARGIN)
-    page.fill(BACKGROUND)
+    page = pen.new_surface(WIDTH, tops[-1] + 2 * LINE + MARGIN, BACKGROUND)
     width = 2 * (max(map(_reach, states)) + AROUND)
     for place, (name, state) in enumerate(zip(names, states, strict=True)):
         left, top = MARGIN + place % COLUMNS * (PICTURE + GAP), tops[place // COLUMNS]
@@ -81,8 +78,7 @@ def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: Wor
             down += LINE
             pen.write(page, text, (left, down), colour, 13)
     _draw_key(page, tops[-1], world, width)
-    with atomic_write(path) as draft:
-        Image.fromarray(pen.to_array(page)).save(draft, "PNG", optimize=True)
+    pen.save(page, path)
 
 
 def draw_start(state: Tensor, world: World, side: int, width: float) -> pygame.Surface:

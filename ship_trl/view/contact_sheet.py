@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pygame
 import torch
-from PIL import Image
 
 from ship_trl.config.types import World
-from ship_trl.files.disk import atomic_write
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
@@ -18,8 +16,7 @@ from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.case_page import describe_classes, encounter_classes
-from ship_trl.view.legend import draw_legend
-from ship_trl.view.painter import draw_scene
+from ship_trl.view.painter import draw_legend, draw_scene
 from ship_trl.view.palette import BACKGROUND, FAINT, RULE, TEXT
 from ship_trl.view.words import circle_names, counted
 
@@ -37,8 +34,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     course for `STEPS` steps. The network's view of this moment follows, in grey and in colour.
     """
     bottom = HEAD + len(cases) * (PICTURE + GAP)
-    sheet = pen.new_surface(WIDTH, bottom + LEGEND)
-    sheet.fill(BACKGROUND)
+    sheet = pen.new_surface(WIDTH, bottom + LEGEND, BACKGROUND)
     time = f"after {STEPS * world.dt:g} s on this course"
     pixels = f"{scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}"
     heads = ("at the start", time, f"as the network sees it, {pixels}", "the same in colour")
@@ -73,5 +69,4 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     lengths = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
     text = f"the network sees hulls of {lengths}; around own ship, black: {safe}, red: {expected}"
     pen.write(sheet, text, (MARGIN, bottom + 38), FAINT, 13)
-    with atomic_write(path) as draft:
-        Image.fromarray(pen.to_array(sheet)).save(draft, "PNG", optimize=True)
+    pen.save(sheet, path)

@@ -14,8 +14,7 @@ import pygame
 from ship_trl.view import pen
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.graph import Graph, make_graphs
-from ship_trl.view.legend import draw_legend
-from ship_trl.view.painter import map_frame, paint_scene, relative_frame
+from ship_trl.view.painter import draw_legend, map_frame, paint_scene, relative_frame
 from ship_trl.view.palette import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
 from ship_trl.view.panel import Panel
 
@@ -119,9 +118,8 @@ def step_at(size: Size, views: Sequence[EpisodeView], place: tuple[int, int]) ->
 @lru_cache(1)
 def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, status: str) -> pygame.Surface:
     """Draw everything but the scenes and the graphs."""
-    surface, layout = pen.new_surface(*size), Layout(size, len(views))
+    surface, layout = pen.new_surface(*size, BACKGROUND), Layout(size, len(views))
     unit = layout.unit
-    surface.fill(BACKGROUND)
     _draw_header(surface, views, status, unit)
     for k, (view, step) in enumerate(zip(views, steps, strict=True)):
         scene, beside, letters = layout.scene(k), layout.panel(k), round(19 * unit)

@@ -9,10 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pygame
-from PIL import Image
 
 from ship_trl.config.types import World
-from ship_trl.files.disk import atomic_write
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.state import SHIP_COUNT, SHIP_HEADING, goal, goal_distance, position, target_ships
@@ -49,8 +47,7 @@ def write_episode_page(
     lines = 1 + max(name.count("\n") for name in names)
     rows, height = math.ceil(len(order) / COLUMNS), PICTURE + CAPTION + (lines - 1) * NAME_LINE + GAP
     bottom = MARGIN + TITLE + rows * height
-    page = pen.new_surface(WIDTH, bottom + 2 * LINE + MARGIN)
-    page.fill(BACKGROUND)
+    page = pen.new_surface(WIDTH, bottom + 2 * LINE + MARGIN, BACKGROUND)
     reach = max(float(goal_distance(one.states[0])) / 2 for one in episodes) + world.goal_distance + AROUND
     shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
     # The end of a long path says most; the legend stands beside it.
@@ -77,8 +74,7 @@ def write_episode_page(
     second = f"captions: end, time, least distance; blue: goal, {expected}; around own ship: {safe}"
     for line, text in enumerate((first, second)):
         pen.write(page, text, (MARGIN, bottom + (line + 0.5) * LINE), FAINT, 13)
-    with atomic_write(path) as draft:
-        Image.fromarray(pen.to_array(page)).save(draft, "PNG", optimize=True)
+    pen.save(page, path)
 
 
 def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygame.Surface:

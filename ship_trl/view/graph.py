@@ -47,8 +47,7 @@ class Graph:
         count = max(2, self.room.height // round(2.2 * size))
         ticks = [float(tick) for tick in MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)]
         self.low, self.high = min(low, ticks[0]), max(high, ticks[-1])
-        self.drawn = pen.new_surface(*box.size)
-        self.drawn.fill(BACKGROUND)
+        self.drawn = pen.new_surface(*box.size, BACKGROUND)
         self._draw_axes(ticks, size)
         x = pen.write(self.drawn, title, (0, 0.7 * size), TEXT, size, True) + size
         self._draw_lines(lines, x, size)
@@ -71,8 +70,7 @@ class Graph:
         surface.blit(self.drawn, self.box)
         room = self.room.move(self.box.topleft)
         x = self.box.left + self.place(min(step, self.steps), 0.0)[0]
-        veil = pen.new_surface(room.right + 2 - round(x), room.height)
-        veil.fill(BACKGROUND)
+        veil = pen.new_surface(room.right + 2 - round(x), room.height, BACKGROUND)
         veil.set_alpha(round(255 * DIMMED))
         surface.blit(veil, (round(x), room.top))
         pygame.draw.aaline(surface, TEXT, (x, room.top), (x, room.bottom))

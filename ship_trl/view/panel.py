@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pygame
@@ -28,26 +29,24 @@ from ship_trl.view.palette import (
 from ship_trl.view.words import action_text, number
 
 
+@dataclass
 class Panel:
     """Draws sections one below the other in `room`, for one step of an episode.
 
     `unit` scales all lengths, and is 1 in a window of 1600 x 900.
     """
 
-    def __init__(
-        self,
-        surface: pygame.Surface,
-        room: pygame.Rect,
-        unit: float,
-        view: EpisodeView,
-        step: int,
-        has_saliency: bool,
-    ) -> None:
-        self.surface, self.room, self.unit = surface, room, unit
-        self.view, self.step, self.has_saliency = view, step, has_saliency
-        self.numbers, self.world = view.telemetry, view.telemetry.world
-        self.down = float(room.top)
-        self.is_wide = room.width >= 380 * unit
+    surface: pygame.Surface
+    room: pygame.Rect
+    unit: float
+    view: EpisodeView
+    step: int
+    has_saliency: bool
+
+    def __post_init__(self) -> None:
+        self.numbers, self.world = self.view.telemetry, self.view.telemetry.world
+        self.down = float(self.room.top)
+        self.is_wide = self.room.width >= 380 * self.unit
 
     def size(self, pixels: float) -> int:
         """Scale a size of letters."""

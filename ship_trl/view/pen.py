@@ -16,16 +16,26 @@ import matplotlib
 import numpy as np
 import pygame
 from numpy.typing import NDArray
+from PIL import Image
 
+from ship_trl.files.disk import atomic_write
 from ship_trl.view.palette import Colour
 
 Point = tuple[float, float]
 OVERSAMPLING = 4
 
 
-def new_surface(width: float, height: float) -> pygame.Surface:
-    """Make an empty surface without opening a display."""
-    return pygame.Surface((width, height), depth=32)
+def new_surface(width: float, height: float, colour: Colour = (0, 0, 0)) -> pygame.Surface:
+    """Make a surface of one colour without opening a display."""
+    surface = pygame.Surface((width, height), depth=32)
+    surface.fill(colour)
+    return surface
+
+
+def save(surface: pygame.Surface, path: Path) -> None:
+    """Write a PNG atomically."""
+    with atomic_write(path) as draft:
+        Image.fromarray(to_array(surface)).save(draft, "PNG", optimize=True)
 
 
 def to_array(surface: pygame.Surface) -> NDArray[np.uint8]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
@@ -16,7 +15,7 @@ from matplotlib.patches import Circle
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
-from ship_trl.view.chart import save, tidy
+from ship_trl.view.chart import add_legend, save, tidy
 from ship_trl.view.palette import CHART_SERIES, GOAL, OTHERS, SHIPS
 from ship_trl.view.telemetry import Telemetry, measure_episode
 from ship_trl.view.words import circle_names, counted, number
@@ -68,12 +67,7 @@ def draw_trajectories(
             axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1, label=label)
         for one in group:
             _draw_path(axes, one, is_thin=len(group) > 1)
-    entries: dict[str, Artist] = {}
-    for axes in panels:
-        handles, labels = axes.get_legend_handles_labels()
-        entries |= dict(zip(labels, handles, strict=True))
-    style: dict[str, Any] = {"ncols": 2 if columns < 3 else 3, "frameon": False, "fontsize": 9.5}
-    figure.legend(list(entries.values()), list(entries), loc="outside lower left", **style)
+    add_legend(figure, panels, "left", 2 if columns < 3 else 3, 9.5)
     title = f"case {case.name}"
     figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left", parse_math=False)
     save(figure, path)

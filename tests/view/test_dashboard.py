@@ -13,7 +13,7 @@ from ship_trl.sim.cases import Case, load_case
 from ship_trl.view import pen
 from ship_trl.view.dashboard import SMALL_SIZE, Layout, Look, draw_dashboard, step_at
 from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.legend import draw_legend
+from ship_trl.view.painter import draw_legend
 from ship_trl.view.palette import BAR as BAR_COLOUR
 from ship_trl.view.palette import CHOSEN, DANGER, FAINT, GOAL_MARK
 from tests.view.episodes import drawn, view

@@ -19,7 +19,7 @@ from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, mean_return, rollout
-from ship_trl.learn.train import Evaluated, Finished, Training
+from ship_trl.learn.train import Training
 from ship_trl.policies.pretrained import REWARD_SCALE
 from ship_trl.run import console
 from ship_trl.run.history import History
@@ -74,10 +74,6 @@ class Parts:
     def evaluate(self, network: DuelingNetwork) -> list[Episode]:
         """Roll out the greedy episodes of a network."""
         return rollout(self.eval_env, greedy_policy(network, self.draw))
-
-    def check_source(self, event: Finished | Evaluated) -> Finished | Evaluated:
-        """Add the return on the source to an event that is an evaluation, if it is due."""
-        return event if self.source_check is None else self.source_check.add(event, self.algorithm.network)
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -13,15 +13,10 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 # Apart from what a command prints, which may be piped.
 console = Console(stderr=True)
 Item = TypeVar("Item")
+# Shows the share of the work that is done.
+Show = Callable[[float], None]
 # Share of the work and least seconds between two lines of `show_share`.
 INTERVAL, LINE_SECONDS = 0.05, 5.0
-
-
-class Show(Protocol):
-    """Shows which share of the work is done, in words or else in percent."""
-
-    def __call__(self, share: float, words: str = "") -> None:
-        """Move the bar, or print a line if one is due."""
 
 
 def format_duration(seconds: float) -> str:
@@ -68,25 +63,26 @@ class Lines:
 
 
 @contextmanager
-def show_share(label: str) -> Iterator[Show]:
-    """Yield a function that shows the share of the work that is done: a bar in a terminal, else lines."""
+def show_share(label: str, of: int = 0) -> Iterator[Show]:
+    """Yield a function that shows progress: a bar in a terminal, else lines in percent or `of` items."""
     lines, plain = Lines(INTERVAL, apart=LINE_SECONDS), not console.is_terminal
     columns = TextColumn(label), BarColumn(bar_width=20), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=console, disable=plain) as bar:
         task = bar.add_task(label, total=1.0)
 
-        def show(share: float, words: str = "") -> None:
+        def show(share: float) -> None:
             bar.update(task, completed=share)
             if plain and (left := lines.due(share)) is not None:
-                console.print(f"{label}: {words or f'{share:.0%}'} done{left}", highlight=False)
+                words = f"{round(share * of)} of {of}" if of else f"{share:.0%}"
+                console.print(f"{label}: {words} done{left}", highlight=False)
 
         yield show
 
 
 def track(label: str, items: Sequence[Item]) -> Iterator[Item]:
     """Yield the items, and show how many are done."""
-    with show_share(label) as show:
+    with show_share(label, len(items)) as show:
         for done, item in enumerate(items):
             if done:
-                show(done / len(items), f"{done} of {len(items)}")
+                show(done / len(items))
             yield item

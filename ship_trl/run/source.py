@@ -52,7 +52,12 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
         # An untrained network with the target's layers, drawn from a random stream of its own.
         network.reset(Generator().manual_seed(run.stream("random source")))
         return Source(network.state_dict(), SourceWeights.random.value)
-    path, key, origin = find_file(run, entry)
+    if run.pretrained:
+        path, key, origin = run.pretrained.file, "source", f"{PRETRAINED}:{run.pretrained.name}"
+    elif entry:
+        path, key, origin = entry.policy, "case_base", str(entry.policy)
+    else:
+        path, key, origin = Path(str(config.source_file)), "source_file", str(config.source_file)
     copied = run.arm.copied(network.all_layers, network.layer_names)
     # A source may have another number of actions where its Q-values are neither copied nor asked for.
     needs_all = run.arm.method in USES_FUNCTION or "advantage" in copied
@@ -60,16 +65,6 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
     if run.arm.weights is SourceWeights.permuted:
         weights = permute_values(weights, Generator().manual_seed(run.stream("permuted source")))
     return Source(weights, origin)
-
-
-def find_file(run: Run, entry: Entry | None) -> tuple[Path, str, str]:
-    """Return the source network's file, the setting that error messages name, and its origin for people."""
-    if run.pretrained:
-        return run.pretrained.file, "source", f"{PRETRAINED}:{run.pretrained.name}"
-    if entry:
-        return entry.policy, "case_base", str(entry.policy)
-    path = str(run.config.source_file)
-    return Path(path), "source_file", path
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,13 @@ def find_teacher(config: Config) -> Path | None:
     path = path / POLICY if path.is_dir() else path
     if not path.is_file():
         raise ConfigError(f"{KEY}: no file {path}; allowed: {TEACHERS}")
-    check_teacher_world(config)
+    if (known := teacher_config(config)) is not None:
+        ours = dict(flatten(plain(config.world), "world"))
+        there = flatten(plain(read_settings(known.parent)[0]), "world")
+        if others := [f"{key}={value}" for key, value in there if ours[key] != value]:
+            raise ConfigError(
+                f"{KEY}: {known.parent} is of another world: {others[0]}; allowed: the same world"
+            )
     return path
 
 
@@ -50,21 +56,6 @@ def teacher_config(config: Config) -> Path | None:
     path = Path(str(config.algorithm.get("teacher")))
     path = (path.parent if path.name in (POLICY, POLICY_LAST) else path) / CONFIG
     return path if path.is_file() else None
-
-
-def check_teacher_world(config: Config) -> None:
-    """Check that the teacher's world, where it is known, is the run's.
-
-    Raises:
-        ConfigError: it is not, or the teacher's configuration is invalid.
-    """
-    if (path := teacher_config(config)) is None:
-        return
-    world = read_settings(path.parent)[0]
-    ours = dict(flatten(plain(config.world), "world"))
-    others = [f"{key}={value}" for key, value in flatten(plain(world), "world") if ours[key] != value]
-    if others:
-        raise ConfigError(f"{KEY}: {path.parent} is of another world: {others[0]}; allowed: the same world")
 
 
 def teacher_factor(config: Config) -> float:

@@ -63,7 +63,9 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         # In a resumed run, the file of the best network may be newer than the checkpoint.
         save_best(run, history)
         with stop_on_signal() as stop:
-            events = map(parts.check_source, train_until_stopped(training, journal, stop))
+            events = train_until_stopped(training, journal, stop)
+            if (check := parts.source_check) is not None:
+                events = (check.add(event, parts.algorithm.network) for event in events)
             last = [
                 console.describe_greedy(one.episode_return, one.success_rate, one.episodes)
                 for one in history.evaluated[-1:]

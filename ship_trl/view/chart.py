@@ -25,8 +25,13 @@ def add_legend(figure: Figure, axes: Iterable[Axes], place: str, columns: int, l
     """Add a legend of the lines in `axes` below all axes, each label once; `letters` in points."""
     found = (zip(*reversed(one.get_legend_handles_labels()), strict=True) for one in axes)
     entries = dict(chain.from_iterable(found))
-    style: dict[str, Any] = {"ncols": columns, "frameon": False, "fontsize": letters}
-    figure.legend(list(entries.values()), list(entries), loc=f"outside lower {place}", **style)
+    style: dict[str, Any] = {
+        "loc": f"outside lower {place}",
+        "ncols": columns,
+        "frameon": False,
+        "fontsize": letters,
+    }
+    figure.legend(list(entries.values()), list(entries), **style)
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,11 @@ def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, see
     greedy = Episodes(count, np.full(len(count), np.nan), judged, there, ~there, np.full(len(count), 50.0))
     result = a_result(pair=pair, arm=arm, seed=seed, source=None, before=an_evaluation(RANDOM))
     return Record(Path(part, pair, arm), part, result, Arm.parse(arm), BEST, training, greedy)
+
+
+def told(record: Record, **changes: Any) -> Record:
+    """The same run with other fields of its result."""
+    return replace(record, result=replace(record.result, **changes))
 
 
 def study_of(**arms: NDArray[np.float64]) -> Study:

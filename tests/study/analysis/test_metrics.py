@@ -14,7 +14,7 @@ from ship_trl.files.result import SourceReturns
 from ship_trl.study.analysis import metrics
 from ship_trl.study.analysis.metrics import measure
 from ship_trl.study.records.record import Record, read_run
-from tests.study.synthetic import make_record, returns_of, write_run
+from tests.study.synthetic import make_record, returns_of, told, write_run
 
 
 def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> Record:
@@ -85,8 +85,7 @@ def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
     reused = replace(run, part="reuse/epsilon_1", result=replace(run.result, source="2"))
     assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
-    without = replace(run, result=replace(run.result, source=None))
-    for alone in (without, replace(run, arm=Arm.parse("FE3-random"))):
+    for alone in (told(run, source=None), replace(run, arm=Arm.parse("FE3-random"))):
         assert metrics.total_time(alone) == metrics.time_to_threshold(run)
 
 

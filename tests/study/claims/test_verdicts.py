@@ -12,7 +12,7 @@ from ship_trl.study.claims.hypotheses import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
 from ship_trl.study.claims.verdicts import answer, explore, judge
 from ship_trl.study.plan.manifest import Manifest
-from tests.study.synthetic import make_study
+from tests.study.synthetic import make_study, told
 
 
 def high(**ends: float) -> dict[tuple[str, str, str], float]:
@@ -70,10 +70,7 @@ def test_differences_within_the_margin_are_equivalent() -> None:
     (found,) = judge(study, [claim("A", ("FE1", "FE2"), ("FE2", "FE3"))], 15, 0.025)
     assert found.verdict is Verdict.equivalent
     # What could be gained on a case of one's own is not known, and so nothing is.
-    own = {
-        key: replace(record, result=replace(record.result, target="mine"))
-        for key, record in study.records.items()
-    }
+    own = {key: told(record, target="mine") for key, record in study.records.items()}
     (found,) = judge(replace(study, records=own), [claim("A", ("FE1", "FE2"))], 15, 0.025)
     assert found.verdict is Verdict.inconclusive
 

@@ -13,7 +13,7 @@ from ship_trl.study.analysis.study import Study
 from ship_trl.study.report.forest import METRIC, draw_forest, measure_forests
 from ship_trl.study.report.style import NARROW, WIDE
 from tests.study.report.seen import across, heights
-from tests.study.synthetic import make_record, make_study
+from tests.study.synthetic import make_record, make_study, told
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FTW"): 0.9, ("pairs", "high", "FE1"): 0.7}
 
@@ -27,7 +27,7 @@ def drawn(study: Study, width: float = WIDE) -> Figure:
 def with_own(study: Study) -> Study:
     """The same study, with sources: case 1 for the pair, and the target for pair self."""
     sources = {"high": "1", "self": "2"}
-    return replace(study, records={k: replace(r, source=sources[k[1]]) for k, r in study.records.items()})
+    return replace(study, records={k: told(r, source=sources[k[1]]) for k, r in study.records.items()})
 
 
 def test_a_gain_is_a_share_of_the_way_from_scratch_to_the_best_known_return() -> None:

@@ -11,7 +11,7 @@ from ship_trl.study.analysis.contrasts import gain
 from ship_trl.study.analysis.study import Study
 from ship_trl.study.report.gains import MIDDLE_LUMINANCE, draw_gains, luminance, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE
-from tests.study.synthetic import BEST, RANDOM, make_study
+from tests.study.synthetic import BEST, RANDOM, make_study, told
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}
 REUSED = {
@@ -32,10 +32,7 @@ def cells(figure: Figure) -> list[str]:
 
 
 def with_source(study: Study, sources: dict[str, str]) -> Study:
-    records = {
-        key: replace(one, result=replace(one.result, source=sources.get(key[1])))
-        for key, one in study.records.items()
-    }
+    records = {key: told(one, source=sources.get(key[1])) for key, one in study.records.items()}
     return replace(study, records=records)
 
 
@@ -55,7 +52,7 @@ def test_every_control_has_its_row_or_column() -> None:
     labels = {"self": "2", "self4": "4", "self6": "6", "ship": "ship", "high": "1"}
     study = with_source(make_study(places, seeds=2), labels)
     records = {
-        k: replace(r, target={"self4": "4", "self6": "6"}.get(k[1], "2")) for k, r in study.records.items()
+        k: told(r, target={"self4": "4", "self6": "6"}.get(k[1], "2")) for k, r in study.records.items()
     }
     found = measure_gains(replace(study, records=records), "area")
     assert set(found) == {"1 to 2", "2 to 2", "4 to 4", "6 to 6", "ship to 2"}

@@ -1,7 +1,6 @@
 """The best known plan of each case, cached as a JSON file because the search takes long.
 
-`plans/` has those of the bundled cases in the paper's world; `python -m
-ship_trl.policies.reference` rewrites it.
+`plans/` has those of the bundled cases in the paper's world; `python -m benchmarks.plans` rewrites it.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-import sys
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -23,7 +21,7 @@ from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim import reward
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case
 from ship_trl.sim.scene_table import Scene, read_scenes
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import Suite
@@ -152,19 +150,3 @@ def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
         if goal or bool(after.collision | after.truncated):
             break
     return Plan(float(total), actions, goal)
-
-
-def main() -> None:
-    """Search for the plans of all bundled cases, and replace the bundled plans."""
-    world = load_world()
-    for old in BUNDLED_PLANS.glob("*.json"):
-        old.unlink()
-    for path in sorted((conf_dir() / "case").glob("*.yaml")):
-        case = load_case(str(path), world)
-        plan = best_plan(case, world)
-        save_plan(BUNDLED_PLANS / plan_name(case, world), plan)
-        sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,0 +1,26 @@
+"""Search for the best known plan of each bundled case: `python -m benchmarks.plans`."""
+
+from __future__ import annotations
+
+import sys
+
+from ship_trl.config.paths import conf_dir
+from ship_trl.policies.planner import best_plan
+from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
+from ship_trl.sim.cases import load_case, load_world
+
+
+def main() -> None:
+    """Search for the plans of all bundled cases, and replace the bundled plans."""
+    world = load_world()
+    for old in BUNDLED_PLANS.glob("*.json"):
+        old.unlink()
+    for path in sorted((conf_dir() / "case").glob("*.yaml")):
+        case = load_case(str(path), world)
+        plan = best_plan(case, world)
+        save_plan(BUNDLED_PLANS / plan_name(case, world), plan)
+        sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
+
+
+if __name__ == "__main__":
+    main()

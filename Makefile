@@ -1,4 +1,4 @@
-# make run    the main job, and a film of its network; make run ARGS="target=4 method=scratch" another job, without
+# make run    the main job, and a film of its network; make run ARGS="target=4 method=scratch" another job, without that film
 # make install  nothing but the virtual environment, for the commands of the README
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests; those that precision touches once more without bfloat16

@@ -12,14 +12,16 @@ from ship_trl.sim.cases import load_case, load_world
 
 def main() -> None:
     """Search for the plans of all bundled cases, and replace the bundled plans."""
-    world = load_world()
-    for old in BUNDLED_PLANS.glob("*.json"):
-        old.unlink()
+    world, names = load_world(), set()
     for path in sorted((conf_dir() / "case").glob("*.yaml")):
         case = load_case(str(path), world)
-        plan = best_plan(case, world)
-        save_plan(BUNDLED_PLANS / plan_name(case, world), plan)
+        plan, name = best_plan(case, world), plan_name(case, world)
+        save_plan(BUNDLED_PLANS / name, plan)
+        names.add(name)
         sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
+    for old in BUNDLED_PLANS.glob("*.json"):
+        if old.name not in names:
+            old.unlink()
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ SEEDS = range(100, 105)
 TRAFFIC = "traffic"
 SUITES = {
     "traffic": (range(5), ["observation=vector"]),
-    "traffic_pixels": (range(3), ["algorithm=pupil", "algorithm.teacher='{folder}/traffic.safetensors'"]),
+    "traffic_pixels": (range(3), ["algorithm=pupil", "algorithm.teacher={folder}/traffic.safetensors"]),
 }
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")
@@ -126,7 +126,8 @@ def make_suites(folder: Path, runs: Path) -> None:
     for name, (seeds, words) in SUITES.items():
         # A second network has an output folder of its own.
         output = runs if name == TRAFFIC else runs / name
-        train(output, seeds, f"target={TRAFFIC}", *(word.format(folder=folder) for word in words))
+        parts = (word.format(folder=folder).partition("=") for word in words)
+        train(output, seeds, f"target={TRAFFIC}", *(override(key, value) for key, _, value in parts))
         place = output / TRAFFIC / "scratch"
         found = {seed: read_run(place / f"seed={seed}")[0] for seed in seeds}
         rates = {str(seed): result.best.success_rate for seed, result in found.items()}

@@ -27,19 +27,11 @@ from ship_trl.files.table import Cells, rows
 
 # Tags of TensorBoard. CleanRL's and Stable-Baselines3's are logged over steps, ours over episodes,
 # with the environment steps as a scalar of their own.
-OURS, OUR_STEPS = "train/return", "train/steps"
+OURS, STEPS = "train/return", "train/steps"
 TAGS = ("charts/episodic_return", "rollout/ep_rew_mean", OURS)
 # Names of columns, in small letters. A table has one of each kind.
 NAMES = {
-    "step": (
-        "step",
-        "steps",
-        "global_step",
-        "timesteps",
-        "total_timesteps",
-        "time/total_timesteps",
-        OUR_STEPS,
-    ),
+    "step": ("step", "steps", "global_step", "timesteps", "total_timesteps", "time/total_timesteps", STEPS),
     "return": ("return", "episode_return", "episodic_return", "value", "reward", "r", *TAGS),
     "run": ("seed", "run", "run_id"),
 }
@@ -123,8 +115,8 @@ def read_rows(path: Path, key: str) -> tuple[str, list[tuple[int, Cells]]]:
         data = read_file(path).removeprefix(codecs.BOM_UTF8)
         comment = data.partition(b"\n")[0].decode() if data.startswith(b"#") else ""
         table = rows(data, ())
-        # These two end with a line's end; a last line without one may have lost digits.
-        if (comment or path.name == CURVE) and not data.endswith(b"\n"):
+        # These end with a line's end; a last line without one may have lost digits.
+        if (comment or path.name in (CURVE, "progress.csv")) and not data.endswith(b"\n"):
             raise ValueError(f"line {len(data.splitlines())} is cut")
     except (OSError, ValueError) as error:
         raise ConfigError(f"{key}: {path} cannot be read ({error}); allowed: {KINDS}") from None
@@ -197,7 +189,9 @@ def read_csv(path: Path, key: str) -> list[LearningCurve]:
         is_chart = any(" - " in name for name in names)
         got = "a chart of wandb, a sample over its own count" if is_chart else ", ".join(names) or "no rows"
         raise ConfigError(f"{key}: {path} has {got}; allowed: {KINDS}")
-    if re.search("tag-train.return", path.name):
+    is_ours = columns["return"][0].strip().lower() == OURS
+    over_episodes = is_ours and columns["step"][0].strip().lower() != STEPS
+    if over_episodes or re.search("tag-(train|greedy).return", path.name):
         raise ConfigError(f"{key}: {path} counts episodes; allowed: the run's {CURVE}")
     # Blank are the evaluations of a `curve.csv`, and what a logger wrote at other steps.
     filled = [(line, row) for line, row in table if row[columns["return"][0]]]
@@ -263,7 +257,7 @@ def read_scalars(path: Path, key: str) -> Numbers | None:
         return None
     scalars, steps = log.Scalars(found[0]), {}
     if found[0] == OURS:
-        steps = {one.step: one.value for one in log.Scalars(OUR_STEPS)} if OUR_STEPS in tags else {}
+        steps = {one.step: one.value for one in log.Scalars(STEPS)} if STEPS in tags else {}
         if any(one.step not in steps for one in scalars):
             told = f"counts {OURS} over something else than environment steps"
             raise ConfigError(f"{key}: {path} {told}; allowed: the run's {CURVE}")

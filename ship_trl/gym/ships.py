@@ -74,8 +74,9 @@ class Ships:
         rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead, fast=fast)
         # The starts of random encounters must not depend on the limit.
         limit = self.world.max_steps if max_steps is None else NO_LIMIT if max_steps == -1 else max_steps
-        if limit < 1:
-            raise ConfigError(f"max_episode_steps: must be at least 1, or -1 for no limit, got {limit}")
+        if not (isinstance(limit, int | np.integer) and 1 <= limit <= NO_LIMIT):
+            allowed = f"a whole number from 1 to {NO_LIMIT}, or -1 for no limit"
+            raise ConfigError(f"max_episode_steps: must be {allowed}, got {limit!r:.40}")
         transition = Transition(replace(self.world, max_steps=limit))
         if rasteriser.compiled is not None:
             # Imported here: without compiled loops nothing needs numba.

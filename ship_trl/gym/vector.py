@@ -91,7 +91,8 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
             got = f"{rows.dtype} {list(rows.shape)}"
             raise ValueError(f"reset_mask: must be bool [{count}] with at least one True, got {got}")
         first: Any = [None] * count if seed is None else seed
-        seeds = [first + row for row in range(count)] if np.ndim(first) == 0 else list(first)
+        is_number = isinstance(first, int | float | np.number)
+        seeds = [first + row for row in range(count)] if is_number else list(first)
         if len(seeds) != count:
             raise ValueError(f"seed: must be one number or a list of {count}, got a list of {len(seeds)}")
         ships.seed(one if row else None for one, row in zip(seeds, rows, strict=True))

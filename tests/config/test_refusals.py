@@ -53,7 +53,6 @@ WRONG = {
     "+pair=high layers=3 source_weights=banana": "source_weights: must be one of learned, pretrained, ran",
     "target=2 layers=2": "source: must be a case, for method=finetune; without a source method=scratch, got",
     "target=4": "source: must be a case, for method=finetune; without a source method=scratch, got none",
-    "+pair=high layers=3 output=1e3": "output: must be plain text, in quotes, got 1000.0",
     "+pair=high method=banana layers=2": "method: must be one of scratch, feature_extraction, finetune, unfr",
     "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5, all, head or body with",
     "+pair=high layers=2 learn.backend=incremental network.conv=[[8,6,3],[8,27,1]]": "learn.backend: must be",

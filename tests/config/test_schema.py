@@ -38,6 +38,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "deep": ({"output": "a/" * 2000}, "output: must be a path of at most 3000 bytes, 200 a name, got a/"),
     "itself": ({"output": "${case_base}", "case_base": "${output}"}, "output: Recursive interpolation"),
     "resolved": ({"network": {"conv": "${seed}"}}, "network.conv: must be a list of lists, as [["),
+    "text": ({"output": 1000.0}, "output: must be plain text, in quotes, got 1000.0"),
     "device": ({"device": "cuda:x"}, "device: must be cpu or cuda, got cuda:x"),
 }
 

@@ -67,7 +67,11 @@ words = st.builds(
 )
 more = st.lists(st.one_of(words, words, st.sampled_from(RIGHT.split()), texts), max_size=3)
 lines = st.builds(lambda line, others: [*line, *others], st.sampled_from(LINES), more)
-study_words = st.one_of(st.builds("{}={}".format, st.sampled_from(sorted(STUDY_KEYS)), typed), texts)
+study_words = st.one_of(
+    st.builds("{}={}".format, st.sampled_from(sorted(STUDY_KEYS)), typed),
+    st.sampled_from(("seeds=2", "profile=smoke", "pairs=[high]")),
+    texts,
+)
 
 
 def compose_line(line: list[str]) -> Any:

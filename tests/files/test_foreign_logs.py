@@ -151,9 +151,16 @@ def test_what_counts_episodes_is_refused() -> None:
     write_events("old", [(1, 2.0), (2, 3.0)], tag="train/return")
     said = "train/return over something else than environment steps; allowed: the run's curve.csv"
     assert said in told(*Path("old").iterdir())
-    exported = Path("run-1_scratch_seed=0-tag-train_return.csv")
-    exported.write_text("Wall time,Step,Value\n1.0,1,-3\n2.0,2,4\n")
-    assert "counts episodes; allowed: the run's curve.csv" in told(exported)
+    for name, column in (
+        ("run-1_scratch_seed=0-tag-train_return.csv", "Value"),
+        ("run-1_scratch_seed=0-tag-greedy_return.csv", "Value"),
+        ("history.csv", "train/return"),
+    ):
+        exported = Path(name)
+        exported.write_text(f"Wall time,Step,{column}\n1.0,1,-3\n2.0,2,4\n")
+        assert "counts episodes; allowed: the run's curve.csv" in told(exported)
+    Path("progress.csv").write_text("time/total_timesteps,rollout/ep_rew_mean\n10,1\n20,12\n30,1")
+    assert "line 4 is cut" in told(Path("progress.csv"))
 
 
 def test_what_a_logger_writes_is_read_from_both_files() -> None:

@@ -211,7 +211,8 @@ def test_bad_input_is_refused() -> None:
         for options, message in (
             ({"observation": "sound"}, "observation: must be one of pixels, vector, got sound"),
             ({"render_mode": "ansi"}, r"render_mode: must be None or one of .*rgb_array, got 'ansi'"),
-            ({"max_episode_steps": 0}, "max_episode_steps: must be at least 1, or -1 for no limit, got 0"),
+            ({"max_episode_steps": 0}, "max_episode_steps: must be a whole number from 1 to 16777216, or"),
+            ({"max_episode_steps": 2.5}, "max_episode_steps: must be a whole number from 1 to 16777216, or"),
         ):
             with pytest.raises(ConfigError, match=message):
                 make(**options)

@@ -75,7 +75,7 @@ def test_the_package_does_not_know_its_benchmarks() -> None:
     "path", [*FILES, *BENCHMARKS.glob("*.py")], ids=lambda p: f"{p.parent.name}/{p.name}"
 )
 def test_files_have_one_subject(path: Path) -> None:
-    assert len(path.read_text().splitlines()) <= 300
+    assert len(path.read_text().splitlines()) <= 500
     assert path.stem not in {"utils", "common", "helpers", "misc"}
 
 

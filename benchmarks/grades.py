@@ -22,15 +22,6 @@ from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Positive
 from ship_trl.run.table import show
 from ship_trl.study import margins
-from ship_trl.study.analysis.contrasts import SEED, Claimed, Finding
-from ship_trl.study.analysis.statistics import (
-    LEVEL,
-    TOLERANCE,
-    TRIM,
-    degrees_of_freedom,
-    interquartile_mean,
-)
-from ship_trl.study.analysis.study import Records, Study, finished_study
 from ship_trl.study.claims.grades import (
     Evidence,
     Grade,
@@ -43,6 +34,15 @@ from ship_trl.study.claims.grades import (
 )
 from ship_trl.study.claims.kinds import Hypothesis
 from ship_trl.study.claims.verdicts import ALL
+from ship_trl.study.compare import SEED, Claimed, Finding
+from ship_trl.study.statistics import (
+    LEVEL,
+    TOLERANCE,
+    TRIM,
+    degrees_of_freedom,
+    interquartile_mean,
+)
+from ship_trl.study.study import Records, Study, finished_study
 
 FOLDER = Path("outputs/confirmatory")
 # A test of spread takes 0.2 s with all its permutations. With these its least p, times the eight contrasts of

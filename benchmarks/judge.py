@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.statistics import Estimate
 
 Floats = NDArray[np.float64]
 DRAWS, LEVEL, TOP = 2000, 95.0, 3

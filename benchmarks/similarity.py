@@ -31,8 +31,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.files.table import read_table
 from ship_trl.run.table import show
 from ship_trl.sources.judgements import FITTED, ORACLE, Judgement, winner
-from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.report.tables import write_csv
+from ship_trl.study.statistics import Estimate
 
 if TYPE_CHECKING:
     from benchmarks.probes import Probed

@@ -16,7 +16,7 @@ from benchmarks.questions import ARMS, FROZEN, LEARNERS, PAIRS, TRAFFIC, TRAFFIC
 from benchmarks.sources import IMAZU
 from ship_trl.config.arm import SCRATCH
 from ship_trl.files.table import Cells
-from ship_trl.study.analysis.statistics import TOLERANCE, holm
+from ship_trl.study.statistics import TOLERANCE, holm
 
 Sample = NDArray[np.float64]
 AGAINST_REPLAY = "less a replay of its actions"

@@ -19,10 +19,10 @@ import yaml
 from scipy.stats import norm
 
 from ship_trl.cli.ask import answers
-from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.grades import Grade
 from ship_trl.study.margins import margins
 from ship_trl.study.report.forest import measure_forests
+from ship_trl.study.study import Study, read_study
 from tests.command import ROOT
 from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
 

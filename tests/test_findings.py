@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.grades import Grade
+from ship_trl.study.study import Study, read_study
 from tests.command import ROOT
 from tests.findings import NUMBER, NUMBERS, PAGES, facts, of_grades, rewrite, verdicts
 from tests.study.test_confirmatory import FOLDER

@@ -61,7 +61,7 @@ RECIPES = {
         ("ship_trl/config/types.py", f"{LOSSES}])", f'{LOSSES}, "log_cosh"])'),
         ("ship_trl/learn/loss.py", "    raise ValueError(", f"{LOSS}    raise ValueError("),
     ],
-    "metric": [("ship_trl/study/analysis/metrics.py", METRICS, f'{METRIC}{METRICS}    "worst": worst,\n')],
+    "metric": [("ship_trl/study/metrics.py", METRICS, f'{METRIC}{METRICS}    "worst": worst,\n')],
     "claim": [("ship_trl/study/claims/hypotheses.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],
     "similarity": [
         (

@@ -20,10 +20,10 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.table import show
-from ship_trl.study.analysis.contrasts import Finding
-from ship_trl.study.analysis.statistics import LEVEL
-from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.questions import ask
+from ship_trl.study.compare import Finding
+from ship_trl.study.statistics import LEVEL
+from ship_trl.study.study import Study, finished_study
 
 HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
 

@@ -23,7 +23,7 @@ from ship_trl.run.table import show
 from ship_trl.sim.cases import Case, load_world, read_values, readable_cases, to_course
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.sources.judgements import SOURCE, read_judgements, winner
-from ship_trl.study.measured import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
+from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 

@@ -22,7 +22,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     origin, goal = options.origin, options.goal
     with refusals():
-        from ship_trl.study.records.tables import CURVES, RUNS, restore, write_tables
+        from ship_trl.study.tables import CURVES, RUNS, restore, write_tables
 
         if options.restore:
             runs, others = restore(origin, goal)

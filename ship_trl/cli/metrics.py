@@ -81,7 +81,7 @@ def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
 
 def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
     """Measure the arms, and print and write what was found."""
-    from ship_trl.study.analysis import transfer_metrics as metrics
+    from ship_trl.study import transfer_metrics as metrics
 
     steps = min(float(curve.steps[-1]) for curves in arms.values() for curve in curves)
     check_steps(arms, steps)

@@ -58,19 +58,19 @@ def main(arguments: list[str] | None = None) -> None:
             picture(options.picture, found)
         show(HEADINGS, summarise(found), options.markdown, shown=HEADINGS if options.all else SHORT)
         if options.csv is not None or options.stability:
-            from ship_trl.study.analysis import stability
+            from ship_trl.study.report import runs
             from ship_trl.study.report.tables import write_csv
 
-            measured = list(stability.measure_runs(folders_of(found)))
+            measured = list(runs.measure_runs(folders_of(found)))
             if options.csv is not None:
                 write_csv(options.csv, measured)
             if options.stability:
-                show(stability.HEADINGS, stability.rows(measured), options.markdown)
+                show(runs.STABILITY_HEADINGS, runs.stability_rows(measured), options.markdown)
         if options.transfer:
-            from ship_trl.study.report import transfer_table
+            from ship_trl.study.report import runs
 
-            show(transfer_table.HEADINGS, transfer_table.rows(folders_of(found)), options.markdown)
-            sys.stdout.write(transfer_table.describe_scales(one.result for one in found))
+            show(runs.TRANSFER_HEADINGS, runs.transfer_rows(folders_of(found)), options.markdown)
+            sys.stdout.write(runs.describe_scales(one.result for one in found))
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)
         for path in filter(None, (options.picture, options.csv)):
@@ -87,7 +87,7 @@ def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
         found += [one for one in drop_copies(whole) if arm in (None, one.result.arm)]
     if found:
         return found
-    from ship_trl.study.records.tables import has_tables
+    from ship_trl.study.tables import has_tables
 
     for folder in filter(has_tables, folders):
         raise ConfigError(f"folder: {folder} holds a study's tables; {command('report', folder)} reads them")
@@ -149,7 +149,7 @@ def read_curves(found: Iterable[Found]) -> Iterator[tuple[Found, pd.DataFrame, p
 
 def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
     """Make a row for each arm of a pair: the runs' mean greedy returns in both folders, and the p-value."""
-    from ship_trl.study.analysis.statistics import permutation
+    from ship_trl.study.statistics import permutation
 
     means: dict[str, dict[Path, list[float]]] = {}
     for run, _, greedy in read_curves(sorted(found, key=lambda run: run.result.seed)):

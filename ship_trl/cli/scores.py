@@ -130,7 +130,7 @@ def score_cells(measured: Measurements, share: str = "-") -> list[str]:
 
 def describe_share(measured: Measurements, end: str) -> str:
     """Return the share of an outcome with its 95 % interval: "43% (16 to 75)"."""
-    from ship_trl.study.analysis.statistics import share_interval
+    from ship_trl.study.statistics import share_interval
 
     one = share_interval(int((measured.outcomes == end).sum()), len(measured.outcomes))
     return f"{one.value:.0%} ({100 * one.low:.0f} to {100 * one.high:.0f})"

@@ -11,14 +11,22 @@ from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.progress import format_duration
 from ship_trl.run.stop import TerminatedError, raise_at_sigterm
-from ship_trl.study.launch.launch import LOG, processes, run_jobs, set_aside, unfinished, write_jobs
-from ship_trl.study.launch.progress import Display, say, seconds_per_run
+from ship_trl.study.launch import (
+    LOG,
+    Display,
+    processes,
+    run_jobs,
+    say,
+    seconds_per_run,
+    set_aside,
+    unfinished,
+    write_jobs,
+)
+from ship_trl.study.manifest import run_config, write_plan
 from ship_trl.study.margins import margins
-from ship_trl.study.plan.config import StudyConfig, to_study
-from ship_trl.study.plan.jobs import Job, plan_jobs
-from ship_trl.study.plan.manifest import run_config, write_plan
-from ship_trl.study.records.tables import has_tables
+from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
 from ship_trl.study.report.wandb_summary import REPORT, check_account, log_summary
+from ship_trl.study.tables import has_tables
 
 HELP = """\
 python -m ship_trl study: train every run of figures 5 to 7 and 9, and our controls.

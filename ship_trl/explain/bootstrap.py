@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.statistics import Estimate
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]

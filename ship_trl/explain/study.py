@@ -19,9 +19,9 @@ from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.folder import read_settings
 from ship_trl.run.results import locate
 from ship_trl.sim.cases import load_case
-from ship_trl.study.plan.jobs import PAIRS, run_folder
-from ship_trl.study.plan.manifest import PLAN, read_plan
-from ship_trl.study.records.layers import (
+from ship_trl.study.manifest import PLAN, read_plan
+from ship_trl.study.plan import PAIRS, run_folder
+from ship_trl.study.tables import (
     OTHER_SEED,
     SCRATCH,
     SOURCE,

@@ -13,7 +13,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import Rule, limit, read_as
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.study.analysis.metrics import METRICS
+from ship_trl.study.metrics import METRICS
 
 PositiveNumber = Annotated[float, limit(above=0)]
 Gains = Annotated[

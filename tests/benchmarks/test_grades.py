@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks import grades as benchmark
-from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
-from ship_trl.study.analysis.statistics import Estimate, p_below
 from ship_trl.study.claims.grades import Grade, measure_parts
 from ship_trl.study.claims.kinds import Hypothesis, beats, steady
+from ship_trl.study.compare import Claimed, Finding, contrast
+from ship_trl.study.statistics import Estimate, p_below
 from tests.study.synthetic import make_study, write_study
 
 MARGIN = 0.1

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from benchmarks import answers, power
 from ship_trl.cli import ask
-from ship_trl.study.analysis.statistics import interquartile_mean
-from ship_trl.study.analysis.study import Study, read_study
+from ship_trl.study.statistics import interquartile_mean
+from ship_trl.study.study import Study, read_study
 from tests.command import ROOT
 from tests.findings import NUMBER, NUMBERS, rewrite
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.ask import answers, main
-from ship_trl.study.analysis.statistics import estimate_mean
-from ship_trl.study.analysis.study import Study
-from ship_trl.study.plan.manifest import Manifest
+from ship_trl.study.manifest import Manifest
+from ship_trl.study.statistics import estimate_mean
+from ship_trl.study.study import Study
 from tests.command import ship_trl
 from tests.study.synthetic import study_of, write_study
 

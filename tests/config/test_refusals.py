@@ -9,7 +9,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import BFLOAT16
 from ship_trl.run.plan import make_run
-from ship_trl.study.plan.config import to_study
+from ship_trl.study.plan import to_study
 from tests.command import ship_trl
 from tests.config.test_config import HIGH, composed
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.cli.report import main as report
-from ship_trl.study.records.layers import LAYERS, read_layers
+from ship_trl.study.tables import LAYERS, read_layers
 from tests.command import ship_trl
 from tests.study.commands import SMALL, study
 

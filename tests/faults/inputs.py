@@ -31,8 +31,8 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import plain
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.manifest import run_config
+from ship_trl.study.manifest import run_config
+from ship_trl.study.plan import to_study
 from tests.faults.damage import ODD, hostile_files
 from tests.faults.judge import RUN_KEYS, STUDY_KEYS, check_line, guarded, roll_out
 from tests.faults.samples import CASES

@@ -17,7 +17,7 @@ from ship_trl.config.types import Config, World
 from ship_trl.sim.cases import Case, CaseFile, TargetShip
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import Suite
-from ship_trl.study.plan.config import StudyConfig
+from ship_trl.study.plan import StudyConfig
 
 SECONDS, MEMORY, MAX_LINE = 30, 3 << 30, 2000
 

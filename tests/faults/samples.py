@@ -11,11 +11,10 @@ from tempfile import mkdtemp
 import numpy as np
 
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.study.measured import COLUMNS, Transfer
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import write_plan
-from ship_trl.study.records.layers import Layer, write_layers
+from ship_trl.study.manifest import write_plan
+from ship_trl.study.plan import plan_jobs, to_study
+from ship_trl.study.tables import Layer, write_layers
+from ship_trl.study.transfers import COLUMNS, Transfer
 from tests.faults.changes import die_before
 from tests.faults.trial import contents
 from tests.forked import Ended, run

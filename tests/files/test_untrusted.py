@@ -26,8 +26,8 @@ from ship_trl.run.checkpoint import CheckpointError
 from ship_trl.run.checkpoint import read as read_checkpoint
 from ship_trl.run.folder import read_settings
 from ship_trl.sim.cases import load_case
-from ship_trl.study.plan.manifest import read_plan
-from ship_trl.study.records.tables import CURVES, KEPT, PLAN, RUNS, digest, read_tables
+from ship_trl.study.manifest import read_plan
+from ship_trl.study.tables import CURVES, KEPT, PLAN, RUNS, digest, read_tables
 from ship_trl.transfer.casebase import CaseBase
 from ship_trl.transfer.layers import load_weights, read_look
 from tests.a_result import a_result

@@ -17,9 +17,8 @@ import pytest
 from joblib import Parallel, delayed
 
 from ship_trl.grid.launchers import JOBLIB, close_token
-from ship_trl.study.launch.launch import batches, command, processes
-from ship_trl.study.plan.config import LAUNCHERS, to_study
-from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study.launch import batches, command, processes
+from ship_trl.study.plan import LAUNCHERS, plan_jobs, to_study
 from tests.command import environment, files, ship_trl
 from tests.config.test_config import options
 from tests.study.commands import SMALL, descendants, learned, study

@@ -14,9 +14,8 @@ from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
 from ship_trl.run import progress as run_progress
 from ship_trl.run.progress import Lines
-from ship_trl.study.launch import progress
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study import launch as progress
+from ship_trl.study.plan import plan_jobs, to_study
 from tests.run.test_tracking import EPISODE
 from tests.study.commands import SMALL
 

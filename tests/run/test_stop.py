@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.run.stop import StoppedError, stop_on_signal
-from ship_trl.study.launch.progress import last_episode
+from ship_trl.study.launch import last_episode
 from tests.command import environment
 
 

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights
 from ship_trl.files.result import write_result
-from ship_trl.study.analysis.study import Study
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study.plan import plan_jobs, to_study
 from ship_trl.study.records.record import Episodes, Record
+from ship_trl.study.study import Study
 from tests.a_result import a_result, an_evaluation
 
 BEST, RANDOM = 80.0, -320.0

@@ -12,11 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.measured import BUNDLED_TABLE, TABLE
-from ship_trl.study.plan.manifest import read_manifest
-from ship_trl.study.records.layers import LAYERS, read_layers
-from ship_trl.study.records.tables import read_tables
+from ship_trl.study.manifest import read_manifest
 from ship_trl.study.rules import PLAN_TEXT
+from ship_trl.study.tables import LAYERS, read_layers, read_tables
+from ship_trl.study.transfers import BUNDLED_TABLE, TABLE
 from tests.command import ROOT, ship_trl
 
 FOLDER = ROOT / "outputs/confirmatory"

@@ -7,7 +7,7 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.study.margins import margin, read_margins
-from ship_trl.study.plan.config import NEW_CASE, options, read_option
+from ship_trl.study.plan import NEW_CASE, options, read_option
 
 
 def test_the_shipped_file_is_right() -> None:

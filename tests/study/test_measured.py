@@ -9,7 +9,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.files.result import read_result
 from ship_trl.sim.cases import load_case
-from ship_trl.study.measured import COLUMNS, Transfer, read_transfers, transfers_to
+from ship_trl.study.transfers import COLUMNS, Transfer, read_transfers, transfers_to
 from tests.command import ship_trl
 from tests.pasted import ODD, composed_values
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study import rules
-from ship_trl.study.analysis.study import read_study
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import write_plan
+from ship_trl.study.manifest import write_plan
+from ship_trl.study.plan import plan_jobs, to_study
+from ship_trl.study.study import read_study
 
 
 @pytest.fixture

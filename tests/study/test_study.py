@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.launch.progress import last_episode
+from ship_trl.study.launch import last_episode
 from tests.command import KEYS, files
 from tests.forked import Child
 from tests.study.commands import SMALL, learned, study

@@ -12,11 +12,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from ship_trl.study.analysis.contrasts import Claimed, Finding
-from ship_trl.study.analysis.statistics import LEVEL, holm, p_below
-from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.kinds import Hypothesis
 from ship_trl.study.claims.verdicts import ALL, counts
+from ship_trl.study.compare import Claimed, Finding
+from ship_trl.study.statistics import LEVEL, holm, p_below
+from ship_trl.study.study import Study
 
 
 class Grade(StrEnum):

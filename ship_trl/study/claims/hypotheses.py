@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from ship_trl.study.analysis.study import FIGURES, REUSED
 from ship_trl.study.claims.kinds import (
     SELF_CASES,
     Hypothesis,
@@ -24,9 +23,20 @@ from ship_trl.study.claims.kinds import (
     self_dips,
     steady,
 )
-from ship_trl.study.plan.arms import CONTROL_KINDS, FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS
-from ship_trl.study.plan.config import NEW_CASE, REUSED_CASE
-from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
+from ship_trl.study.plan import (
+    CONTROL_KINDS,
+    FE,
+    FT,
+    FURTHER_SOURCES,
+    NEW_CASE,
+    OTHER_SOURCES,
+    PERMUTED,
+    RANDOM,
+    REUSED_CASE,
+    SCRATCH,
+    TRANSFERS,
+)
+from ship_trl.study.study import FIGURES, REUSED
 
 FIGURE, EXPLORATORY = "conclusions", "exploratory"
 

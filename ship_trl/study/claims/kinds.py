@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ship_trl.study.analysis.contrasts import Claimed, Finding, measure_levels, measure_spread
-from ship_trl.study.analysis.metrics import METRICS, TIMES
-from ship_trl.study.analysis.study import REUSED, Places, Study
-from ship_trl.study.plan.arms import SCRATCH, SCRATCH_PAIR, control_arm
-from ship_trl.study.plan.config import NEW_CASE
-from ship_trl.study.plan.jobs import CONTROLS, PAIRS
+from ship_trl.study.compare import Claimed, Finding, measure_levels, measure_spread
+from ship_trl.study.metrics import METRICS, TIMES
+from ship_trl.study.plan import CONTROLS, NEW_CASE, PAIRS, SCRATCH, SCRATCH_PAIR, control_arm
+from ship_trl.study.study import REUSED, Places, Study
 
 Test = Callable[[Study], list[Finding]]
 # The case that each control pair transfers to itself.

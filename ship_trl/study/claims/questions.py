@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.analysis.metrics import METRICS, TIMES
-from ship_trl.study.analysis.study import Study, pairs, places_of
 from ship_trl.study.claims.kinds import Test, comparative, joined, mean_difference, weighted
-from ship_trl.study.plan.jobs import Place
+from ship_trl.study.metrics import METRICS, TIMES
+from ship_trl.study.plan import Place
+from ship_trl.study.study import Study, pairs, places_of
 
 FORM = "WHERE: ARM above ARM (METRIC); for times WHERE: ARM sooner than ARM (METRIC); or WHERE: ARM (METRIC)"
 EVERY_PAIR, EVERY_ARM, MEAN = "every pair", "every arm", "mean of "

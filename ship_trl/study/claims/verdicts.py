@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ship_trl.study.analysis.contrasts import MIN_SEEDS, Claimed, Finding, Verdict
-from ship_trl.study.analysis.statistics import LEVEL, holm, look_level, seeds_needed
-from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import CONCLUSIONS, HYPOTHESES, OURS
 from ship_trl.study.claims.kinds import Hypothesis
+from ship_trl.study.compare import MIN_SEEDS, Claimed, Finding, Verdict
+from ship_trl.study.statistics import LEVEL, holm, look_level, seeds_needed
+from ship_trl.study.study import Study
 
 ALL = [*CONCLUSIONS, *HYPOTHESES]
 # The seeds that an open claim is said to need may fail to decide it this often.

@@ -14,7 +14,7 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.errors import print_error
 from ship_trl.files.curve import CURVE, CurveError, read_curve, split
 from ship_trl.files.result import RESULT, Result, ResultError, read_result
-from ship_trl.study.plan.jobs import PARTS, Place
+from ship_trl.study.plan import PARTS, Place
 
 if TYPE_CHECKING:
     import pandas as pd

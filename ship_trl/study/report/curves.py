@@ -12,10 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ship_trl.study.analysis.metrics import THRESHOLDS, has_reached, measure
-from ship_trl.study.analysis.study import Study
-from ship_trl.study.plan.arms import SCRATCH
-from ship_trl.study.plan.jobs import Place
+from ship_trl.study.metrics import THRESHOLDS, has_reached, measure
+from ship_trl.study.plan import SCRATCH, Place
 from ship_trl.study.records.record import Record
 from ship_trl.study.report.panels import (
     REUSE_TITLE,
@@ -39,6 +37,7 @@ from ship_trl.study.report.style import (
     set_range,
     smooth,
 )
+from ship_trl.study.study import Study
 
 # The share of a panel's height below the training returns, where the exploration rate is drawn.
 STRIP = 0.14

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.study import Study, pairs
 from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse, draw_times
 from ship_trl.study.report.forest import draw_forest
 from ship_trl.study.report.gains import draw_gains
 from ship_trl.study.report.layers import draw_layers
 from ship_trl.study.report.panels import REUSE_TITLE, pair_title
 from ship_trl.study.report.style import NARROW, WIDE, as_png, save
+from ship_trl.study.study import Study, pairs
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.
 NAMES = (

@@ -13,15 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ship_trl.study.analysis.contrasts import Gain, gain
-from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.statistics import TOLERANCE, interquartile_mean
-from ship_trl.study.analysis.study import Places, Study, pairs, places_of
+from ship_trl.study.compare import Gain, gain
 from ship_trl.study.margins import margins
-from ship_trl.study.plan.arms import CONTROL_ARMS, FE, FT, WHOLE, rivals
-from ship_trl.study.plan.jobs import PAIRS, scratch_place
+from ship_trl.study.metrics import measure
+from ship_trl.study.plan import CONTROL_ARMS, FE, FT, PAIRS, WHOLE, rivals, scratch_place
 from ship_trl.study.report.panels import pair_title
 from ship_trl.study.report.style import BLUE, BROWN, DPI, FONT, GREY, NARROW, PALE, SMALL, style_axis
+from ship_trl.study.statistics import TOLERANCE, interquartile_mean
+from ship_trl.study.study import Places, Study, pairs, places_of
 
 METRIC = "greedy area"
 TITLE = "Gain in greedy returns, as a share of what could be gained"

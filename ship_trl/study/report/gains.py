@@ -12,14 +12,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.contrasts import Gain, gain
-from ship_trl.study.analysis.study import Study, pairs, places_of
+from ship_trl.study.compare import Gain, gain
 from ship_trl.study.margins import possible_gain
-from ship_trl.study.plan.arms import CONTROL_ARMS, FE, FT, SCRATCH, WHOLE, rivals
-from ship_trl.study.plan.config import NEW_CASE
-from ship_trl.study.plan.jobs import scratch_place
+from ship_trl.study.plan import CONTROL_ARMS, FE, FT, NEW_CASE, SCRATCH, WHOLE, rivals, scratch_place
 from ship_trl.study.report.panels import REUSED_NAMES
 from ship_trl.study.report.style import DPI, FONT, NARROW, SMALL
+from ship_trl.study.study import Study, pairs, places_of
 
 ARMS = (*FE, *CONTROL_ARMS, *FT, WHOLE)
 TITLES = {"area": "Gain in training returns", "greedy area": "Gain in greedy returns"}

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.study import Study, pairs
-from ship_trl.study.plan.arms import WHOLE
-from ship_trl.study.records.layers import OTHER_SEED, SCRATCH, SOURCE, UNTRAINED, Layer
+from ship_trl.study.plan import WHOLE
 from ship_trl.study.report.panels import pair_title
 from ship_trl.study.report.style import (
     DASHED,
@@ -21,6 +19,8 @@ from ship_trl.study.report.style import (
     look_of,
     style_axis,
 )
+from ship_trl.study.study import Study, pairs
+from ship_trl.study.tables import OTHER_SEED, SCRATCH, SOURCE, UNTRAINED, Layer
 
 # Words and look of each arm and the network that it is compared with; lines of scratch are black.
 COMPARED = {

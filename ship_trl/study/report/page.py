@@ -13,16 +13,16 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from ship_trl.study.analysis.contrasts import MIN_SEEDS, SPREAD, Finding, Verdict
-from ship_trl.study.analysis.metrics import THRESHOLDS
-from ship_trl.study.analysis.statistics import look_level, min_detectable_effect
-from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.grades import Graded, count_grades
 from ship_trl.study.claims.hypotheses import EXPLORATORY
 from ship_trl.study.claims.hypotheses import FIGURE as CONCLUSIONS
 from ship_trl.study.claims.verdicts import Answer
+from ship_trl.study.compare import MIN_SEEDS, SPREAD, Finding, Verdict
+from ship_trl.study.metrics import THRESHOLDS
 from ship_trl.study.report.tables import EQUATION
 from ship_trl.study.rules import describe_rules
+from ship_trl.study.statistics import look_level, min_detectable_effect
+from ship_trl.study.study import Study
 
 # Verdict and sentence of each claim in an earlier study.
 Earlier = Mapping[str, tuple[str, str]]

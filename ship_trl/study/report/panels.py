@@ -10,11 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from ship_trl.study.analysis.study import FIGURES, SOURCES, Study, pairs, places_of
-from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_KINDS, FE, FT, WHOLE, control_arm, rivals
-from ship_trl.study.plan.config import NEW_CASE
-from ship_trl.study.plan.jobs import LOW_EPSILON, PAIRS, Place, scratch_place
+from ship_trl.study.plan import (
+    CONTROL_ARMS,
+    CONTROL_KINDS,
+    FE,
+    FT,
+    LOW_EPSILON,
+    NEW_CASE,
+    PAIRS,
+    WHOLE,
+    Place,
+    control_arm,
+    rivals,
+    scratch_place,
+)
 from ship_trl.study.report.style import DPI, FONT, NARROW, Look, look_of, style_axis
+from ship_trl.study.study import FIGURES, SOURCES, Study, pairs, places_of
 
 REUSE_TITLE = "Figure 9: reuse on the new case"
 EPSILON = "\N{GREEK SMALL LETTER EPSILON}"

@@ -16,9 +16,9 @@ from PIL import Image
 
 from ship_trl.files.curve import moving_mean
 from ship_trl.files.disk import atomic_write
-from ship_trl.study.analysis.contrasts import SEED
-from ship_trl.study.analysis.statistics import MIN_BAND_SEEDS, band
-from ship_trl.study.plan.arms import FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS, WHOLE, control_arm
+from ship_trl.study.compare import SEED
+from ship_trl.study.plan import FE, FT, PERMUTED, RANDOM, SCRATCH, TRANSFERS, WHOLE, control_arm
+from ship_trl.study.statistics import MIN_BAND_SEEDS, band
 from ship_trl.view.palette import CHART_SERIES
 
 # Widths in inches, close to the size on the page: a page is at most 75 rem wide, and a screen of 380 pixels

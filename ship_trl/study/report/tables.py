@@ -17,16 +17,26 @@ from ship_trl.files.disk import atomic_write
 from ship_trl.files.result import Result
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.study.analysis import transfer_metrics
-from ship_trl.study.analysis.contrasts import MIN_SEEDS, SEED, Finding, Verdict, gain
-from ship_trl.study.analysis.metrics import LATER, has_reached, measure, metrics_of
-from ship_trl.study.analysis.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
-from ship_trl.study.analysis.study import Study
+from ship_trl.study import transfer_metrics
 from ship_trl.study.claims.grades import Graded
 from ship_trl.study.claims.verdicts import Answer
-from ship_trl.study.measured import COLUMNS
-from ship_trl.study.plan.config import REUSED_CASE, options, read_option
-from ship_trl.study.plan.jobs import ALONE, LOW, LOW_EPSILON, ONE, PARTS, Place, scratch_place
+from ship_trl.study.compare import MIN_SEEDS, SEED, Finding, Verdict, gain
+from ship_trl.study.metrics import LATER, has_reached, measure, metrics_of
+from ship_trl.study.plan import (
+    ALONE,
+    LOW,
+    LOW_EPSILON,
+    ONE,
+    PARTS,
+    REUSED_CASE,
+    Place,
+    options,
+    read_option,
+    scratch_place,
+)
+from ship_trl.study.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
+from ship_trl.study.study import Study
+from ship_trl.study.transfers import COLUMNS
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
 Row = dict[str, Any]

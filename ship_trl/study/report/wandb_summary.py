@@ -8,7 +8,7 @@ from typing import Any
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, WandbMode
-from ship_trl.study.plan.config import StudyConfig
+from ship_trl.study.plan import StudyConfig
 
 REPORT = "report"
 TABLES = ("claims", "arms", "table_2")

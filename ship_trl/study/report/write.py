@@ -9,14 +9,14 @@ from pathlib import Path
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write, links
 from ship_trl.run.progress import Show, show_share
-from ship_trl.study.analysis.contrasts import MIN_SEEDS
-from ship_trl.study.analysis.study import Study, finished_study
 from ship_trl.study.claims.grades import grade_all
 from ship_trl.study.claims.verdicts import answer, explore
-from ship_trl.study.plan.jobs import PAIRS
+from ship_trl.study.compare import MIN_SEEDS
+from ship_trl.study.plan import PAIRS
 from ship_trl.study.report import tables
 from ship_trl.study.report.figures import draw_all
 from ship_trl.study.report.page import Earlier, as_markdown, describe_grades, render
+from ship_trl.study.study import Study, finished_study
 
 # A copy of the claims.csv of an earlier study in a study's folder: its verdicts are named too.
 EARLIER = "earlier.csv"

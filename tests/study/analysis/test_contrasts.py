@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
-from ship_trl.study.analysis.statistics import min_detectable_effect
+from ship_trl.study.compare import Claimed, Finding, contrast
+from ship_trl.study.statistics import min_detectable_effect
 
 
 def measured(

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ship_trl.config.arm import Arm
 from ship_trl.files.result import SourceReturns
-from ship_trl.study.analysis import metrics
-from ship_trl.study.analysis.metrics import measure
+from ship_trl.study import metrics
+from ship_trl.study.metrics import measure
 from ship_trl.study.records.record import Record, read_run
 from tests.study.synthetic import make_record, returns_of, told, write_run
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ship_trl.study.analysis import statistics as s
-from ship_trl.study.analysis.statistics import min_detectable_effect, seeds_needed
+from ship_trl.study import statistics as s
+from ship_trl.study.statistics import min_detectable_effect, seeds_needed
 
 
 def test_what_so_many_seeds_could_see() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.results import main
-from ship_trl.study.analysis.stability import HEADINGS, measure_runs, rows
+from ship_trl.study.report.runs import STABILITY_HEADINGS, measure_runs, stability_rows
 from tests.a_result import an_evaluation
 from tests.study.synthetic import BEST, write_run
 
@@ -19,11 +19,11 @@ def result(folder: Path, scores: list[float], seed: int) -> Path:
 
 
 def table(groups: dict[str, list[Path]]) -> list[list[str]]:
-    return list(rows(list(measure_runs(groups))))
+    return list(stability_rows(list(measure_runs(groups))))
 
 
 def row(found: list[str]) -> dict[str, str]:
-    return dict(zip(HEADINGS, found, strict=True))
+    return dict(zip(STABILITY_HEADINGS, found, strict=True))
 
 
 def test_falls_and_last_networks_are_counted(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_the_command_prints_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
         result(tmp_path, [0.5] * 9 + [1.0] * 11, seed)
     main([str(tmp_path), "--stability", "--markdown"])
     printed = capsys.readouterr().out
-    assert "| " + " | ".join(HEADINGS) + " |" in printed and "| high scratch | 2 | 0 | " in printed
+    assert "| " + " | ".join(STABILITY_HEADINGS) + " |" in printed and "| high scratch | 2 | 0 | " in printed
 
 
 def test_every_number_of_every_run_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

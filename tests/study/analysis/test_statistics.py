@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ship_trl.study.analysis import statistics as s
-from ship_trl.study.analysis.spread import log_spread_ratio, spread_test
+from ship_trl.study import statistics as s
+from ship_trl.study.statistics import log_spread_ratio, spread_test
 
 
 def sample(seed: int, mean: float = 0.0, sd: float = 1.0, count: int = 15) -> s.Sample:

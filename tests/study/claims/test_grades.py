@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.contrasts import Claimed, Finding, contrast
-from ship_trl.study.analysis.statistics import Estimate
 from ship_trl.study.claims.grades import (
     Evidence,
     Grade,
@@ -21,7 +19,9 @@ from ship_trl.study.claims.grades import (
 )
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
 from ship_trl.study.claims.verdicts import ALL
-from ship_trl.study.plan.manifest import Manifest
+from ship_trl.study.compare import Claimed, Finding, contrast
+from ship_trl.study.manifest import Manifest
+from ship_trl.study.statistics import Estimate
 from tests.study.synthetic import make_study
 
 FOR, AGAINST, OPEN = Evidence(0.001, 0.999), Evidence(0.999, 0.001), Evidence(0.4, 0.6)

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.contrasts import Verdict
-from ship_trl.study.analysis.study import read_study
 from ship_trl.study.claims.hypotheses import HYPOTHESES
 from ship_trl.study.claims.verdicts import ALL, answer
-from ship_trl.study.plan.jobs import FURTHER_SOURCES, OTHER_SOURCES
+from ship_trl.study.compare import Verdict
+from ship_trl.study.plan import FURTHER_SOURCES, OTHER_SOURCES
+from ship_trl.study.study import read_study
 from tests.study.synthetic import learning, make_study, ranked, write_run
 
 ARMS = ("scratch", *(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5)), "FTW")

@@ -4,14 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.analysis.contrasts import Finding
-from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import OURS
 from ship_trl.study.claims.kinds import Test, beats, control, interaction, means, rises, steady
 from ship_trl.study.claims.verdicts import ALL
-from ship_trl.study.plan.arms import CONTROL_KINDS, FE
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import SOURCES, plan_jobs
+from ship_trl.study.compare import Finding
+from ship_trl.study.plan import CONTROL_KINDS, FE, SOURCES, plan_jobs, to_study
+from ship_trl.study.study import Study
 from tests.study.synthetic import make_study
 
 

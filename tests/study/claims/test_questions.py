@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.analysis.contrasts import Finding
-from ship_trl.study.analysis.metrics import METRICS
-from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.claims.kinds import Test, beats, control, itself, means, network_effect
 from ship_trl.study.claims.questions import ask, places_of
 from ship_trl.study.claims.verdicts import ALL, OURS
+from ship_trl.study.compare import Finding
+from ship_trl.study.metrics import METRICS
+from ship_trl.study.study import Study, read_study
 from tests.study.synthetic import make_study, write_planned
 
 

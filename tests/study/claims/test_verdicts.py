@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.contrasts import Claimed, Verdict, contrast
-from ship_trl.study.analysis.statistics import look_level
-from ship_trl.study.analysis.study import Study
 from ship_trl.study.claims.hypotheses import OURS
 from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
 from ship_trl.study.claims.verdicts import answer, explore, judge
-from ship_trl.study.plan.manifest import Manifest
+from ship_trl.study.compare import Claimed, Verdict, contrast
+from ship_trl.study.manifest import Manifest
+from ship_trl.study.statistics import look_level
+from ship_trl.study.study import Study
 from tests.study.synthetic import make_study, told
 
 

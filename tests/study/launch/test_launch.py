@@ -11,9 +11,8 @@ import pytest
 import yaml
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.launch import launch
-from ship_trl.study.plan.config import StudyConfig, to_study
-from ship_trl.study.plan.jobs import PAIRS, Job, plan_jobs
+from ship_trl.study import launch
+from ship_trl.study.plan import PAIRS, Job, StudyConfig, plan_jobs, to_study
 from tests.a_result import a_result
 from tests.command import files
 from tests.pasted import ODD, composed_values

@@ -5,8 +5,11 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.plan.arms import CONTROL_ARMS, CONTROL_PAIRS, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS
-from ship_trl.study.plan.config import (
+from ship_trl.study.plan import (
+    CONTROL_ARMS,
+    CONTROL_PAIRS,
+    FIRST_BLOCK_ARMS,
+    FIRST_BLOCK_PAIRS,
     options,
     to_study,
 )
@@ -54,14 +57,14 @@ def test_what_is_wrong_is_said(override: str, said: str) -> None:
 
 
 def test_a_profile_of_ones_own_needs_its_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.study.plan.config.options", lambda group: ["mine", *options(group)])
+    monkeypatch.setattr("ship_trl.study.plan.options", lambda group: ["mine", *options(group)])
     with pytest.raises(ConfigError, match=r"seeds: must be given; conf/study.yaml has none for profile mine"):
         to_study(["profile=mine"])
     assert to_study(["profile=mine", "seeds=4"]).count == 4
 
 
 def test_a_launcher_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.study.plan.config.find_spec", lambda name: None)
+    monkeypatch.setattr("ship_trl.study.plan.find_spec", lambda name: None)
     with pytest.raises(
         ConfigError, match=r"launcher: ray_cluster is not installed; run: pip install -e '.\[ray\]'"
     ):

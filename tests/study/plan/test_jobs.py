@@ -6,10 +6,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.run.plan import make_run
-from ship_trl.study.launch.launch import write_jobs
-from ship_trl.study.plan.arms import rivals
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import Job, plan_jobs, scratch_place
+from ship_trl.study.launch import write_jobs
+from ship_trl.study.plan import Job, plan_jobs, rivals, scratch_place, to_study
 from tests.config.test_config import composed
 
 

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import PLAN, Manifest, read_manifest, write_plan
+from ship_trl.study.manifest import PLAN, Manifest, read_manifest, write_plan
+from ship_trl.study.plan import plan_jobs, to_study
 
 
 def begin(folder: Path, *overrides: str) -> None:

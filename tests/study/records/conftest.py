@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.keep import main as keep
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import write_plan
+from ship_trl.study.manifest import write_plan
+from ship_trl.study.plan import plan_jobs, to_study
 from tests.study.commands import SMALL
 from tests.study.synthetic import learning, write_run
 

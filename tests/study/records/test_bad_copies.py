@@ -9,7 +9,7 @@ import pytest
 
 from ship_trl.cli.keep import main as keep
 from ship_trl.cli.report import main as report
-from ship_trl.study.records.tables import digest
+from ship_trl.study.tables import digest
 from tests.command import files
 
 FILES = ["curves.csv.xz", "runs.csv", "study.json"]

@@ -15,8 +15,8 @@ import pytest
 from ship_trl.cli.keep import main as keep
 from ship_trl.cli.report import main as report
 from ship_trl.files.result import SourceReturns, read_result, write_result
-from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.study import read_study
+from ship_trl.study.metrics import measure
+from ship_trl.study.study import read_study
 from tests.command import files
 from tests.study.commands import SMALL, learned, study
 from tests.study.records.conftest import a_study

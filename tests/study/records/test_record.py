@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from ship_trl.files.curve import CURVE
-from ship_trl.study.analysis.metrics import dip, late_misses
+from ship_trl.study.metrics import dip, late_misses
 from ship_trl.study.records.record import BrokenRunError, read_run, read_runs
 from tests.study.synthetic import learning, write_run
 

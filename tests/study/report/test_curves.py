@@ -11,9 +11,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from ship_trl.study.analysis.study import Study
-from ship_trl.study.plan.jobs import CONTROLS, PAIRS
-from ship_trl.study.plan.manifest import Manifest
+from ship_trl.study.manifest import Manifest
+from ship_trl.study.plan import CONTROLS, PAIRS
 from ship_trl.study.report.curves import (
     STRIP,
     differences,
@@ -25,6 +24,7 @@ from ship_trl.study.report.curves import (
 )
 from ship_trl.study.report.gains import Map, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE, look_of
+from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights, named, outline
 from tests.study.synthetic import BEST, RANDOM, make_record, make_study
 

@@ -14,9 +14,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from ship_trl.study.analysis.study import Study, read_study
 from ship_trl.study.report.figures import drawings
 from ship_trl.study.report.style import DPI, NARROW, WIDE, save
+from ship_trl.study.study import Study, read_study
 from tests.study.synthetic import make_study, write_planned
 
 # CSS pixels of a figure where it is shown smallest: a page of 64 rem, and a screen of 380, less the edges.

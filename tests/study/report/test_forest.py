@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.contrasts import gain
-from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.statistics import interquartile_mean
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.compare import gain
+from ship_trl.study.metrics import measure
 from ship_trl.study.report.forest import METRIC, draw_forest, measure_forests
 from ship_trl.study.report.style import NARROW, WIDE
+from ship_trl.study.statistics import interquartile_mean
+from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights
 from tests.study.synthetic import make_record, make_study, told
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ship_trl.study.analysis.contrasts import gain
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.compare import gain
 from ship_trl.study.report.gains import MIDDLE_LUMINANCE, draw_gains, luminance, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE
+from ship_trl.study.study import Study
 from tests.study.synthetic import BEST, RANDOM, make_study, told
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}

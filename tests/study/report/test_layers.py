@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.analysis.statistics import interquartile_mean
-from ship_trl.study.records.layers import OTHER_SEED, SCRATCH, UNTRAINED, Layer
 from ship_trl.study.report.layers import draw_layers
 from ship_trl.study.report.style import WIDE
 from ship_trl.study.report.tables import layer_rows
+from ship_trl.study.statistics import interquartile_mean
+from ship_trl.study.tables import OTHER_SEED, SCRATCH, UNTRAINED, Layer
 from tests.study.synthetic import make_study
 
 NAMES = ("conv1", "conv2")

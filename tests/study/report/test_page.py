@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.report import main
-from ship_trl.study.analysis.contrasts import Finding, Verdict
-from ship_trl.study.analysis.statistics import Estimate, min_detectable_effect
 from ship_trl.study.claims.grades import Grade, Part
 from ship_trl.study.claims.kinds import Hypothesis, beats
 from ship_trl.study.claims.verdicts import ALL, Answer, judge
+from ship_trl.study.compare import Finding, Verdict
 from ship_trl.study.report.page import families, in_a_sentence, scale_of
+from ship_trl.study.statistics import Estimate, min_detectable_effect
 from tests.study.report.conftest import Odd
 from tests.study.synthetic import make_study
 

@@ -8,13 +8,12 @@ import pytest
 
 from ship_trl.cli.cases import main as cases
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.study.analysis.metrics import measure
-from ship_trl.study.analysis.statistics import estimate_mean
-from ship_trl.study.analysis.study import Study, read_study
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
-from ship_trl.study.plan.manifest import write_plan
+from ship_trl.study.manifest import write_plan
+from ship_trl.study.metrics import measure
+from ship_trl.study.plan import plan_jobs, to_study
 from ship_trl.study.report.tables import transfer_rows, write_csv
+from ship_trl.study.statistics import estimate_mean
+from ship_trl.study.study import Study, read_study
 from tests.study.synthetic import write_planned
 
 # The least of which an interval is given, and one that was run later.

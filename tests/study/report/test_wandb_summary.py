@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 
 from ship_trl.config.types import Logger
-from ship_trl.study.launch.launch import command
-from ship_trl.study.plan.config import to_study
-from ship_trl.study.plan.jobs import plan_jobs
+from ship_trl.study.launch import command
+from ship_trl.study.plan import plan_jobs, to_study
 from tests.command import environment
 from tests.study.commands import SMALL, study
 

@@ -16,9 +16,9 @@ import pytest
 from ship_trl.cli.report import main
 from ship_trl.files.result import SourceReturns
 from ship_trl.run import progress
-from ship_trl.study.analysis.metrics import LATER
-from ship_trl.study.analysis.study import Study
+from ship_trl.study.metrics import LATER
 from ship_trl.study.report import write
+from ship_trl.study.study import Study
 from tests.command import ROOT, files
 from tests.study.report.conftest import GONE, STAYING, Odd
 from tests.study.synthetic import learning, write_planned, write_run, write_study

@@ -24,8 +24,7 @@ from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.grid.compose import quote_text
 from ship_trl.sim.suites import load_suite
-from ship_trl.study.plan.config import StudyConfig
-from ship_trl.study.plan.jobs import PAIRS, Job
+from ship_trl.study.plan import PAIRS, Job, StudyConfig
 from ship_trl.study.rules import stamp
 
 PLAN = "study.json"

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.files.curve import moving_mean
-from ship_trl.study.plan.config import REUSED_CASE
-from ship_trl.study.plan.jobs import LOW, ONE
+from ship_trl.study.plan import LOW, ONE, REUSED_CASE
 from ship_trl.study.records.record import Record
 
 # The moving score is a mean over this share of the training episodes. A run reaches a threshold when the

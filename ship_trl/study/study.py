@@ -9,26 +9,27 @@ from functools import cached_property
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.study.analysis.spread import MAX_PERMUTATIONS
-from ship_trl.study.analysis.statistics import LEVEL, OBRIEN_FLEMING
-from ship_trl.study.plan.arms import SCRATCH, SCRATCH_PAIR
-from ship_trl.study.plan.config import NEW_CASE, REUSED_ARM, REUSED_CASE
-from ship_trl.study.plan.jobs import (
+from ship_trl.study.manifest import Manifest, read_manifest
+from ship_trl.study.plan import (
     ALONE,
     CONTROLS,
     FURTHER_SOURCES,
     LOW,
+    NEW_CASE,
     ONE,
     OTHER_SOURCES,
     PAIRS,
+    REUSED_ARM,
+    REUSED_CASE,
+    SCRATCH,
+    SCRATCH_PAIR,
     Place,
     reuse_label,
     scratch_place,
 )
-from ship_trl.study.plan.manifest import Manifest, read_manifest
-from ship_trl.study.records.layers import LAYERS, Layer, read_layers
 from ship_trl.study.records.record import COMPUTED, NO_PART, Record, read_runs
-from ship_trl.study.records.tables import has_tables, read_tables
+from ship_trl.study.statistics import LEVEL, MAX_PERMUTATIONS, OBRIEN_FLEMING
+from ship_trl.study.tables import LAYERS, Layer, has_tables, read_layers, read_tables
 
 # The number of seeds between looks (docs/analysis-plan.md).
 BLOCK, MAX_LOOKS = 5, len(OBRIEN_FLEMING)

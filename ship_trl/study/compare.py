@@ -8,9 +8,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from ship_trl.study.analysis.metrics import TIMES, curve, has_reached, measure
-from ship_trl.study.analysis.spread import spread_test
-from ship_trl.study.analysis.statistics import (
+from ship_trl.study.margins import margin
+from ship_trl.study.metrics import TIMES, curve, has_reached, measure
+from ship_trl.study.statistics import (
     LEVEL,
     Estimate,
     Sample,
@@ -19,10 +19,10 @@ from ship_trl.study.analysis.statistics import (
     p_above,
     p_below,
     p_within,
+    spread_test,
     standard_error,
 )
-from ship_trl.study.analysis.study import Place, Places, Study
-from ship_trl.study.margins import margin
+from ship_trl.study.study import Place, Places, Study
 
 # With fewer seeds there is no verdict: two or three cannot show how seeds vary.
 MIN_SEEDS = 5

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ship_trl.files.logs import LearningCurve
-from ship_trl.study.analysis.metrics import EARLY, LAST, THRESHOLDS, WINDOW, first, last
-from ship_trl.study.analysis.statistics import Estimate
+from ship_trl.study.metrics import EARLY, LAST, THRESHOLDS, WINDOW, first, last
+from ship_trl.study.statistics import Estimate
 
 # Parts of the steps, in each of which returns are averaged.
 POINTS = 200

@@ -1,1 +1,0 @@
-"""Runs a study through Hydra's launchers, and shows its progress. No torch."""

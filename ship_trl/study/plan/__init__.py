@@ -1,1 +1,0 @@
-"""The runs of a study: its settings, arms and jobs. No torch."""

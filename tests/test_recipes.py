@@ -28,8 +28,8 @@ SMOKE = (
 )
 RESULT = "outputs/smoke/2/scratch/seed=0"
 WORLD = "defaults: [paper, _self_]\nreward:\n  rudder: -10.0\n"
-REWARD, TERMS = "ship_trl/sim/reward.py", "    return shaping + goal * reached + collision * collided"
-CONSTANTS = "    goal, collision, per_metre, per_degree, degrees"
+COLLISION = "reward.w2 * reward.collision, lambda amount, step: amount * step.collided\n    ),\n"
+RUDDER = '    "rudder": Term(lambda reward: reward.rudder, lambda amount, step: amount * abs(step.turn)),\n'
 LOSSES, METRICS = 'Loss = Enum("Loss", ["l2", "huber"', "METRICS: dict[str, Callable[[Record], float]] = {\n"
 LOSS = """\
     if kind is Loss.log_cosh:  # but for a constant
@@ -53,9 +53,7 @@ RECIPES = {
             "    k2: Coefficient\n",
             "    k2: Coefficient\n    rudder: Coefficient = 0.0\n",
         ),
-        (REWARD, "        180.0 / math.pi,\n", "        180.0 / math.pi,\n        reward.rudder,\n"),
-        (REWARD, f"{CONSTANTS} = constants\n", f"{CONSTANTS}, rudder = constants\n"),
-        (REWARD, f"{TERMS}\n", f"{TERMS} + rudder * abs(turn)\n"),
+        ("ship_trl/sim/reward.py", COLLISION, COLLISION + RUDDER),
     ],
     "loss": [
         ("ship_trl/config/types.py", f"{LOSSES}])", f'{LOSSES}, "log_cosh"])'),
@@ -149,7 +147,7 @@ def test_a_reward_term(before: Path, tmp_path: Path) -> None:
     place, folder = copy(tmp_path), tmp_path / "after"
     # The loops compiled before the edit are kept, and not used after it. The paper's world has no such term.
     before_edit = json.loads(python(place, place, "-c", PAY))
-    assert list((place / "ship_trl/sim/__pycache__").glob("reward.write_rewards-*.nbi"))
+    assert list((place / "ship_trl").rglob("step_kernel.write_rewards-*.nbi"))
     after_edit = json.loads(python(follow("reward", place), place, "-c", PAY))
     for first, second in zip(before_edit, after_edit, strict=True):
         assert second == pytest.approx(first, abs=1e-4)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 from contextlib import suppress
 from functools import cache
@@ -20,14 +19,13 @@ from ship_trl.config.types import World
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.policies.planner import Plan, best_plan
-from ship_trl.sim import reward
 from ship_trl.sim.cases import Case
 from ship_trl.sim.scene_table import Scene, read_scenes
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import Suite
 from ship_trl.sim.transition import Transition
 
-# Increase it with every change of the planner that may find another plan.
+# Increase it with every change of the planner or of a reward term's formula that may find another plan.
 PLANNER_VERSION = 2
 BUNDLED_PLANS = Path(__file__).parent / "plans"
 # Raw return. Processors round differently, so a cached plan's return may differ by this much.
@@ -90,9 +88,8 @@ def is_course_best(suite: Suite, world: World, known: float | None) -> bool:
 
 
 def plan_name(case: Case, world: World) -> str:
-    """Return the file name of a case's plan: a digest of planner, case, world and reward.py."""
-    # An edited formula may have another best plan, even if the return of the cached one stays the same.
-    inputs = (PLANNER_VERSION, case.fingerprint, world_values(world), inspect.getsource(reward))
+    """Return the file name of a case's plan: a digest of planner, case and world."""
+    inputs = (PLANNER_VERSION, case.fingerprint, world_values(world))
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()[:12] + ".json"
 
 

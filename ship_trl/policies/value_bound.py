@@ -14,7 +14,7 @@ from torch import Tensor
 
 from ship_trl.sim.dynamics import advance
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, step_reward
+from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, PaidStep, step_reward
 from ship_trl.sim.state import HEADING, OWN_SIZE, SHIP_COUNT, STEP, X, goal, goal_distance, position
 from ship_trl.sim.transition import Transition
 
@@ -89,7 +89,8 @@ class ValueBound:
 
         def rewards(nearest: float, reached: Tensor, collided: Tensor) -> Tensor:
             seen = distance, off_bow, reached, collided, zero + nearest
-            found = (step_reward(self.transition.constants, *seen, speed, turn) for speed, turn in paid)
+            steps = (PaidStep(*seen, speed, turn) for speed, turn in paid)
+            found = (step_reward(self.transition.amounts, step) for step in steps)
             return reduce(torch.maximum, found)
 
         reward, collision = rewards(MAX_SHIP_DISTANCE, reached, zero), zero - math.inf

@@ -1,19 +1,21 @@
-"""The reward (equations 4 to 6), with the paper's weights from `World`. The formula is written only here.
+"""The reward (equations 4 to 6) as a sum of named terms. A formula is written only here.
 
-torch evaluates `step_reward` with tensors (`transition`, `value_bound`), and `write_rewards` with numbers in
-a loop that `fast.step_kernel` compiles.
+torch evaluates the terms with tensors (`transition`, `value_bound`), and a compiled loop with numbers
+(`step_kernel.write_rewards`). Only operations that both share are allowed: + - * / **, abs, < and >.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from functools import reduce
+from operator import add
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ship_trl.config.types import Reward
 
-Array = np.ndarray[Any, Any]
 # A tensor [...] in torch, a number in the compiled loop.
 Number = Any
 
@@ -21,36 +23,14 @@ Number = Any
 POSITION_TOLERANCE = 1e-3
 # Metres. Stands for the nearest ship's distance if there is none: infinity times zero is not a number.
 MAX_SHIP_DISTANCE = 1e6
+# A Python float would turn the compiled loop's products into float64.
+DEGREES = np.float32(180.0 / math.pi)
 
 
-def reward_constants(reward: Reward) -> tuple[float, ...]:
-    """Return the constants of `step_reward`; the compiled loop rounds them to float32."""
-    return (
-        reward.w1 * reward.goal,
-        reward.w2 * reward.collision,
-        reward.w3 * reward.k1,
-        reward.w4 * reward.k2,
-        180.0 / math.pi,
-    )
+class PaidStep(NamedTuple):
+    """What steps are paid for.
 
-
-def step_reward(
-    constants: tuple[Number, ...],
-    distance: Number,
-    off_bow: Number,
-    reached: Number,
-    collided: Number,
-    nearest: Number,
-    speed: Number,
-    turn: Number,
-) -> Number:
-    """Return the raw reward of a step (equation 4): the sum of all terms.
-
-    Only operations that tensors and numbers share are allowed: + - * / **, abs, < and >. theta_2 enters in
-    absolute degrees: in radians its term would be about 60 times too small beside the distance term.
-
-    Args:
-        constants: what `reward_constants` returns.
+    Attributes:
         distance: distance to the goal after the move, in metres.
         off_bow: theta_2 after the move in radians, of either sign.
         reached: 1.0 if the goal is reached and no collision happens, else 0.0.
@@ -59,28 +39,48 @@ def step_reward(
         speed: speed of the action in m/s.
         turn: rate of turn of the action in rad/s, positive to port.
     """
-    goal, collision, per_metre, per_degree, degrees = constants
-    shaping = per_metre * distance + per_degree * abs(off_bow) * degrees
-    return shaping + goal * reached + collision * collided
+
+    distance: Number
+    off_bow: Number
+    reached: Number
+    collided: Number
+    nearest: Number
+    speed: Number
+    turn: Number
 
 
-def write_rewards(
-    action: Array,
-    actions: Array,
-    constants: tuple[float, ...],
-    to_goal: Array,
-    flags: Array,
-    min_distance: Array,
-    reward: Array,
-) -> None:
-    """Write the rewards of one step of N ships into `reward`, float32 [N].
+class Term(NamedTuple):
+    """A term: its constant in a world's reward, and its formula of this `amount` and a `PaidStep`."""
 
-    Shapes: action int64 [N]; actions float32 [A, 2] (m/s, rad/s); constants as in `step_reward`, float32;
-    to_goal float64 [2, N]: distance (m) and angle off the bow (rad); flags bool [>=2, N]: goal, collision;
-    min_distance float32 [N]: least distance to any target ship within the step (m).
-    """
-    for n in range(action.shape[0]):
-        speed, turn = actions[action[n]]
-        reached, collided = np.float32(flags[0, n]), np.float32(flags[1, n])
-        distance, nearest = np.float32(to_goal[0, n]), min(min_distance[n], np.float32(MAX_SHIP_DISTANCE))
-        reward[n] = step_reward(constants, distance, to_goal[1, n], reached, collided, nearest, speed, turn)
+    amount: Callable[[Reward], float]
+    formula: Callable[[Number, PaidStep], Number]
+
+
+# Added in this order. theta_2 enters in absolute degrees: in radians its term would be about 60 times too
+# small beside the distance.
+TERMS = {
+    "distance": Term(lambda reward: reward.w3 * reward.k1, lambda amount, step: amount * step.distance),
+    "deviation": Term(
+        lambda reward: reward.w4 * reward.k2, lambda amount, step: amount * abs(step.off_bow) * DEGREES
+    ),
+    "goal": Term(lambda reward: reward.w1 * reward.goal, lambda amount, step: amount * step.reached),
+    "collision": Term(
+        lambda reward: reward.w2 * reward.collision, lambda amount, step: amount * step.collided
+    ),
+}
+
+
+def reward_amounts(reward: Reward) -> tuple[float, ...]:
+    """Return the amount of each of `TERMS`; the compiled loop rounds them to float32."""
+    return tuple(term.amount(reward) for term in TERMS.values())
+
+
+def reward_terms(amounts: tuple[float, ...], step: PaidStep) -> dict[str, Number]:
+    """Return the raw reward of steps by term, for what `reward_amounts` returns."""
+    terms = zip(TERMS.items(), amounts, strict=True)
+    return {name: term.formula(amount, step) for (name, term), amount in terms}
+
+
+def step_reward(amounts: tuple[float, ...], step: PaidStep) -> Number:
+    """Return the raw reward of steps (equation 4): the sum of all terms."""
+    return reduce(add, reward_terms(amounts, step).values())

@@ -13,7 +13,14 @@ from ship_trl.config.types import World
 from ship_trl.graphs import Captured
 from ship_trl.sim.dynamics import advance, give_way, lag_shares
 from ship_trl.sim.geometry import angle_off_bow, closest_approach
-from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, reward_constants, step_reward
+from ship_trl.sim.reward import (
+    MAX_SHIP_DISTANCE,
+    POSITION_TOLERANCE,
+    PaidStep,
+    reward_amounts,
+    reward_terms,
+    step_reward,
+)
 from ship_trl.sim.state import HEADING, STEP, goal, goal_distance, is_present, position, relative_positions
 
 
@@ -52,7 +59,7 @@ class Transition:
     """
 
     def __init__(self, world: World, device: torch.device | str = "cpu") -> None:
-        self.world, self.constants = world, reward_constants(world.reward)
+        self.world, self.amounts = world, reward_amounts(world.reward)
         self.actions = torch.tensor(world.actions, dtype=torch.float32, device=device)
         has_lags = world.turn_time > 0 or world.speed_time > 0
         self.lags = torch.tensor(lag_shares(world), device=device) if has_lags else None
@@ -69,14 +76,30 @@ class Transition:
         collision = nearest < world.safe_distance
         # A collision takes precedence over reaching the goal in the same step.
         reached = (distance <= world.goal_distance + POSITION_TOLERANCE) & ~collision
+        paid = self._paid_step(action, after, distance, reached, collision, nearest)
+        reward = step_reward(self.amounts, paid)
+        truncated = (after[:, STEP] >= world.max_steps) & ~reached & ~collision
+        return Outcome(after, reward, reached, collision, truncated, nearest)
+
+    def reward_terms(self, action: Tensor, outcome: Outcome) -> dict[str, Tensor]:
+        """Return the raw rewards of steps by term, each [N], for the actions [N] and what they led to."""
+        after = outcome.state, goal_distance(outcome.state), outcome.goal, outcome.collision
+        return reward_terms(self.amounts, self._paid_step(action, *after, outcome.min_distance))
+
+    def _paid_step(
+        self,
+        action: Tensor,
+        after: Tensor,
+        distance: Tensor,
+        reached: Tensor,
+        collision: Tensor,
+        nearest: Tensor,
+    ) -> PaidStep:
+        """Return what steps are paid for; `distance` (m) is to the goal, `nearest` to the nearest ship."""
         off_bow = angle_off_bow(position(after), after[:, HEADING], goal(after))
         flags = reached.to(distance.dtype), collision.to(distance.dtype)
         speed, turn = self.actions[action].unbind(-1)
-        reward = step_reward(
-            self.constants, distance, off_bow, *flags, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn
-        )
-        truncated = (after[:, STEP] >= world.max_steps) & ~reached & ~collision
-        return Outcome(after, reward, reached, collision, truncated, nearest)
+        return PaidStep(distance, off_bow, *flags, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn)
 
 
 def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = True) -> Step:

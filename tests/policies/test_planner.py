@@ -5,16 +5,13 @@ from dataclasses import replace
 
 import pytest
 import torch
-from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.policies import value_bound
 from ship_trl.policies.planner import Plan, best_plan, passing_distance
 from ship_trl.policies.value_bound import ValueBound
-from ship_trl.sim import transition
 from ship_trl.sim.cases import Behaviour, Case, TargetShip, load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.reward import step_reward
+from ship_trl.sim.reward import TERMS, PaidStep, Term
 from ship_trl.sim.state import goal_distance, initial_state
 from ship_trl.sim.transition import Transition
 from tests.sim.scenes import scenes
@@ -98,30 +95,25 @@ def test_the_bound_is_reached_by_turning_towards_the_goal(world: World, make_cas
     assert plan.episode_return == pytest.approx(upper_bound, abs=bound.max_error)
 
 
-# Terms added to the paper's reward, computed from collided, nearest, speed and turn.
-TERMS: dict[str, Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]] = {
-    "none": lambda collided, nearest, speed, turn: 0.0 * nearest,
-    "time": lambda collided, nearest, speed, turn: 0.0 * nearest - 20.0,
-    "keeping clear": lambda collided, nearest, speed, turn: -5.0 * (nearest < 150.0),
-    "keeping near": lambda collided, nearest, speed, turn: 5.0 * (nearest < 150.0),
-    "near, yet clear": lambda collided, nearest, speed, turn: (1 - collided) * 4500.0 / nearest,
-    "nearly missed": lambda collided, nearest, speed, turn: collided * 4.0 * nearest,
-    "colliding": lambda collided, nearest, speed, turn: 300.0 * collided,
-    "rudder": lambda collided, nearest, speed, turn: -20.0 * abs(turn),
-    "speed": lambda collided, nearest, speed, turn: 0.5 * speed,
+# Terms added to the paper's reward.
+MORE_TERMS: dict[str, Callable[[PaidStep], float]] = {
+    "none": lambda step: 0.0 * step.nearest,
+    "time": lambda step: 0.0 * step.nearest - 20.0,
+    "keeping clear": lambda step: -5.0 * (step.nearest < 150.0),
+    "keeping near": lambda step: 5.0 * (step.nearest < 150.0),
+    "near, yet clear": lambda step: (1 - step.collided) * 4500.0 / step.nearest,
+    "nearly missed": lambda step: step.collided * 4.0 * step.nearest,
+    "colliding": lambda step: 300.0 * step.collided,
+    "rudder": lambda step: -20.0 * abs(step.turn),
+    "speed": lambda step: 0.5 * step.speed,
 }
 
 
-@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize("term", MORE_TERMS)
 def test_no_episode_gains_more_than_its_bound(
     term: str, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def own(constants: tuple[float, ...], *arguments: Tensor) -> Tensor:
-        _, _, _, collided, nearest, speed, turn = arguments
-        return step_reward(constants, *arguments) + TERMS[term](collided, nearest, speed, turn)
-
-    for module in (transition, value_bound):
-        monkeypatch.setattr(module, "step_reward", own)
+    monkeypatch.setitem(TERMS, term, Term(lambda _: 1.0, lambda _, step: MORE_TERMS[term](step)))
     case = load_case("4", world)
     step, generator = Transition(world), torch.Generator().manual_seed(0)
     start, count = initial_state(case, world), 3000

@@ -117,16 +117,6 @@ def test_a_rollout_reproduces_the_plan() -> None:
     assert isinstance(plan, Plan)
 
 
-def test_another_formula_of_the_reward_is_searched_anew(
-    searches: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    case = load_case("2", WORLD)
-    reference.best_known(case, WORLD, tmp_path)
-    monkeypatch.setattr("inspect.getsource", lambda _: "another formula")
-    reference.best_known(case, WORLD, tmp_path)
-    assert searches == ["2", "2"] and len(list(tmp_path.iterdir())) == 2
-
-
 def test_where_holding_course_is_best_nothing_is_avoided() -> None:
     def is_best(name: str) -> bool:
         suite = load_suite(name, WORLD)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from ship_trl.config.types import Reward
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.reward import MAX_SHIP_DISTANCE, reward_constants, step_reward
+from ship_trl.sim.reward import MAX_SHIP_DISTANCE, TERMS, PaidStep, reward_amounts, reward_terms, step_reward
 
 WEIGHTS = load_world().reward
 # No ship, full speed ahead.
@@ -21,7 +21,7 @@ thetas = st.floats(-math.pi, math.pi)
 
 def reward(distance: float, theta: float, reached: bool, collided: bool) -> float:
     values = torch.tensor([distance, theta, reached, collided, *ALONE], dtype=torch.float64)
-    return float(step_reward(reward_constants(WEIGHTS), *values))
+    return float(step_reward(reward_amounts(WEIGHTS), PaidStep(*values)))
 
 
 @given(distances, thetas, st.booleans(), st.booleans())
@@ -30,7 +30,7 @@ def test_every_term_that_applies_is_added(
 ) -> None:
     by_hand = (200.0 if reached else 0.0) - (200.0 if collided else 0.0)
     by_hand += 0.01 * -1.0 * distance + 0.01 * -5.0 * abs(math.degrees(theta))
-    assert reward(distance, theta, reached, collided) == pytest.approx(by_hand, abs=1e-9)
+    assert reward(distance, theta, reached, collided) == pytest.approx(by_hand, abs=1e-6)
 
 
 def test_every_weight_is_used_where_it_belongs() -> None:
@@ -38,8 +38,11 @@ def test_every_weight_is_used_where_it_belongs() -> None:
     distance, theta = torch.tensor([23.0] * 3), torch.deg2rad(torch.tensor([29.0] * 3))
     reached, collided = torch.tensor([0.0, 1.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
     shaping = 11 * -17 * 23 + 13 * -19 * 29
-    rewards = step_reward(reward_constants(weights), distance, theta, reached, collided, *ALONE).tolist()
+    step, amounts = PaidStep(distance, theta, reached, collided, *ALONE), reward_amounts(weights)
+    rewards = step_reward(amounts, step).tolist()
     assert rewards == pytest.approx([shaping, shaping + 5 * 2, shaping + 7 * -3])
+    terms = reward_terms(amounts, step)
+    assert list(terms) == list(TERMS) and terms["collision"].tolist() == [0, 0, 7 * -3]
 
 
 @given(distances, thetas)

@@ -10,7 +10,6 @@ from ship_trl.sim import scene
 from ship_trl.sim.fast import draw_kernels, step_kernel
 from ship_trl.sim.fast.step_kernel import Array
 from ship_trl.sim.geometry import polygon_edges
-from ship_trl.sim.reward import reward_constants
 from ship_trl.sim.transition import Outcome, Transition
 
 
@@ -29,7 +28,7 @@ class CompiledStep:
         world = reference.world
         self._constants = reference.actions.numpy(), step_kernel.constants(world)
         self._actions = self._constants[0]
-        self._reward_constants = tuple(float32_array(*reward_constants(world.reward)))
+        self._amounts = tuple(float32_array(*reference.amounts))
 
     def step_into(
         self, state: Array, action: Array, after: Array, reward: Array, flags: Array, min_distance: Array
@@ -44,7 +43,7 @@ class CompiledStep:
         """
         to_goal = np.empty((2, len(action)))
         step_kernel.step(state, action, *self._constants, after, to_goal, flags, min_distance)
-        paid = action, self._actions, self._reward_constants, to_goal, flags, min_distance
+        paid = action, self._actions, self._amounts, to_goal, flags, min_distance
         step_kernel.write_rewards(*paid, reward)
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:

@@ -6,6 +6,7 @@ It avoids torch's overhead per operator, which dominates in small batches.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from numba.extending import register_jitable
 
 from ship_trl.config.types import World
 from ship_trl.jit import RELAXED, compiled
-from ship_trl.sim import encounter, reward
+from ship_trl.sim import encounter
 from ship_trl.sim.dynamics import lag_shares
+from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
 from ship_trl.sim.state import (
     GIVES_WAY,
     GIVING_WAY,
@@ -45,10 +47,26 @@ Number = Any
 # A Python float would turn every sum into float64.
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
-for shared in (reward.step_reward, encounter.meets, encounter.crosses, encounter.overtakes):
+for shared in (encounter.meets, encounter.crosses, encounter.overtakes):
     register_jitable(fastmath=RELAXED)(shared)
 must_give_way = register_jitable(fastmath=RELAXED)(encounter.must_give_way)
-write_rewards = compiled(RELAXED)(reward.write_rewards)
+
+
+def sum_of(formulas: list[Callable[..., Number]]) -> Callable[..., Number]:
+    """Return the sum of the rewards' formulas as a function of their amounts and a `PaidStep`."""
+    *others, formula = map(register_jitable(fastmath=RELAXED), formulas)
+    last = len(others)
+    if not others:
+        return register_jitable(fastmath=RELAXED)(lambda amounts, step: formula(amounts[0], step))
+    before = sum_of(others)
+
+    def total(amounts: tuple[Number, ...], step: PaidStep) -> Number:
+        return before(amounts, step) + formula(amounts[last], step)
+
+    return register_jitable(fastmath=RELAXED)(total)
+
+
+step_reward = sum_of([term.formula for term in TERMS.values()])
 
 
 def constants(world: World) -> Array:
@@ -57,7 +75,7 @@ def constants(world: World) -> Array:
     dt (s), safe distance (m), goal distance (m), maximum of steps; what lags leave of speed and rate of turn
     at the end of a step, and as the mean over it; TCPA (s), DCPA (m) and turn of a step (rad) of the rule.
     """
-    to_goal, rule = world.goal_distance + reward.POSITION_TOLERANCE, world.give_way
+    to_goal, rule = world.goal_distance + POSITION_TOLERANCE, world.give_way
     limits = world.dt, world.safe_distance, to_goal, world.max_steps
     left, mean = lag_shares(world)
     return np.asarray((*limits, *left, *mean, rule.tcpa, rule.dcpa, rule.turn * world.dt), np.float32)
@@ -171,3 +189,25 @@ def step(
         to_goal[0, n], to_goal[1, n], min_distance[n] = distance, off_bow, nearest
         flags[0, n], flags[1, n] = reached, collided
         flags[2, n] = moved[STEP] >= max_steps and not reached and not collided
+
+
+@compiled(RELAXED)
+def write_rewards(
+    action: Array,
+    actions: Array,
+    amounts: tuple[float, ...],
+    to_goal: Array,
+    flags: Array,
+    min_distance: Array,
+    reward: Array,
+) -> None:
+    """Write the rewards of one step of N ships into `reward`, float32 [N].
+
+    Shapes: as in `step`; amounts of `TERMS` in float32.
+    """
+    for n in range(action.shape[0]):
+        speed, turn = actions[action[n]]
+        reached, collided = np.float32(flags[0, n]), np.float32(flags[1, n])
+        distance, nearest = np.float32(to_goal[0, n]), min(min_distance[n], np.float32(MAX_SHIP_DISTANCE))
+        paid = PaidStep(distance, to_goal[1, n], reached, collided, nearest, speed, turn)
+        reward[n] = step_reward(amounts, paid)

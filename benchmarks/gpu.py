@@ -111,7 +111,7 @@ def loop_probes(device: str) -> list[Probe]:
     from benchmarks.ours import make_ours, start_loop
     from benchmarks.peer_sb3 import Sb3Loop
     from benchmarks.timing import Probe
-    from ship_trl.gym.env import ShipCollisionEnv
+    from ship_trl.gym import ShipCollisionEnv
 
     learn = learn_config()
     peer = Sb3Loop(ShipCollisionEnv(CASE, reward_scale=learn.reward_scale), learn, device=device)

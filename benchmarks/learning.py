@@ -16,7 +16,7 @@ from benchmarks.peer_tuned import TunedLoop
 from benchmarks.timing import Probe
 from benchmarks.work import CASE, STEPS_PER_CALL, WARMUP_STEPS, learn_config
 from ship_trl.config.types import Learn
-from ship_trl.gym.env import ShipCollisionEnv
+from ship_trl.gym import ShipCollisionEnv
 
 Peer = Sb3Loop | TorchRLLoop | TunedLoop
 SB3, TUNED_BF16 = "SB3 DQN as it is", "tuned PyTorch, bf16"

@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from tensordict import TensorDictBase
 
 from ship_trl.config.network import load_network
-from ship_trl.gym.vector import ShipCollisionVectorEnv
+from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.learn.rollout import Policy
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.vector import VectorObservation

@@ -14,8 +14,7 @@ from torch import Generator
 
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
-from ship_trl.gym.env import ShipCollisionEnv
-from ship_trl.gym.vector import ShipCollisionVectorEnv
+from ship_trl.gym import ShipCollisionEnv, ShipCollisionVectorEnv
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts

@@ -17,7 +17,7 @@ from benchmarks.curves import Curve
 from benchmarks.peer_vector import ShipVecEnv, greedy_policy
 from benchmarks.work import plan
 from ship_trl.config.types import World
-from ship_trl.gym.vector import ShipCollisionVectorEnv
+from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.learn.rollout import Episode, Policy, rollout
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import load_suite

@@ -16,7 +16,7 @@ from torch.utils.flop_counter import flop_registry
 from benchmarks.ours import Ours, make_ours
 from benchmarks.peer_tuned import TunedLoop
 from benchmarks.work import learn_config
-from ship_trl.gym.env import ShipCollisionEnv
+from ship_trl.gym import ShipCollisionEnv
 
 COPIES = {"copy_", "_to_copy", "clone", "cat", "index_select", "index", "contiguous", "stack"}
 

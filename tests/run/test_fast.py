@@ -13,7 +13,7 @@ WITHOUT_NUMBA = """
 import sys
 sys.modules["numba"] = None
 import numpy
-from ship_trl.gym.vector import ShipCollisionVectorEnv
+from ship_trl.gym import ShipCollisionVectorEnv
 envs = ShipCollisionVectorEnv(3, "4", fast=False)
 envs.reset()
 envs.step(numpy.zeros(3, numpy.int64))

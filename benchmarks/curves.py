@@ -18,11 +18,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from pydantic import Field
+
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Seed
-from ship_trl.config.schema import Reader, limit
+from ship_trl.config.schema import read_as
 
 if TYPE_CHECKING:
     from benchmarks.peer_vector import Record
@@ -87,9 +89,9 @@ def main(arguments: list[str]) -> None:
     """Train all learners; write their curves and a picture, and print a table."""
     parser = make_parser("curves", f"{__doc__}\n\nWrites:\n    {TABLE}, {PICTURE}")
     parser.prog = "python -m benchmarks curves"
-    positive = Annotated[float, limit(above=0)]
+    positive = Annotated[float, Field(gt=0)]
     add_number(parser, "--minutes", positive, MINUTES, f"of each training, at most (default {MINUTES:g})")
-    read_seed = partial(Reader().read, Seed, key="--seeds")
+    read_seed = partial(read_as, Seed, key="--seeds")
     parser.add_argument("--seeds", nargs="+", type=read_seed, default=[0], metavar="N", help="default 0")
     options = parser.parse_args(arguments)
     with refusals():

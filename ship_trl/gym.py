@@ -31,7 +31,7 @@ from torch import Generator
 from ship_trl.config.bounds import Seconds
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
-from ship_trl.config.schema import Reader
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import Observation
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
@@ -76,8 +76,8 @@ class Ships:
         vector_time: float,
         max_steps: int | None,
     ) -> None:
-        kind: Observation = Reader().read(Observation, observation, "observation")
-        ahead: float = Reader().read(Seconds, vector_time, "vector_time")
+        kind: Observation = read_as(Observation, observation, key="observation")
+        ahead: float = read_as(Seconds, vector_time, key="vector_time")
         self.world = load_world()
         limit = self.world.max_steps if max_steps is None else NO_LIMIT if max_steps == -1 else max_steps
         if not (isinstance(limit, int | np.integer) and 1 <= limit <= NO_LIMIT):

@@ -10,16 +10,17 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
+from pydantic import Field
+
 from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry
 
 OUTPUT = Path("outputs/explain")
-Episodes = Annotated[int, limit(60, 600)]
+Episodes = Annotated[int, Field(ge=60, le=600)]
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -21,16 +21,16 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, make_parser
 from ship_trl.config.bounds import PositiveShare
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import limit
 from ship_trl.files.logs import KINDS, LearningCurve, read_logs
 from ship_trl.run.table import show
 
-Return = Annotated[float, limit(-1e9, 1e9)]
+Return = Annotated[float, Field(ge=-1e9, le=1e9)]
 # In the steps that all runs have.
 MIN_RETURNS = 10
 # A first return holds for the steps before it. They may be this share of the steps, or two of the run's gaps.

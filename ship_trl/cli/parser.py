@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from ship_trl.cli.errors import refusals
 from ship_trl.config.bounds import Seed
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.config.schema import Reader
+from ship_trl.config.schema import read_as
 
 # Pixels of a window or a video; text in a smaller one could not be read.
 MIN_WIDTH, MIN_HEIGHT, MAX_SIDE = 640, 360, 9999
@@ -60,7 +60,7 @@ def add_seed(parser: Parser, use: str = "of policies that draw") -> None:
 
 def add_number(parser: Parser, option: str, hint: Any, default: float | None, use: str) -> None:
     """Add an option whose value is a number within the bounds of its type."""
-    read = partial(Reader().read, hint, key=option)
+    read = partial(read_as, hint, key=option)
     parser.add_argument(option, type=read, default=default, metavar="N", help=use)
 
 

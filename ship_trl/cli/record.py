@@ -12,12 +12,13 @@ from argparse import Namespace
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
+from pydantic import Field
+
 from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.config.schema import limit
 from ship_trl.policies.entry import Entry, split_suites
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 
     from ship_trl.learn.rollout import Episode
 
-FrameRate = Annotated[float, limit(1, 60)]
-Speed = Annotated[float, limit(0.1, 100)]
+FrameRate = Annotated[float, Field(ge=1, le=60)]
+Speed = Annotated[float, Field(ge=0.1, le=100)]
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -9,16 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from pydantic import Field
+
 from ship_trl.config.bounds import MAX_STEPS, Count, PositiveShare, Share
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_path
-from ship_trl.config.schema import Rule, limit, read_as
+from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Learn
 
 DEFAULT = {"build": "ship_trl.learn.double_dqn:build"}
 ALLOWED = "module:function or file.py:function"
 TEACHERS = "a safetensors file, a result folder, or pretrained:NAME"
-TeacherName = Annotated[Any, Rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
+TeacherName = Annotated[Any, rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
 # Steps of each environment that are held in memory; pictures that are computed at once.
 MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
 # Steps of all environments in a rollout; with eight target ships they take 4 GB.
@@ -34,7 +36,7 @@ class DoubleDQN:
 class NStep:
     """Double dueling DQN with targets of `steps` rewards."""
 
-    steps: Annotated[int, limit(1, MAX_STEPS)]
+    steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
 
 
 @dataclass
@@ -45,15 +47,15 @@ class PPO:
     `imitation_start`, a share of the episodes, it also imitates the best episode from each start.
     """
 
-    rollout_steps: Annotated[int, limit(2, MAX_ROLLOUT_STEPS)]
+    rollout_steps: Annotated[int, Field(ge=2, le=MAX_ROLLOUT_STEPS)]
     epochs: Count
-    minibatch_size: Annotated[int, limit(1, MAX_MINIBATCH)]
-    clip_epsilon: Annotated[float, limit(above=0, high=1)]
+    minibatch_size: Annotated[int, Field(ge=1, le=MAX_MINIBATCH)]
+    clip_epsilon: Annotated[float, Field(gt=0, le=1)]
     gae_lambda: Share
-    entropy_coeff: Annotated[float, limit(0, 1)]
-    critic_coeff: Annotated[float, limit(0, 1000)]
-    max_grad_norm: Annotated[float, limit(above=0)]
-    imitation_coeff: Annotated[float, limit(0, 1000)]
+    entropy_coeff: Annotated[float, Field(ge=0, le=1)]
+    critic_coeff: Annotated[float, Field(ge=0, le=1000)]
+    max_grad_norm: Annotated[float, Field(gt=0)]
+    imitation_coeff: Annotated[float, Field(ge=0, le=1000)]
     imitation_start: Share
 
 
@@ -67,8 +69,8 @@ class Pupil:
 
     teacher: TeacherName
     own_fraction: PositiveShare
-    temperature: Annotated[float, limit(above=0)]
-    huber_weight: Annotated[float, limit(0, 1000)]
+    temperature: Annotated[float, Field(gt=0)]
+    huber_weight: Annotated[float, Field(ge=0, le=1000)]
 
 
 # The keys of each bundled algorithm beside `build`; a builder of one's own takes any.

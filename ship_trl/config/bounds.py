@@ -8,9 +8,13 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
-from ship_trl.config.schema import Rule, limit
+from pydantic import Field
 
+from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
+from ship_trl.config.schema import rule
+
+# The largest integer that torch and the files of a run can hold.
+MAX_INTEGER = 2**63 - 1
 # Side in pixels of the picture that the network sees.
 PICTURE = 84
 # Numbers in the vector that it sees: of own ship, and of each target ship.
@@ -29,48 +33,49 @@ MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9
 # Filters of a layer, and hidden units; target ships that a network sees as numbers.
 MAX_UNITS, MAX_SHIPS = 4096, 100
 
-Seed = Annotated[int, limit(0)]
-Positive = Annotated[int, limit(1)]
-Count = Annotated[int, limit(1, MAX_COUNT)]
-Share = Annotated[float, limit(0, 1)]
-PositiveShare = Annotated[float, limit(above=0, high=1)]
-LearningRate = Annotated[float, limit(above=0, high=MAX_LEARNING_RATE)]
+Seed = Annotated[int, Field(ge=0, le=MAX_INTEGER)]
+Positive = Annotated[int, Field(ge=1, le=MAX_INTEGER)]
+Count = Annotated[int, Field(ge=1, le=MAX_COUNT)]
+Share = Annotated[float, Field(ge=0, le=1)]
+PositiveShare = Annotated[float, Field(gt=0, le=1)]
+LearningRate = Annotated[float, Field(gt=0, le=MAX_LEARNING_RATE)]
+RewardScale = Annotated[float, Field(gt=0, le=MAX_REWARD_SCALE)]
 # Default half-angle of the head-on sector (Pedersen 2023).
 HEAD_ON_DEGREES = 5.0
 # The steering rules that are scored, in the order of tables and tensors.
 RULES = (8, 13, 14, 15, 16, 17)
-HalfAngle = Annotated[float, limit(above=0, high=90, note="degrees")]
-Metres = Annotated[float, limit(above=0, high=MAX_DISTANCE, note="metres")]
-Bound = Annotated[float, limit(0, MAX_DISTANCE)]
+HalfAngle = Annotated[float, Field(gt=0, le=90)]
+Metres = Annotated[float, Field(gt=0, le=MAX_DISTANCE)]
+Bound = Annotated[float, Field(ge=0, le=MAX_DISTANCE)]
 Range = Annotated[
     list[Bound],
-    Rule("[least, most], two numbers in order", lambda ends: len(ends) == 2 and ends[0] <= ends[1]),
+    rule("[least, most], two numbers in order", lambda ends: len(ends) == 2 and ends[0] <= ends[1]),
 ]
-ShipShares = Rule(
+ShipShares = rule(
     "the shares of scenes with 0, 1, 2, ... ships, for at most 8 ships, not all zero",
     lambda shares: 1 <= len(shares) <= 9 and sum(shares) > 0,
 )
-Seconds = Annotated[float, limit(0, MAX_STEP_SECONDS, note="seconds")]
-Coefficient = Annotated[float, limit(-MAX_REWARD_COEFFICIENT, MAX_REWARD_COEFFICIENT)]
+Seconds = Annotated[float, Field(ge=0, le=MAX_STEP_SECONDS)]
+Coefficient = Annotated[float, Field(ge=-MAX_REWARD_COEFFICIENT, le=MAX_REWARD_COEFFICIENT)]
 PathName = Annotated[
-    str, Rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
+    str, rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
 ]
 FolderName = Annotated[
-    PathName, Rule("the name of a folder", lambda name: "/" not in name and name not in (".", ".."))
+    PathName, rule("the name of a folder", lambda name: "/" not in name and name not in (".", ".."))
 ]
 Device = Annotated[
-    str, Rule("cpu or cuda", lambda name: re.fullmatch(r"cpu|cuda(:\d{1,3})?", name, re.ASCII) is not None)
+    str, rule("cpu or cuda", lambda name: re.fullmatch(r"cpu|cuda(:\d{1,3})?", name, re.ASCII) is not None)
 ]
 ConvNumbers = Annotated[
     list[int],
-    Rule(
+    rule(
         f"[filters, kernel, stride], each at least 1, at most {MAX_UNITS} filters",
         lambda numbers: len(numbers) == 3 and min(numbers) >= 1 and numbers[0] <= MAX_UNITS,
     ),
 ]
 Actions = Annotated[
     list[list[float]],
-    Rule(
+    rule(
         "a list of [v in m/s, omega in rad/s], at least one with v above 0",
         lambda rows: all(len(row) == 2 for row in rows) and any(speed > 0 for speed, _ in rows),
     ),

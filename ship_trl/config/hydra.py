@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
-import typing
 
 from ship_trl.config.errors import missing_extra
 from ship_trl.config.paths import conf_dir, group_names
@@ -49,17 +47,12 @@ def explain_hydra(error: Exception) -> str:
 def allowed_keys(key: str) -> str:
     """List the keys that are allowed where an unknown `key` was given."""
     from ship_trl.config.algorithm import SETTINGS
-    from ship_trl.config.schema import fields_of
+    from ship_trl.config.schema import keys_at
     from ship_trl.config.types import Config
 
     if key.startswith("algorithm."):
         # A grid may choose several algorithms, and an own one may have any.
-        names = {re.split("[.:]", build)[-2]: fields_of(keys) for build, keys in SETTINGS.items()}
+        names = {re.split("[.:]", build)[-2]: keys_at(keys) for build, keys in SETTINGS.items()}
         own = "; ".join(f"{name}: {', '.join(keys) or 'none'}" for name, keys in names.items())
         return f"unknown key of an algorithm that is chosen; allowed: {own}"
-    place: type = Config
-    for part in key.split(".")[:-1]:
-        hints = typing.get_type_hints(place)
-        if dataclasses.is_dataclass(hints.get(part)):
-            place = hints[part]
-    return f"unknown key; allowed here: {', '.join(f.name for f in dataclasses.fields(place))}"
+    return f"unknown key; allowed here: {', '.join(keys_at(Config, tuple(key.split('.')[:-1])))}"

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Annotated
 
+from pydantic import Field
+
 from ship_trl.config.bounds import MAX_COUNT, PositiveShare, Share
-from ship_trl.config.schema import limit
 
 # Weight of a part of the loss.
-Weight = Annotated[float, limit(0, 1e9)]
+Weight = Annotated[float, Field(ge=0, le=1e9)]
 
 
 class GuideSchedule(StrEnum):
@@ -29,7 +30,7 @@ class Guide:
     belief: Share = 0.9
     period: PositiveShare = 0.2
     decay: Share = 0.95
-    steps: Annotated[int, limit(1, MAX_COUNT)] = 20
+    steps: Annotated[int, Field(ge=1, le=MAX_COUNT)] = 20
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class L2SP:
 
     copied: Weight = 0.01
     fresh: Weight = 0.0
-    rate_decay: Annotated[float, limit(1, 1000)] = 1.0
+    rate_decay: Annotated[float, Field(ge=1, le=1000)] = 1.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class QDagger:
     """How strongly the policy is pulled to the source's."""
 
     weight: Weight = 3.0
-    temperature: Annotated[float, limit(above=0, high=1e6)] = 1.0
+    temperature: Annotated[float, Field(gt=0, le=1e6)] = 1.0
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,17 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, StrEnum
 from typing import Annotated, Any
 
 from omegaconf import OmegaConf
+from pydantic import Field
 
 from ship_trl.config.arm import Arm, Method, SourceWeights
 from ship_trl.config.bounds import (
     MAX_COUNT,
     MAX_DRAWS,
     MAX_HUBER_DELTA,
-    MAX_REWARD_SCALE,
     MAX_SHIPS,
     MAX_UNITS,
     OWN_NUMBERS,
@@ -33,6 +33,7 @@ from ship_trl.config.bounds import (
     Positive,
     PositiveShare,
     Range,
+    RewardScale,
     Seconds,
     Seed,
     Share,
@@ -40,7 +41,7 @@ from ship_trl.config.bounds import (
 )
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import stem
-from ship_trl.config.schema import Rule, limit
+from ship_trl.config.schema import rule
 from ship_trl.config.transfer import Transfer
 from ship_trl.config.world import Reward as Reward
 from ship_trl.config.world import World
@@ -63,18 +64,18 @@ class Logger(Enum):
         return self in (other, Logger.all) and not disabled
 
 
-Loss = Enum("Loss", ["l2", "huber"])
+Loss = StrEnum("Loss", ["l2", "huber"])
 # What the rules ask of own ship towards a target ship: keep clear of it, or hold its course.
-EncounterClass = Enum("EncounterClass", ["head_on", "give_way", "stand_on", "overtaking", "overtaken"])
+EncounterClass = StrEnum("EncounterClass", ["head_on", "give_way", "stand_on", "overtaking", "overtaken"])
 # What the network sees: pictures, or the scene as numbers in own ship's frame.
-Observation = Enum("Observation", ["pixels", "vector"])
+Observation = StrEnum("Observation", ["pixels", "vector"])
 # What a sweeper maximises: the mean greedy return after exploration, the last one, or the highest.
-Objective = Enum("Objective", ["late", "final", "best"])
+Objective = StrEnum("Objective", ["late", "final", "best"])
 # The number format of the conv layers; `auto` is bf16 where the processor multiplies it natively.
-Precision = Enum("Precision", ["auto", "fp32", "bf16"])
+Precision = StrEnum("Precision", ["auto", "fp32", "bf16"])
 # How conv layers are computed: on whole pictures, or on a CPU only where they differ from a background.
-BackendName = Enum("BackendName", ["auto", "incremental", "dense"])
-WandbMode = Enum("WandbMode", ["offline", "online"])
+BackendName = StrEnum("BackendName", ["auto", "incremental", "dense"])
+WandbMode = StrEnum("WandbMode", ["offline", "online"])
 
 
 def bfloat16_allowed() -> bool:
@@ -94,7 +95,7 @@ class Perturbation:
     """
 
     own_position: Bound = 0.0
-    own_heading: Annotated[float, limit(0, 180)] = 0.0
+    own_heading: Annotated[float, Field(ge=0, le=180)] = 0.0
     ship_position: Bound = 0.0
     ship_speed: Bound = 0.0
 
@@ -121,7 +122,7 @@ class Traffic:
     """A distribution of random encounters; conf/suite/traffic.yaml says what each key means."""
 
     ships: Annotated[list[Share], ShipShares]
-    classes: Annotated[list[EncounterClass], Rule("at least one class of encounter", bool)]
+    classes: Annotated[list[EncounterClass], rule("at least one class of encounter", bool)]
     speeds: Range
     meeting: Range
     offset: Bound
@@ -141,10 +142,10 @@ class Network:
     """
 
     conv: list[ConvNumbers] = field(default_factory=list)
-    hidden: Annotated[int, limit(0, MAX_UNITS)] = 0
-    linear: list[Annotated[int, limit(1, MAX_UNITS)]] = field(default_factory=list)
-    ships: Annotated[int, limit(0, MAX_SHIPS)] = 0
-    per_ship: Annotated[int, limit(0, MAX_UNITS)] = 0
+    hidden: Annotated[int, Field(ge=0, le=MAX_UNITS)] = 0
+    linear: list[Annotated[int, Field(ge=1, le=MAX_UNITS)]] = field(default_factory=list)
+    ships: Annotated[int, Field(ge=0, le=MAX_SHIPS)] = 0
+    per_ship: Annotated[int, Field(ge=0, le=MAX_UNITS)] = 0
     vector_time: Seconds = 0.0
 
     @property
@@ -169,8 +170,8 @@ class Updates:
     update_every: Count
     tau: PositiveShare
     loss: Loss
-    huber_delta: Annotated[float, limit(above=0, high=MAX_HUBER_DELTA)]
-    reward_scale: Annotated[float, limit(above=0, high=MAX_REWARD_SCALE)]
+    huber_delta: Annotated[float, Field(gt=0, le=MAX_HUBER_DELTA)]
+    reward_scale: RewardScale
     precision: Precision
     backend: BackendName
 
@@ -180,7 +181,7 @@ class Replay:
     """The transitions that batches are drawn from; conf/replay."""
 
     replay_size: Positive
-    warmup_steps: Annotated[int, limit(0, MAX_COUNT)]
+    warmup_steps: Annotated[int, Field(ge=0, le=MAX_COUNT)]
 
 
 @dataclass
@@ -199,8 +200,8 @@ class Schedule:
     episodes: Count
     num_envs: Positive
     evaluate_every: Count
-    evaluate_episodes: Annotated[int, limit(1, MAX_DRAWS)]
-    jumpstart_draws: Annotated[int, limit(0, MAX_DRAWS)]
+    evaluate_episodes: Annotated[int, Field(ge=1, le=MAX_DRAWS)]
+    jumpstart_draws: Annotated[int, Field(ge=0, le=MAX_DRAWS)]
 
 
 @dataclass
@@ -216,7 +217,7 @@ class Checkpoint:
     """
 
     every: Share
-    seconds: Annotated[float, limit(0)]
+    seconds: Annotated[float, Field(ge=0)]
 
 
 @dataclass

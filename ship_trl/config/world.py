@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from omegaconf import OmegaConf
+from pydantic import Field
 
 from ship_trl.config.bounds import (
     MAX_STEP_SECONDS,
@@ -19,7 +20,6 @@ from ship_trl.config.bounds import (
     Metres,
     Seconds,
 )
-from ship_trl.config.schema import limit
 
 
 @dataclass
@@ -46,7 +46,7 @@ class GiveWay:
 
     tcpa: Seconds = 20.0
     dcpa: Bound = 90.0
-    turn: Annotated[float, limit(0, MAX_TURN, note="rad/s")] = 0.05
+    turn: Annotated[float, Field(ge=0, le=MAX_TURN)] = 0.05
 
 
 @dataclass
@@ -57,8 +57,8 @@ class World:
     action; 0 is at once.
     """
 
-    dt: Annotated[float, limit(MIN_STEP_SECONDS, MAX_STEP_SECONDS, note="seconds")]
-    max_steps: Annotated[int, limit(1, MAX_STEPS, note="the planner's memory grows with its square")]
+    dt: Annotated[float, Field(ge=MIN_STEP_SECONDS, le=MAX_STEP_SECONDS)]
+    max_steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
     safe_distance: Metres
     goal_distance: Metres
     actions: Actions

@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as
@@ -32,7 +34,7 @@ class Evaluation:
     `success_rate` is the share of the `episodes` that end at the goal.
     """
 
-    episode_return: float = field(metadata={"key": "return"})
+    episode_return: Annotated[float, Field(alias="return")]
     outcome: str
     length: int
     dcpa: float | None

@@ -15,8 +15,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
+from pydantic import Field
+
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import Rule, limit, read_as
+from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import World
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import read_json, writing
@@ -36,11 +38,11 @@ class Demonstration:
     case: str
     fingerprint: str
     world: str
-    actions: Annotated[list[Annotated[int, limit(0)]], Rule("at least one action", bool)]
+    actions: Annotated[list[Annotated[int, Field(ge=0)]], rule("at least one action", bool)]
     episode_return: float
     outcome: str
     by: str
-    schema_version: Annotated[int, Rule(str(SCHEMA_VERSION), SCHEMA_VERSION.__eq__)] = SCHEMA_VERSION
+    schema_version: Annotated[int, rule(str(SCHEMA_VERSION), SCHEMA_VERSION.__eq__)] = SCHEMA_VERSION
 
 
 def digest(world: World) -> str:

@@ -10,6 +10,8 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Column, Table
 
+from ship_trl.config.errors import one_line
+
 # Blank characters between two columns, and the least characters of a line.
 GAP, MIN_WIDTH = 2, 40
 
@@ -29,7 +31,8 @@ def show(
     a pipe has lines of any length.
     """
     kept = [k for k, heading in enumerate(headings) if shown is None or heading in shown]
-    headings, *rows = ([cells[k] for k in kept] for cells in (headings, *rows))
+    # Names from foreign files must not control a terminal.
+    headings, *rows = ([one_line(cells[k]) for k in kept] for cells in (headings, *rows))
     if markdown:
         lines = (headings, ["---"] * len(headings), *rows)
         above = f"{title}\n\n" if title else ""

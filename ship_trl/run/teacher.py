@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from omegaconf import OmegaConf
 
 from ship_trl.config.algorithm import TEACHERS
+from ship_trl.config.bounds import RewardScale
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import Reader, fields_of
-from ship_trl.config.types import Config, Learn, plain
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Config, plain
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, find, is_pretrained
 from ship_trl.run.folder import flatten, read_settings
@@ -68,9 +69,9 @@ def teacher_factor(config: Config) -> float:
         return config.learn.reward_scale / REWARD_SCALE
     if (path := teacher_config(config)) is None:
         return 1.0
-    key, hint = "learn.reward_scale", fields_of(Learn)["reward_scale"][1]
-    scale = Reader(f"{KEY}: {path}: ").read(hint, OmegaConf.select(read_yaml(path), key), key)
-    return config.learn.reward_scale / float(scale)
+    key = "learn.reward_scale"
+    scale = read_as(RewardScale, OmegaConf.select(read_yaml(path), key), f"{KEY}: {path}: ", key=key)
+    return config.learn.reward_scale / scale
 
 
 def digest_teacher(config: Config) -> str | None:

@@ -7,31 +7,32 @@ import json
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
+from pydantic import Field
 from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import conf_dir, is_name, list_names, stem
-from ship_trl.config.schema import Rule, limit, read_as
+from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_file
 from ship_trl.files.untrusted import read_changes, read_yaml
 
 MAX_TARGET_SHIPS = 8
 # Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.
-Number = Annotated[float, limit(-MAX_DISTANCE, MAX_DISTANCE)]
-SHIP_COUNT = Rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
-Point = Annotated[list[Number], Rule("two numbers, as [X,Y]", lambda point: len(point) == 2)]
-IdealPath = Annotated[str, Rule("one line of plain text", str.isprintable)]
+Number = Annotated[float, Field(ge=-MAX_DISTANCE, le=MAX_DISTANCE)]
+SHIP_COUNT = rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
+Point = Annotated[list[Number], rule("two numbers, as [X,Y]", lambda point: len(point) == 2)]
+IdealPath = Annotated[str, rule("one line of plain text", str.isprintable)]
 
 
 # A target ship holds course and speed, or gives way to own ship by the rules (`world.give_way`).
-Behaviour = Enum("Behaviour", ["holds", "gives_way"])
+Behaviour = StrEnum("Behaviour", ["holds", "gives_way"])
 
 
 @dataclass
@@ -41,7 +42,7 @@ class TargetShip:
     x: Number
     y: Number
     heading: Number
-    speed: Annotated[float, limit(0, MAX_DISTANCE)]
+    speed: Annotated[float, Field(ge=0, le=MAX_DISTANCE)]
     behaviour: Behaviour = Behaviour.holds
 
 
@@ -49,7 +50,7 @@ class TargetShip:
 class Direction:
     """The direction of a ship in a file, degrees: `course` clockwise from north, or `heading` as above."""
 
-    course: Annotated[float, limit(0, 360, note="degrees clockwise from north")] = math.nan
+    course: Annotated[float, Field(ge=0, le=360)] = math.nan
     heading: Number = math.nan
 
     def to_heading(self, where: str) -> float:
@@ -70,7 +71,7 @@ class ShipFile(Direction):
 
     x: Number
     y: Number
-    speed: Annotated[float, limit(0, MAX_DISTANCE)]
+    speed: Annotated[float, Field(ge=0, le=MAX_DISTANCE)]
     behaviour: Behaviour = Behaviour.holds
 
 

@@ -10,9 +10,9 @@ import csv
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from ship_trl.config.schema import Reader, fields_of
+from ship_trl.config.schema import read_as
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import Case, TargetShip
@@ -47,17 +47,19 @@ def read_scenes(path: Path) -> tuple[Scene, ...]:
 
 
 def _to_scene(cells: Cells) -> Scene:
-    def read(column: str, hint: Any = float) -> Any:
-        return Reader(f"row {cells['name']}: ").read(hint, cells[column], column)
-
-    fields = fields_of(TargetShip)
+    where = f"row {cells['name']}: "
     ships = [
-        TargetShip(*(read(f"{column}{place}", fields[column][1]) for column in SHIP_COLUMNS))
+        read_as(
+            TargetShip,
+            {column: cells[f"{column}{place}"] for column in SHIP_COLUMNS},
+            f"{where}ship {place}: ",
+        )
         for place in range(1, MAX_SHIPS + 1)
         if any(cells[f"{column}{place}"] for column in SHIP_COLUMNS)
     ]
     case = Case([0.0, 0.0], 90.0, [0.0, 600.0], cells["encounter"], ships, cells["name"])
-    return Scene(case, read("best_return"), [int(digit) for digit in cells["actions"]])
+    best_return = read_as(float, cells["best_return"], where, key="best_return")
+    return Scene(case, best_return, [int(digit) for digit in cells["actions"]])
 
 
 def write_scenes(path: Path, scenes: Iterable[Scene]) -> None:

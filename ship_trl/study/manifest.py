@@ -18,7 +18,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.schema import Rule, read_as
+from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
@@ -30,9 +30,9 @@ from ship_trl.study.rules import stamp
 PLAN = "study.json"
 STAMP = {"digest", "commit", "begun"}
 Stamp = Annotated[
-    dict[str, Any], Rule("a group of digest, commit, begun", lambda rules: not rules or rules.keys() >= STAMP)
+    dict[str, Any], rule("a group of digest, commit, begun", lambda rules: not rules or rules.keys() >= STAMP)
 ]
-Seeds = Annotated[list[int], Rule("a list of seeds", bool)]
+Seeds = Annotated[list[int], rule("a list of seeds", bool)]
 
 
 @dataclass(frozen=True)

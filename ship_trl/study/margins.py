@@ -8,17 +8,18 @@ from pathlib import Path
 from typing import Annotated
 
 import yaml
+from pydantic import Field
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.schema import Rule, limit, read_as
+from ship_trl.config.schema import read_as, rule
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.study.metrics import METRICS
 
-PositiveNumber = Annotated[float, limit(above=0)]
+PositiveNumber = Annotated[float, Field(gt=0)]
 Gains = Annotated[
     dict[str, PositiveNumber],
-    Rule(f"gains of {', '.join(METRICS)}", lambda gains: gains.keys() <= METRICS.keys()),
+    rule(f"gains of {', '.join(METRICS)}", lambda gains: gains.keys() <= METRICS.keys()),
 ]
 
 

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from pydantic import Field
 
 from ship_trl.config import arm as arms
 from ship_trl.config.arm import ALL_LAYERS, Arm, Method, SourceWeights
@@ -21,7 +22,7 @@ from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.schema import limit, read_as
+from ship_trl.config.schema import read_as
 from ship_trl.config.types import Logger, WandbMode
 from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.launchers import check_slurm
@@ -70,7 +71,7 @@ LAUNCHERS = {
     "ray_cluster": "hydra_ray_launcher",
 }
 # One seed shows no variation over seeds.
-SeedCount = Annotated[int, limit(2)]
+SeedCount = Annotated[int, Field(ge=2)]
 # Keys that each job sets itself.
 JOB_KEYS = (
     *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
@@ -103,7 +104,7 @@ class StudyConfig:
     output: str | None
     launcher: str
     processes: Positive | None
-    retries: Annotated[int, limit(0)]
+    retries: Annotated[int, Field(ge=0)]
     overrides: list[str]
     logger: Logger
     wandb: StudyWandb

@@ -4,9 +4,9 @@ from importlib import import_module
 from typing import Annotated
 
 import pytest
+from pydantic import Field
 
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
-from ship_trl.config.schema import limit
 
 
 @pytest.mark.parametrize("words", [["--seed", "x"], ["--size", "1x1"], ["--output", "film.doc"]])
@@ -48,7 +48,7 @@ def test_verbs_with_words_between_options_refuse_it_too(
 def test_a_negative_number_in_any_form_is_no_option(text: str) -> None:
     parser = make_parser("verb", None)
     parser.add_argument("words", nargs="*")
-    add_number(parser, "--low", Annotated[float, limit(-1e9, 1e9)], None, "")
+    add_number(parser, "--low", Annotated[float, Field(ge=-1e9, le=1e9)], None, "")
     found = parser.parse_args(["--low", text, "word"])
     assert (found.low, found.words) == (-1000.0, ["word"])
     found = parser.parse_intermixed_args(["one", "--low", text, "two"])

@@ -58,10 +58,10 @@ def test_a_ship_inside_the_safe_distance_is_refused(
     ("text", "message"),
     [
         ("name,encounter\n", "is not a table of scenes: it has no column 'x1'"),
-        (row("nan"), "row one: x1: must be a finite number, got nan"),
-        (row("9e9"), "row one: x1: must be from "),
-        (row("500", speed="-3"), "row one: speed1: must be from 0 to"),
-        (row("500", speed=""), "row one: speed1: must be a finite number, got ''"),
+        (row("nan"), "row one: ship 1: x: must be a finite number, got nan"),
+        (row("9e9"), "row one: ship 1: x: must be from "),
+        (row("500", speed="-3"), "row one: ship 1: speed: must be from 0 to"),
+        (row("500", speed=""), "row one: ship 1: speed: must be a finite number, got ''"),
         (None, "cannot be read: No such file"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Measure speed beside other libraries; run and judge the studies."""
+"""Measure speed beside other libraries."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks import answers, curves, encounters, gpu, grades, questions, similarity, sources
+from benchmarks import curves, encounters, gpu, grades
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -29,10 +29,6 @@ PARTS = {
 ALONE = {
     "encounters": ("What policies do in suites of encounters", encounters.main),
     "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
-    "sources": ("What each case's network is worth on every other case", sources.main),
-    "similarity": ("Which measure of similarity predicts that", similarity.main),
-    "questions": ("The runs of the second study", questions.main),
-    "answers": ("Judge the contrasts of the second study", answers.main),
     "grades": ("How often each grade of a claim comes out, by what is true", grades.main),
     "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }

@@ -89,10 +89,10 @@ def lockstep_probes(device: str) -> list[Probe]:
     """Return training loops of many agents; the steps of all agents count."""
     from pathlib import Path
 
-    from benchmarks.runs import Task
-    from benchmarks.source_runs import make_lockstep, starts
-    from benchmarks.sources import SETTINGS
     from benchmarks.timing import Probe
+    from studies.lockstep import make_lockstep, starts
+    from studies.runs import Task
+    from studies.sources.plan import SETTINGS
 
     setting, found = SETTINGS["pixels"], []
     for count in FEW_AGENTS if device == "cpu" else AGENTS:

@@ -1,9 +1,9 @@
-"""Read the benchmark of sources in pandas: what each source is worth to each target.
+"""Read the study of sources in pandas: what each source is worth to each target.
 
     python examples/sources_in_pandas.py outputs/sources/numbers.csv.xz FTW
 
 A row of the table is a run: target, source (empty from scratch), arm, seed, length, and greedy returns at
-equal distances with spaces between them, the first before training (docs/sources.md).
+equal distances with spaces between them, the first before training (studies/sources/README.md).
 """
 
 import sys

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parent.parent / "ship_trl"
 # The rooms from the bottom up: each may import what stands before it.
 ROOMS = (
     "config", "files", "jit", "graphs", "sim", "learn", "transfer", "policies", "view", "gym", "run", "grid",
-    "study", "explain", "sources", "cli", "__main__",
+    "study", "explain", "cli", "__main__",
 )  # fmt: skip
 # Where a room may import what stands above it.
 EXCEPTIONS = {("study", "ship_trl.cli")}
@@ -30,7 +30,7 @@ WITHOUT_TORCH = (
     "explain/study", "study",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))
-BENCHMARKS = PACKAGE.parent / "benchmarks"
+OUTSIDE = [path for name in ("benchmarks", "studies") for path in (PACKAGE.parent / name).rglob("*.py")]
 
 
 def room(path: Path) -> str:
@@ -69,21 +69,21 @@ def test_rooms_of_the_study_lie_on_one_another(path: Path) -> None:
             assert STUDY.index(other) <= STUDY.index(own), f"{own} must not import {name}"
 
 
-def test_the_package_does_not_know_its_benchmarks() -> None:
+def test_the_package_does_not_know_what_is_made_with_it() -> None:
     for path in FILES:
-        assert not any(name.split(".")[0] in ("benchmarks", "tests") for name in imports(path)), path
+        tops = {name.split(".")[0] for name in imports(path)}
+        assert not tops & {"benchmarks", "studies", "tests"}, path
 
 
-@pytest.mark.parametrize(
-    "path", [*FILES, *BENCHMARKS.glob("*.py")], ids=lambda p: f"{p.parent.name}/{p.name}"
-)
+@pytest.mark.parametrize("path", [*FILES, *OUTSIDE], ids=lambda p: f"{p.parent.name}/{p.name}")
 def test_files_have_one_subject(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= 500
     assert path.stem not in {"utils", "common", "helpers", "misc"}
 
 
 def test_checks_come_before_torch() -> None:
-    for place in (*(PACKAGE / name for name in WITHOUT_TORCH), BENCHMARKS / "__main__"):
+    mains = [path.with_suffix("") for path in OUTSIDE if path.stem == "__main__"]
+    for place in (*(PACKAGE / name for name in WITHOUT_TORCH), *mains):
         files = sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]
         for path in files:
             for node in ast.parse(path.read_text()).body:

@@ -21,8 +21,7 @@ from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.table import show
 from ship_trl.sim.cases import Case, load_world, read_values, readable_cases, to_course
-from ship_trl.sim.suites import Suite, load_suite
-from ship_trl.sources.judgements import SOURCE, read_judgements, winner
+from ship_trl.sim.suites import Suite, load_suite, suite_of
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
@@ -31,6 +30,9 @@ from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance
 MAX_SHOWN, MAX_ROWS = 12, 8
 # Cases that are listed and drawn, and pictures of random encounters.
 MAX_PICTURES, EXAMPLES = 60, 20
+# Of the zero-shot score in outputs/sources/numbers_judgements.csv: the arm that gains most, and its gain with
+# its 95 % interval.
+ZERO_SHOT_ARM, ZERO_SHOT_GAIN = "FTW", (0.3144, 0.2614, 0.3674)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -204,31 +206,26 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
 
 
 def show_expected(target: Case, sources: list[Case], world: World) -> None:
-    """Print the source and arm that the measure with the largest correlation with gains proposes.
+    """Print the bundled network with the largest zero-shot score, which predicts gains best."""
+    from ship_trl.policies.named import load_network
+    from ship_trl.policies.zero_shot import score_bounds, zero_shot
+    from ship_trl.sim.env import ShipEnv
 
-    A measure that asks the source's network is asked of the bundled networks.
-    """
-    from ship_trl.sources.measures import MEASURES as ALL_MEASURES
-    from ship_trl.sources.measures import Known
-
-    best = winner(read_judgements())
-    files = {one.name: one.file for one in networks()} if best.kind == SOURCE else {}
-    measure, goal = ALL_MEASURES[best.measure], Known(target, world)
-    known = {
-        case.name: Known.load(case, world, files[case.name]) if files else Known(case, world)
-        for case in sources
-        if not files or case.name in files
+    names, bounds = {case.name for case in sources}, score_bounds(target, world)
+    env = ShipEnv(suite_of(target), world)
+    scores = {
+        one.name: zero_shot(load_network(one.file, env), target, world, bounds)
+        for one in networks()
+        if one.name in names
     }
-    if not known:
+    if not scores:
         return
-    values = {name: measure.value(one, goal) for name, one in known.items()}
-    first = (min if measure.nearer else max)(values, key=lambda name: values[name])
-    asked = f"{len(known)} {'bundled networks' if files else 'cases'}"
-    words = [override("source", first), *["source_weights=pretrained"] * bool(files)]
-    words += [override("target", target.name), f"+arm={best.arm}"]
+    first = max(scores, key=scores.__getitem__)
+    words = override("source", first), "source_weights=pretrained", override("target", target.name)
+    gain = "{:+.2f} ({:+.2f} to {:+.2f})".format(*ZERO_SHOT_GAIN)
     sys.stdout.write(
-        f"By {best.measure}, which predicted gains best in the benchmark of sources (docs/sources.md): "
-        f"{values[first]:.2f}, the {'least' if measure.nearer else 'largest'} of {asked}. There such choices "
-        f"gained {best.gain:+.2f} ({best.gain_low:+.2f} to {best.gain_high:+.2f}) in mean greedy score with "
-        f"{best.arm}:\n{command(*words)}\n"
+        f"By zero_shot, which predicted gains best in the study of sources (studies/sources): "
+        f"{scores[first]:.2f}, the largest of {len(scores)} bundled networks. There such choices gained "
+        f"{gain} in mean greedy score with {ZERO_SHOT_ARM}:\n"
+        f"{command(*words, f'+arm={ZERO_SHOT_ARM}')}\n"
     )

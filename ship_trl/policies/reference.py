@@ -1,6 +1,6 @@
 """The best known plan of each case, cached as a JSON file because the search takes long.
 
-`plans/` has those of the bundled cases in the paper's world; `python -m benchmarks.plans` rewrites it.
+`plans/` has those of the bundled cases in the paper's world; `python -m studies.scenes plans` rewrites it.
 """
 
 from __future__ import annotations

@@ -114,7 +114,7 @@ def distance(base: Case, target: Case, world: World, weights: dict[str, float] |
 class Measure:
     """A measure of similarity; if `nearer`, smaller values mean more similar.
 
-    `value` takes base, target and world here, and what is known of both cases in `sources.measures`.
+    `value` takes base, target and world here, and what is known of both cases in `studies.sources`.
     """
 
     value: Callable[..., float]

@@ -9,7 +9,6 @@ import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from benchmarks.question_runs import replay_actions
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.learn.algorithm import Method, Setup
@@ -22,6 +21,7 @@ from ship_trl.sim.cases import load_case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import make_step
+from studies.second.runs import replay_actions
 from tests.learn.worlds import schedule
 
 PLACES, ACTIONS, INPUTS = 4, 2, 3

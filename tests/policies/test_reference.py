@@ -69,7 +69,7 @@ def test_a_damaged_plan_is_searched_for_again(searches: list[str], tmp_path: Pat
 def test_every_bundled_case_has_its_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     cases = [load_case(str(path), WORLD) for path in sorted((conf_dir() / "case").glob("*.yaml"))]
     names = {reference.plan_name(case, WORLD) for case in cases}
-    # If this fails, run `python -m benchmarks.plans`.
+    # If this fails, run `python -m studies.scenes plans`.
     assert {path.name for path in reference.BUNDLED_PLANS.iterdir()} == names
     monkeypatch.setattr(reference, "_cached_plans", {})
     monkeypatch.delattr(reference, "best_plan")

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.scene_choice import EMPTY_ROOM, ROOM, draw_case
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.reference import follow_plan
 from ship_trl.sim.scene_table import COLUMNS, read_scenes, write_scenes
 from ship_trl.sim.suites import load_suite
+from studies.scenes import EMPTY_ROOM, ROOM, draw_case
 
 TABLE = conf_dir() / "suite" / "traffic_test.csv"
 

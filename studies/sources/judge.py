@@ -1,23 +1,51 @@
-"""How well a measure of similarity predicts gains: rank correlation, regret, and top-three hits.
+"""Gains over scratch, and how well a measure of similarity predicts them; README.md has the rules.
 
-docs/sources.md has the rules. Gains are [seeds, targets, sources], values of measures [targets, sources],
-larger for more similar; both are NaN where source and target are one case.
+Gains are [seeds, targets, sources], values of measures [targets, sources], larger for more similar; both are
+NaN where source and target are one case.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
+from ship_trl.config.arm import SCRATCH
 from ship_trl.study.statistics import Estimate
+from studies.runs import OUTCOMES
 
 Floats = NDArray[np.float64]
 DRAWS, LEVEL, TOP = 2000, 95.0, 3
 # An arm whose gains agree less than this between seeds is not judged.
 MIN_RELIABILITY = 0.3
+# Not a gain: the score on the source's case after training on the target.
+KEPT = "kept"
+# Kinds of measures that cannot win.
+ORACLE, FITTED = "oracle", "fitted"
+
+
+def make_gains(runs: pd.DataFrame, cases: Sequence[str]) -> dict[tuple[str, str], Floats]:
+    """Return the gains in each of `OUTCOMES`, and what is `KEPT`, of each arm: by arm and kind."""
+    transfers = runs[runs["source"] != ""]
+    scratch = runs[(runs["arm"] == SCRATCH.name) & (runs["length"] == transfers["length"].iloc[0])]
+    baseline = {case: own[list(OUTCOMES)].to_numpy().mean(0) for case, own in scratch.groupby("target")}
+    scale = runs.drop_duplicates("target").set_index("target")[["random", "best_known"]].astype(float)
+    random, known = (scale[name].loc[transfers["source"]].to_numpy() for name in scale)
+    left = transfers["source_greedy"].str.split().str[-1].to_numpy(np.float64)
+    base = np.array([baseline[case] for case in transfers["target"]])
+    gained = transfers.assign(
+        **{name: transfers[name] - base[:, k] for k, name in enumerate(OUTCOMES)},
+        **{KEPT: np.maximum(0.0, (left - random) / (known - random))},
+    ).set_index(["seed", "target", "source"])
+    places = pd.MultiIndex.from_product([sorted(transfers["seed"].unique()), cases, cases])
+    return {
+        (str(arm), kind): own[kind].reindex(places).to_numpy().reshape(-1, len(cases), len(cases))
+        for arm, own in gained.groupby("arm", sort=False)
+        for kind in (*OUTCOMES, KEPT)
+    }
 
 
 def spearman(one: Floats, other: Floats) -> float:
@@ -123,7 +151,11 @@ def interval(values: Floats, seed: int = 0) -> Estimate:
 
 
 def judge(values: Floats, gains: Floats) -> dict[str, Estimate]:
-    """Return correlation, regret, top and gain of a measure for an arm, see `ship_trl.sources.judgements`."""
+    """Judge a measure for an arm by the means over targets.
+
+    `correlation` is the rank correlation within targets, `top` the share of targets where the first source is
+    among the best, and `gain` the gain of that source.
+    """
     mean = gains.mean(0)
     return {
         "correlation": interval(by_target(values, mean)),
@@ -131,6 +163,16 @@ def judge(values: Floats, gains: Floats) -> dict[str, Estimate]:
         "top": interval(hits(values, gains)),
         "gain": interval(chosen(values, mean)),
     }
+
+
+def winner(table: pd.DataFrame) -> pd.Series:
+    """Return the row of the measure with the largest mean correlation over arms, with its most gaining arm.
+
+    Neither oracles nor fitted ones can win.
+    """
+    free = table[~table["kind"].isin((ORACLE, FITTED))]
+    best = free.groupby("measure", sort=False)["correlation"].mean().idxmax()
+    return table.loc[table[table["measure"] == best]["gain"].idxmax()]
 
 
 def difference(one: Floats, other: Floats, gains: Iterable[Floats]) -> Estimate:

@@ -1,15 +1,13 @@
-"""Train runs of the benchmark of sources in lockstep."""
+"""Train runs in lockstep: from plans to agents, their evaluations, and the networks that are kept."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import torch
 from torch import Generator, Tensor
 
-from benchmarks.runs import EVALUATIONS, Row, Setting, Task, is_on_source, make_row, weights_path
 from ship_trl.config.types import Config
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network
@@ -24,29 +22,10 @@ from ship_trl.transfer.layers import save_weights
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
 from ship_trl.transfer.methods.method import TransferMethod
+from studies.runs import EVALUATIONS, Setting, Task, weights_path
 
 # Places for target ships; no case has more.
 PLACES = 3
-
-
-def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu") -> list[Row]:
-    """Train runs of one length at once; the best networks of sources are written into the folder."""
-    began = time.process_time()
-    runs = [task.plan(setting, folder) for task in tasks]
-    homes = starts(runs, [task.source or task.target for task in tasks]).to(device)
-    on_source = list[Tensor]()
-
-    def visit(lockstep: Lockstep, evaluation: int) -> None:
-        if is_on_source(evaluation):
-            on_source.append(lockstep.evaluate(homes[:, None])[0])
-
-    _, *greedy = learn(tasks, runs, setting, folder, visit, device)
-    seconds = (time.process_time() - began) / len(tasks)
-    shown = [torch.cat(one, 1).tolist() for one in (*greedy, on_source)]
-    return [
-        make_row(task, setting, returns, goals, kept if task.source else (), seconds)
-        for task, returns, goals, kept in zip(tasks, *shown, strict=True)
-    ]
 
 
 def learn(

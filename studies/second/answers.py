@@ -1,59 +1,30 @@
-"""The contrasts of the second study, and what they say by the rules of docs/second-study.md."""
+"""The contrasts of the second study, and what they say by the rules of README.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from benchmarks.gains import read_outcome
-from benchmarks.questions import ARMS, FROZEN, LEARNERS, PAIRS, TRAFFIC, TRAFFIC_ARMS, TUNED_ARMS
-from benchmarks.sources import IMAZU
 from ship_trl.config.arm import SCRATCH
-from ship_trl.files.table import Cells
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.statistics import TOLERANCE, holm
+from studies.second.plan import ARMS, FROZEN, IMAZU, LEARNERS, PAIRS, TRAFFIC, TRAFFIC_ARMS, TUNED_ARMS
 
 Sample = NDArray[np.float64]
 AGAINST_REPLAY = "less a replay of its actions"
 # Two-sided error of a test, and the share of what could be gained that counts.
 LEVEL, MARGIN = 0.05, 0.2
-
-
-class Verdict(StrEnum):
-    """What a contrast says."""
-
-    more = "more"
-    less = "less"
-    equal = "equal"
-    open = "open"
-
-
-@dataclass(frozen=True)
-class Reached:
-    """What a run reached; shares of episodes that reach the goal are of its last network.
-
-    `start` is the score before training, and `start_success` whether it reaches the goal there.
-    """
-
-    seed: int
-    area: float
-    start: float
-    start_success: float
-    end: float
-    success: float
-    perturbed: float
-    replayed: float
-    traffic: float
-
-
-# By target, source, arm and learner.
-Group = tuple[str, str, str, str]
-Runs = dict[Group, list[Reached]]
+SHARES = ("perturbed", "replayed", "traffic")
+# What a contrast says.
+MORE, LESS, EQUAL, OPEN = VERDICTS = ("more", "less", "equal", "open")
+# By target, source, arm and learner, in the order of seeds.
+Runs = dict[tuple[str, str, str, str], pd.DataFrame]
 
 
 @dataclass(frozen=True)
@@ -61,7 +32,7 @@ class Contrast:
     """A difference of two means with its 95 % interval, unadjusted, and what it says.
 
     `possible_gain` is NaN if that means nothing. `p` and `p_equal` are adjusted within the question; `count`
-    are the runs of either side.
+    are the runs of either side. `verdict` is one of `VERDICTS`.
     """
 
     question: int
@@ -74,93 +45,60 @@ class Contrast:
     p: float
     p_equal: float
     count: str
-    verdict: Verdict = Verdict.open
+    verdict: str = OPEN
 
 
-def read_study_runs(rows: Iterable[Cells]) -> Runs:
-    """Group the runs of the table; sources are left out.
+def group_runs(table: pd.DataFrame) -> Runs:
+    """Group the runs of the table; sources, which are longer, are left out.
 
     Raises:
-        ValueError: a cell is wrong.
+        ConfigError: runs were not tested elsewhere, or a share is wrong.
     """
-    rows = list(rows)
-    if not rows:
-        raise ValueError("it has no rows")
-    shortest = min(int(row["length"]) for row in rows)
-    found: Runs = {}
-    for row in rows:
-        if int(row["length"]) > shortest:
-            continue
-        outcome = read_outcome(row)
-        shares = {name: float(row[name]) for name in ("perturbed", "replayed", "traffic")}
-        if not all(0 <= share <= 1 for share in shares.values()):
-            raise ValueError(f"a run to {row['target']} has a share that is not from 0 to 1")
-        one = Reached(
-            seed=int(row["seed"]),
-            area=outcome.area,
-            start=outcome.jumpstart,
-            start_success=float(row["reached"][0]),
-            end=outcome.end,
-            success=outcome.success,
-            **shares,
-        )
-        found.setdefault((row["target"], row["source"], row["arm"], row["learner"]), []).append(one)
-    return found
+    if missing := [name for name in ("learner", *SHARES) if name not in table]:
+        raise ConfigError(f"answers: it is no table of tested runs: it has no column {missing[0]!r}")
+    if not table[list(SHARES)].apply(lambda one: one.between(0, 1)).all(axis=None):
+        raise ConfigError("answers: a run has a share that is not from 0 to 1")
+    runs = table[table["length"] == table["length"].min()].sort_values("seed", kind="stable")
+    runs = runs.assign(start_success=runs["reached"].str[0].astype(float))
+    return dict(iter(runs.groupby(["target", "source", "arm", "learner"])))
 
 
 def metric_of(runs: Runs, target: str, source: str, arm: str, learner: str = "", *, metric: str) -> Sample:
     """Return a metric of the runs of an arm, in the order of their seeds."""
-    own = sorted(runs[target, source, arm, learner], key=lambda one: one.seed)
-    return np.array([getattr(one, metric) for one in own])
+    return runs[target, source, arm, learner][metric].to_numpy()
 
 
-def scratch_of(runs: Runs, target: str, metric: str, learner: str = "") -> Sample:
+def scratch_of(runs: Runs, target: str, metric: str) -> Sample:
     """Return a metric of the runs from scratch."""
-    return metric_of(runs, target, "", SCRATCH.name, learner, metric=metric)
+    return metric_of(runs, target, "", SCRATCH.name, metric=metric)
 
 
-def unpaired(
-    question: int, where: str, what: str, one: Sample, other: Sample, possible_gain: float
+def compare(
+    question: int,
+    where: str,
+    what: str,
+    one: Sample,
+    other: Sample | None = None,
+    possible_gain: float = float("nan"),
 ) -> Contrast:
-    """Compare two samples by Welch's t-test."""
-    margin, welch = MARGIN * possible_gain, {"equal_var": False}
-    found: Any = stats.ttest_ind(one, other, **welch)
-    interval = found.confidence_interval(1 - LEVEL)
-    sides = (
-        stats.ttest_ind(one - shift, other, alternative=side, **welch).pvalue
-        for shift, side in ((margin, "less"), (-margin, "greater"))
-    )
-    return Contrast(
-        question,
-        where,
-        what,
-        float(one.mean() - other.mean()),
-        float(interval.low),
-        float(interval.high),
-        possible_gain,
-        float(found.pvalue),
-        float(max(sides)) if np.isfinite(possible_gain) else 1.0,
-        f"{len(one)}, {len(other)}",
-    )
+    """Compare two samples by Welch's t-test, or differences with zero by Student's."""
 
+    def test(shift: float = 0.0, side: str = "two-sided") -> Any:
+        if other is None:
+            return stats.ttest_1samp(one, shift, alternative=side)
+        return stats.ttest_ind(one - shift, other, alternative=side, equal_var=False)
 
-def paired(
-    question: int, where: str, what: str, differences: Sample, possible_gain: float = float("nan")
-) -> Contrast:
-    """Test differences against zero by Student's t-test."""
-    mean = float(differences.mean())
-    low, high, p, p_equal = mean, mean, float(mean == 0), 1.0
-    # Where all are alike no test can be made, and none is needed.
-    if np.ptp(differences) > TOLERANCE:
-        found: Any = stats.ttest_1samp(differences, 0.0)
-        interval = found.confidence_interval(1 - LEVEL)
-        low, high, p = float(interval.low), float(interval.high), float(found.pvalue)
+    value = float(one.mean() - (0.0 if other is None else other.mean()))
+    low, high, p, p_equal = value, value, float(value == 0), 1.0
+    # Where all differences are alike no test can be made, and none is needed.
+    if other is not None or np.ptp(one) > TOLERANCE:
+        found, margin = test(), MARGIN * possible_gain
+        low, high = map(float, found.confidence_interval(1 - LEVEL))
+        p = float(found.pvalue)
         if np.isfinite(possible_gain):
-            p_equal = max(
-                float(stats.ttest_1samp(differences, shift, alternative=side).pvalue)
-                for shift, side in ((MARGIN * possible_gain, "less"), (-MARGIN * possible_gain, "greater"))
-            )
-    return Contrast(question, where, what, mean, low, high, possible_gain, p, p_equal, f"{len(differences)}")
+            p_equal = float(max(test(margin, "less").pvalue, test(-margin, "greater").pvalue))
+    count = f"{len(one)}" if other is None else f"{len(one)}, {len(other)}"
+    return Contrast(question, where, what, value, low, high, possible_gain, p, p_equal, count)
 
 
 def transferred(runs: Runs) -> list[Contrast]:
@@ -170,9 +108,9 @@ def transferred(runs: Runs) -> list[Contrast]:
         base = scratch_of(runs, target, "area")
         could = float(1 - base.mean())
         arm = {name: metric_of(runs, target, source, name, metric="area") for name in ARMS}
-        found += [unpaired(1, pair, f"{name} less scratch", arm[name], base, could) for name in ARMS]
+        found += [compare(1, pair, f"{name} less scratch", arm[name], base, could) for name in ARMS]
         for one, other in (("FE3", "FE3-random"), ("FTW", "FT4")):
-            found.append(unpaired(1, pair, f"{one} less {other}", arm[one], arm[other], could))
+            found.append(compare(1, pair, f"{one} less {other}", arm[one], arm[other], could))
     return found
 
 
@@ -183,7 +121,7 @@ def frozen_last(runs: Runs) -> list[Contrast]:
         foreign, own = (metric_of(runs, target, one, FROZEN, metric="end") for one in (source, target))
         could = float(1 - scratch_of(runs, target, "end").mean())
         found.append(
-            unpaired(2, pair, f"{FROZEN} of case {source} less that of {target}", foreign, own, could)
+            compare(2, pair, f"{FROZEN} of case {source} less that of {target}", foreign, own, could)
         )
     return found
 
@@ -195,7 +133,7 @@ def from_traffic(runs: Runs) -> list[Contrast]:
     could = float(1 - base.mean())
     for arm in TRAFFIC_ARMS:
         means = np.array([metric_of(runs, target, TRAFFIC, arm, metric="area").mean() for target in IMAZU])
-        found.append(paired(3, "imazu", f"{arm} less scratch", means - base, could))
+        found.append(compare(3, "imazu", f"{arm} less scratch", means - base, None, could))
     return found
 
 
@@ -207,10 +145,11 @@ def generalises(runs: Runs) -> list[Contrast]:
     found = []
     for arm in (SCRATCH.name, *TUNED_ARMS):
         for pair, (source, target) in PAIRS.items():
-            found.append(paired(4, pair, f"{arm} {AGAINST_REPLAY}", beyond_replay(runs, target, source, arm)))
+            gained = beyond_replay(runs, target, source, arm)
+            found.append(compare(4, pair, f"{arm} {AGAINST_REPLAY}", gained))
         if is_asked(runs, 3):
             means = [beyond_replay(runs, target, TRAFFIC, arm).mean() for target in IMAZU]
-            found.append(paired(4, "imazu", f"{arm} {AGAINST_REPLAY}", np.array(means)))
+            found.append(compare(4, "imazu", f"{arm} {AGAINST_REPLAY}", np.array(means)))
     return found
 
 
@@ -232,18 +171,16 @@ def tuned(runs: Runs) -> list[Contrast]:
         learner, base = best[SCRATCH.name]
         for arm in TUNED_ARMS:
             words = f"{arm} ({learner_label(best[arm][0])}) less scratch ({learner_label(learner)})"
-            found.append(unpaired(6, pair, words, best[arm][1], base, float(1 - base.mean())))
+            found.append(compare(6, pair, words, best[arm][1], base, float(1 - base.mean())))
     return found
 
 
 def choose_on_even_seeds(runs: Runs, target: str, source: str, arm: str) -> tuple[str, Sample]:
     """Return the learner that is best on even seeds, and the areas that it reaches on odd ones."""
     halves = {
-        learner: [
-            np.array([one.area for one in runs[target, source, arm, learner] if one.seed % 2 == odd])
-            for odd in (0, 1)
-        ]
+        learner: [own.loc[own["seed"] % 2 == odd, "area"].to_numpy() for odd in (0, 1)]
         for learner in ("", *LEARNERS)
+        for own in [runs[target, source, arm, learner]]
     }
     best = max(halves, key=lambda learner: float(halves[learner][0].mean()))
     return best, halves[best][1]
@@ -273,11 +210,11 @@ def judge(contrasts: Sequence[Contrast]) -> list[Contrast]:
     )
     found = []
     for one, p, p_equal in adjusted:
-        verdict = Verdict.open
+        verdict = OPEN
         if p <= LEVEL:
-            verdict = Verdict.more if one.value > 0 else Verdict.less
+            verdict = MORE if one.value > 0 else LESS
         elif p_equal <= LEVEL:
-            verdict = Verdict.equal
+            verdict = EQUAL
         found.append(replace(one, p=p, p_equal=p_equal, verdict=verdict))
     return found
 

@@ -1,26 +1,15 @@
-"""`python -m benchmarks sources numbers|pixels`: train every case's network further on every other case.
-
-Which source is worth most to a target? Each case is learned from scratch with a few seeds; each network is
-then carried to all other cases by a few arms. Runs from scratch of the target's length are the baseline.
-docs/sources.md has the plan and what was found. Runs that are in the table already are not made again, so
-that a stopped benchmark goes on.
-"""
+"""Which runs the study of sources has: sources, baselines, and transfers of each case to every other."""
 
 from __future__ import annotations
 
-from argparse import Namespace
-from functools import partial
 from pathlib import Path
 
-from benchmarks.runs import Row, Setting, Task, make_missing, read_and_run
 from ship_trl.config.arm import SCRATCH
+from studies.runs import Setting, Task
 
 FOLDER = Path("outputs/sources")
-
 PAPER = ("1", "2", "3", "4", "5", "6", "new")
-
 IMAZU = tuple(f"imazu{number:02}" for number in range(1, 23))
-
 SETTINGS = {
     # Small, so that all runs of a target are trained at once, in seconds of a core each.
     "numbers": Setting(
@@ -56,17 +45,3 @@ def plan_tasks(setting: Setting) -> list[Task]:
     return tasks + [
         Task(target, source, arm, seed) for seed in seeds for source, target in pairs for arm in setting.arms
     ]
-
-
-def main(arguments: list[str]) -> None:
-    """Make the runs that are missing, and add them to the table."""
-    read_and_run("sources", str(__doc__), FOLDER, SETTINGS, run, arguments)
-
-
-def run(options: Namespace) -> None:
-    """Make the runs of a setting."""
-    from benchmarks.source_runs import train
-
-    setting, folder = SETTINGS[options.setting], FOLDER / options.setting
-    work = partial(train, setting=setting, folder=folder, device=options.device)
-    make_missing(plan_tasks(setting), setting, folder, Row, work, options)

@@ -8,26 +8,28 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks import answers, power
 from ship_trl.cli import ask
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.study import Study, read_study
+from studies.second import power, report
+from studies.second.__main__ import main
+from studies.second.plan import SETTINGS
 from tests.command import ROOT
 from tests.findings import NUMBER, NUMBERS, rewrite
 
 KEPT = ROOT / "outputs/questions"
-PAGE = ROOT / "docs/second-study.md"
+PAGE = ROOT / "studies/second/README.md"
 
 
 def test_one_command_gives_the_pages_tables(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(answers, "FOLDER", tmp_path)
-    for setting in answers.SETTINGS:
+    monkeypatch.setattr(report, "FOLDER", tmp_path)
+    for setting in SETTINGS:
         shutil.copy(KEPT / f"{setting}.csv.xz", tmp_path)
-    answers.main(["--markdown"])
+    main(["report", "--markdown"])
     printed = capsys.readouterr().out
-    for setting in answers.SETTINGS:
+    for setting in SETTINGS:
         head, _, rest = printed.partition(f"{tmp_path}/{setting}_answers.csv\n{tmp_path}/{setting}.png\n")
         assert head.strip() == f"From {setting}\n\n{kept_block(setting)}"
         printed = rest.lstrip()
@@ -36,19 +38,10 @@ def test_one_command_gives_the_pages_tables(
     assert printed.strip() == kept_block("both")
 
 
-def test_one_setting_alone_needs_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(answers, "FOLDER", tmp_path)
-    shutil.copy(KEPT / "pixels.csv.xz", tmp_path)
-    answers.main(["pixels", "--markdown"])
-    assert capsys.readouterr().out.startswith(kept_block("pixels"))
-
-
 @pytest.mark.parametrize("words", [["both"], []])
 def test_power_is_simulated_for_one_observation(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
-        answers.main([*words, "--power"])
+        main(["report", *words, "--power"])
     assert stopped.value.code == 1
     said = f"--power with {words[0] if words else 'no setting'}; allowed: with numbers or pixels"
     assert said in capsys.readouterr().err
@@ -66,7 +59,7 @@ def test_its_power_is_what_the_simulation_says(
     setting: str, block: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(power, "FOLDER", ROOT / "outputs/sources")
-    answers.main([setting, "--power", "--markdown"])
+    main(["report", setting, "--power", "--markdown"])
     assert kept_block(block) == capsys.readouterr().out.strip()
 
 

@@ -1,9 +1,11 @@
-"""The states that a planner meets in a case, and episodes there, for measures of similarity."""
+"""What measures of similarity ask of a case: its network, the states that a planner meets, and episodes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import torch
 from tensordict import TensorDictBase
@@ -11,12 +13,15 @@ from torch import Generator, Tensor
 
 from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
+from ship_trl.policies.named import load_network
 from ship_trl.policies.reference import best_known
 from ship_trl.policies.vo import vo
+from ship_trl.policies.zero_shot import score_bounds
+from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.suites import Suite
-from ship_trl.sources.measures import Known
+from ship_trl.sim.suites import Suite, suite_of
 
 # Episodes of the planner, and the share of random actions in them.
 EPISODES, EXPLORATION = 32, 0.3
@@ -37,22 +42,56 @@ class Probe:
     terminated: Tensor
 
 
-class Probed(Known):
-    """A case and its network, with what the measures of the benchmark ask for; each is computed once."""
+class Known:
+    """A case, and a network that was trained on it or None; what measures ask is computed once."""
 
-    @cached_property
-    def probe(self) -> Probe:
-        """The planner's transitions."""
-        return probe(self.suite, self.world)
+    def __init__(self, case: Case, world: World, network: DuelingNetwork | None = None) -> None:
+        self.case, self.world, self._network = case, world, network
+        self.env = ShipEnv(suite_of(case), world)
+
+    @classmethod
+    def load(cls, case: Case, world: World, path: Path) -> Known:
+        """Read the network from a safetensors file.
+
+        Raises:
+            ConfigError: the file holds no network for this world.
+        """
+        return cls(case, world, load_network(path, ShipEnv(suite_of(case), world), "source_file"))
+
+    @property
+    def network(self) -> DuelingNetwork:
+        """The network, in evaluation.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self._network is None:
+            raise ValueError(f"case {self.case.name} has no network")
+        return self._network
+
+    def observer(self, network: DuelingNetwork) -> Callable[[Tensor], Tensor]:
+        """Return what maps states of the case to a network's input."""
+        return self.env.observer(network.config, network.colour)
 
     def observe(self, network: DuelingNetwork) -> Tensor:
         """Return what a network sees in the probe's states, [N, ...]."""
         return self.observer(network)(self.probe.states)
 
     @cached_property
+    def probe(self) -> Probe:
+        """The planner's transitions."""
+        return probe(suite_of(self.case), self.world)
+
+    @cached_property
+    def bounds(self) -> tuple[float, float]:
+        """The mean return of random actions, and the best known return."""
+        return score_bounds(self.case, self.world)
+
+    @cached_property
     def own_episode(self) -> Episode:
         """The greedy episode of the network that was trained on the case."""
-        return self.greedy_episode(self.network)
+        (episode,) = rollout(self.env, greedy_policy(self.network, self.observer(self.network)))
+        return episode
 
     @cached_property
     def planned_episode(self) -> Episode:
@@ -62,7 +101,7 @@ class Probed(Known):
         def follow(step: TensorDictBase) -> TensorDictBase:
             return step.set("action", torch.tensor([next(actions)]))
 
-        (episode,) = rollout(ShipEnv(self.suite, self.world), follow)
+        (episode,) = rollout(self.env, follow)
         return episode
 
 

@@ -1,22 +1,29 @@
-"""The benchmark of sources: which runs it plans, that it goes on, and how measures are judged."""
+"""The study of sources: which runs it plans, that it goes on, how measures are judged, and its page."""
 
-import csv
+import re
+import shutil
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from benchmarks import runs, similarity, source_runs, sources
-from benchmarks.measures import MEASURES
-from benchmarks.runs import Row, Setting, Task, join, key
-from benchmarks.source_runs import train
-from benchmarks.sources import SETTINGS
+from ship_trl.cli.cases import ZERO_SHOT_ARM, ZERO_SHOT_GAIN
 from ship_trl.config.errors import ConfigError
-from ship_trl.sources.judgements import read_judgements, winner
-from ship_trl.study.report.tables import write_csv
+from studies import runs
+from studies.runs import Row, Setting, Task, join
+from studies.sources import __main__ as command
+from studies.sources import plan, report
+from studies.sources.judge import winner
+from studies.sources.measures import MEASURES
+from studies.sources.plan import SETTINGS
+from studies.sources.runs import train
+from tests.command import ROOT
 
+KEPT = ROOT / "outputs/sources"
+PAGE = ROOT / "studies/sources/README.md"
 CASES = ("1", "2", "3", "4", "5", "6")
 
 
@@ -29,31 +36,29 @@ def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
         seeds=2,
         scratch_seeds=2,
     )
-    for module in (sources, similarity):
+    for module in (command, report):
         monkeypatch.setattr(module, "FOLDER", tmp_path)
-        monkeypatch.setitem(module.SETTINGS, "numbers", setting)
-    (tmp_path / "numbers").mkdir()
+    monkeypatch.setitem(SETTINGS, "numbers", setting)
     return setting
 
 
-def row(task: Task, setting: Setting, score: float) -> dict[str, object]:
+def row(task: Task, setting: Setting, score: float) -> Row:
     """Return a run in which all evaluations but the first have a score."""
-    made = Row(
-        **{name: getattr(task, name) for name in ("target", "source", "arm", "seed")},
-        length=task.length(setting),
-        random=-100,
-        best_known=100,
-        greedy=join([-100.0] + [200 * score - 100] * 15),
-        reached="0" + "1" * 15,
-        source_greedy="-100.00 0.00" if task.source else "",
-        seconds=1.0,
+    return (
+        {name: getattr(task, name) for name in ("target", "source", "arm", "seed")}
+        | {"length": task.length(setting), "random": -100, "best_known": 100}
+        | {"greedy": join([-100.0] + [200 * score - 100] * 15), "reached": "0" + "1" * 15}
+        | {"source_greedy": "-100.00 0.00" if task.source else "", "seconds": 1.0}
     )
-    return asdict(made)
+
+
+def write(path: Path, rows: list[Row]) -> None:
+    pd.DataFrame(rows).to_csv(path, index=False)
 
 
 def test_every_case_is_source_and_target_of_every_other() -> None:
     for setting in SETTINGS.values():
-        tasks = sources.plan_tasks(setting)
+        tasks = plan.plan_tasks(setting)
         count = len(setting.cases)
         assert len({task.key(setting) for task in tasks}) == len(tasks)
         transfers = [task for task in tasks if task.source]
@@ -70,24 +75,24 @@ def test_a_transfer_begins_as_its_source_ended(name: str, lengths: tuple[int, in
     tasks = [Task("2", "1", "FTW", 9001), Task("2", "1", "FE2", 9001), Task("2", "", "scratch", 9001)]
     whole, frozen, scratch = train(tasks, setting, tmp_path)
     for row in (whole, frozen, scratch):
-        assert len(row.greedy.split()) == len(row.reached) == 16
-        assert row.best_known > row.random
-    assert len(whole.source_greedy.split()) == 6 and not scratch.source_greedy
+        assert len(row["greedy"].split()) == len(row["reached"]) == 16
+        assert row["best_known"] > row["random"]
+    assert len(whole["source_greedy"].split()) == 6 and not scratch["source_greedy"]
     # The whole network of the source's best evaluation.
-    best = max(float(word) for word in first.greedy.split())
-    assert float(whole.source_greedy.split()[0]) == pytest.approx(best, abs=0.02)
-    assert whole.greedy.split()[0] != scratch.greedy.split()[0]
+    best = max(float(word) for word in first["greedy"].split())
+    assert float(whole["source_greedy"].split()[0]) == pytest.approx(best, abs=0.02)
+    assert whole["greedy"].split()[0] != scratch["greedy"].split()[0]
 
 
 def test_runs_of_the_table_are_not_made_again(tiny: Setting, tmp_path: Path) -> None:
     table = tmp_path / "numbers.csv"
-    write_csv(table, [row(task, tiny, 0.5) for task in sources.plan_tasks(tiny)])
+    write(table, [row(task, tiny, 0.5) for task in plan.plan_tasks(tiny)])
     before = table.read_bytes()
     # A kill cut off the last row, in whatever column.
     for kept in (9, len(before) - before.rstrip().rfind(b"\n") - 3):
         last = before[before.rstrip().rfind(b"\n") + 1 :]
         table.write_bytes(before + last[:kept])
-        sources.main(["numbers"])
+        command.main(["run", "numbers"])
         assert table.read_bytes() == before
 
 
@@ -97,12 +102,12 @@ def test_the_measure_that_the_gains_follow_wins(
     generator = np.random.default_rng(9001)
     rows, measures = [], []
     place = {case: number for number, case in enumerate(CASES)}
-    for task in sources.plan_tasks(tiny):
+    for task in plan.plan_tasks(tiny):
         # Gains fall with the distance of two cases' places, and FTW gains more.
         apart = abs(place[task.target] - place[task.source]) if task.source else 0
         gain = (0.3 - 0.04 * apart + 0.1 * (task.arm == "FTW")) if task.source else 0.0
         rows.append(row(task, tiny, 0.4 + gain + 0.01 * generator.normal()))
-    write_csv(tmp_path / "numbers.csv", rows)
+    write(tmp_path / "numbers.csv", rows)
     for seed in range(tiny.seeds):
         for target in CASES:
             for source in (case for case in CASES if case != target):
@@ -114,25 +119,25 @@ def test_the_measure_that_the_gains_follow_wins(
                 values["cka"] = -abs(place[target] - place[source])
                 values["distance"] = abs(place[target] - place[source]) + 0.3 * generator.normal()
                 measures.append(values)
-    write_csv(tmp_path / "numbers_measures.csv", measures)
-    similarity.main(["numbers"])
+    write(tmp_path / "numbers_measures.csv", measures)
+    command.main(["report", "numbers"])
     printed = capsys.readouterr().out
     assert "the winner is distance" in printed
-    table = read_judgements(tmp_path / "numbers_judgements.csv")
+    table = pd.read_csv(tmp_path / "numbers_judgements.csv")
     best = winner(table)
-    assert (best.measure, best.arm) == ("distance", "FTW")
-    assert 0.3 < best.gain_low < best.gain < 0.45
-    assert {one.measure for one in table} == {*MEASURES, "elsewhere", "regression"}
+    assert (best["measure"], best["arm"]) == ("distance", "FTW")
+    assert 0.3 < best["gain_low"] < best["gain"] < 0.45
+    assert {*table["measure"]} == {*MEASURES, "elsewhere", "regression"}
     assert (tmp_path / "numbers.png").stat().st_size > 10_000
 
 
 def test_a_benchmark_that_has_not_ended_is_refused(
     tiny: Setting, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rows = [row(task, tiny, 0.5) for task in sources.plan_tasks(tiny)]
-    write_csv(tmp_path / "numbers.csv", rows[:-3])
+    rows = [row(task, tiny, 0.5) for task in plan.plan_tasks(tiny)]
+    write(tmp_path / "numbers.csv", rows[:-3])
     with pytest.raises(SystemExit) as error:
-        similarity.main(["numbers"])
+        command.main(["report", "numbers"])
     assert error.value.code == 1
     assert "3 runs are missing" in capsys.readouterr().err
 
@@ -148,16 +153,35 @@ def test_an_error_in_a_run_ends_the_others(
 
     # A job for each run.
     monkeypatch.setattr(runs, "CPU_RUNS", 1)
-    monkeypatch.setattr(source_runs, "train", fail)
+    monkeypatch.setattr("studies.sources.runs.train", fail)
     monkeypatch.setattr(runs, "ProcessPoolExecutor", lambda *_, **__: ThreadPoolExecutor(1))
     with pytest.raises(SystemExit):
-        sources.main(["numbers"])
+        command.main(["run", "numbers"])
     assert len(made) < tiny.seeds * len(CASES) / 2
 
 
-def test_the_table_is_what_csv_reads(tiny: Setting, tmp_path: Path) -> None:
-    task = sources.plan_tasks(tiny)[0]
-    write_csv(tmp_path / "x.csv", [row(task, tiny, 0.5)])
-    with (tmp_path / "x.csv").open() as file:
-        (read,) = csv.DictReader(file)
-    assert key(read) == task.key(tiny)
+@pytest.mark.parametrize(("setting", "after"), [("numbers", "the winner is"), ("pixels", "no arm is judged")])
+def test_the_page_follows_from_the_kept_runs(
+    setting: str,
+    after: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(report, "FOLDER", tmp_path)
+    for name in (f"{setting}.csv.xz", f"{setting}_measures.csv"):
+        shutil.copy(KEPT / name, tmp_path / name)
+    command.main(["report", setting, "--markdown"])
+    printed = capsys.readouterr().out
+    kept = re.search(rf"<!-- begin: {setting} -->\n(.*?)<!-- end -->", PAGE.read_text(), re.S)
+    assert kept is not None and kept[1].strip() == printed[: printed.index(after)].strip()
+    judged = tmp_path / f"{setting}_judgements.csv"
+    assert judged.exists() == (setting == "numbers")
+    if judged.exists():
+        assert judged.read_bytes() == (KEPT / judged.name).read_bytes()
+
+
+def test_cases_recommends_by_the_measure_that_won() -> None:
+    best = winner(pd.read_csv(KEPT / "numbers_judgements.csv"))
+    assert (best["measure"], best["arm"]) == ("zero_shot", ZERO_SHOT_ARM)
+    assert (best["gain"], best["gain_low"], best["gain_high"]) == ZERO_SHOT_GAIN

@@ -1,25 +1,33 @@
-"""Train runs of the second study in lockstep, and test their last networks on other scenes."""
+"""Train the runs of the second study, and test their last networks on other scenes."""
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 import time
 from functools import cache
 from pathlib import Path
 
 import torch
 import torch.nn.functional as F
+from tensordict import TensorDict
 from torch import Generator, Tensor
 
-from benchmarks.questions import StudyRow
-from benchmarks.runs import Row, Setting, Task, make_row
-from benchmarks.source_runs import PLACES, learn, starts
-from benchmarks.sources import IMAZU
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
+from ship_trl.files.disk import atomic_write
 from ship_trl.learn.lockstep import Lockstep, roll_out
+from ship_trl.policies.named import POLICIES
 from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
 from ship_trl.sim.suites import load_suite, suite_of
+from ship_trl.sim.transition import make_step
+from studies.lockstep import PLACES, learn, starts
+from studies.runs import Row, Setting, Task, make_row, weights_path
+from studies.second.plan import FIRST_SOURCE, IMAZU, TRAFFIC, TRAFFIC_SEEDS
 
 # Drawn starts of a target, the same for all runs.
 STARTS, STARTS_SEED = 50, 2022
@@ -28,7 +36,12 @@ AT_ONCE = 100
 
 
 def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu") -> list[Row]:
-    """Train runs of one length and one learner at once, and test them."""
+    """Train runs of one length and one learner at once, and test their last networks elsewhere.
+
+    `perturbed`, `replayed` and `traffic` are shares of episodes that reach the goal: from drawn starts of the
+    target; from the same starts, with the actions of the greedy episode from the undisturbed one; and in
+    `traffic_test`.
+    """
     began = time.process_time()
     runs = [task.plan(setting, folder) for task in tasks]
     agents, greedy, reached = learn(tasks, runs, setting, folder, device=device)
@@ -44,13 +57,13 @@ def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu"
     seconds = (time.process_time() - began) / len(tasks)
     shown = [torch.cat(one, 1).tolist() for one in (greedy, reached)]
     return [
-        StudyRow(
-            **vars(make_row(task, setting, returns, goals, (), seconds)),
-            learner=task.learner,
-            perturbed=round(one, 4),
-            replayed=round(other, 4),
-            traffic=round(third, 4),
-        )
+        make_row(task, setting, returns, goals, (), seconds)
+        | {
+            "learner": task.learner,
+            "perturbed": round(one, 4),
+            "replayed": round(other, 4),
+            "traffic": round(third, 4),
+        }
         for task, returns, goals, one, other, third in zip(tasks, *shown, *shares, strict=True)
     ]
 
@@ -88,3 +101,37 @@ def traffic_starts(world: World) -> Tensor:
     """Return the initial states of `traffic_test`, [episodes, S]."""
     scenes = load_suite("traffic_test", world).cases
     return torch.stack([initial_state(case, world, PLACES) for case in scenes])
+
+
+def learn_traffic(setting: Setting, folder: Path) -> None:
+    """Train the networks of random encounters that are missing, by the profile of such runs.
+
+    Raises:
+        ConfigError: a run failed; it has said why.
+    """
+    network = [word for word in setting.overrides if word.startswith(("observation=", "network."))]
+    for seed in range(FIRST_SOURCE, FIRST_SOURCE + TRAFFIC_SEEDS):
+        output, kept = folder / "runs", weights_path(folder, TRAFFIC, seed)
+        if kept.exists():
+            continue
+        words = [f"target={TRAFFIC}", "method=scratch", f"seed={seed}", f"output={output}", *network]
+        if subprocess.run([sys.executable, "-m", "ship_trl", *words], check=False).returncode:
+            raise ConfigError(f"studies: the run from {TRAFFIC} with seed {seed} failed")
+        (made,) = output.rglob(f"seed={seed}/policy.safetensors")
+        with atomic_write(kept) as draft:
+            shutil.copy(made, draft)
+
+
+@cache
+def policy_success(name: str, target: str | None) -> float:
+    """Return how often a policy reaches the goal from the drawn starts of a case; None: in `traffic_test`."""
+    world = load_world()
+    policy = POLICIES[name](ShipEnv(load_suite("1", world), world, 1), 0)
+
+    def choose(state: Tensor, _: int) -> Tensor:
+        flat = state.flatten(0, 1)
+        acted = policy(TensorDict({"state": flat}, batch_size=[len(flat)]))
+        return acted["action"].view(state.shape[:2])
+
+    begin = traffic_starts(world) if target is None else drawn_starts(target, STARTS)
+    return float(roll_out(make_step(world), begin[None], choose)[1].float().mean())

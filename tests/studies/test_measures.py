@@ -7,13 +7,13 @@ import pytest
 import torch
 from torch import Generator
 
-from benchmarks.measures import KINDS, MEASURES
-from benchmarks.probes import Probed
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies.pretrained import networks
 from ship_trl.sim.cases import load_case, load_world
+from studies.sources.known import Known
+from studies.sources.measures import KINDS, MEASURES
 
 WORLD = load_world()
 ACTIONS = len(WORLD.actions)
@@ -30,33 +30,27 @@ def network() -> DuelingNetwork:
 
 
 @pytest.fixture(scope="module")
-def target(network: DuelingNetwork) -> Probed:
+def target(network: DuelingNetwork) -> Known:
     return known("4", network)
 
 
-def known(name: str, network: DuelingNetwork | None = None) -> Probed:
-    return Probed(load_case(name, WORLD), WORLD, network)
+def known(name: str, network: DuelingNetwork | None = None) -> Known:
+    return Known(load_case(name, WORLD), WORLD, network)
 
 
-def measure(name: str, source: Probed, target: Probed) -> float:
+def measure(name: str, source: Known, target: Known) -> float:
     return MEASURES[name].value(source, target)
 
 
-def test_a_case_is_most_similar_to_itself(network: DuelingNetwork, target: Probed) -> None:
-    same = known("4", network)
+def test_a_case_is_most_similar_to_itself(network: DuelingNetwork, target: Known) -> None:
+    same, other = known("4", network), known("4", small(9002))
     expected = {"gradient": 1, "cka": 1, "q_distance": 0, "policy_agreement": 1, "ships": 0, "similarity": 1}
     assert {name: measure(name, same, target) for name in expected} == pytest.approx(expected, abs=1e-5)
+    assert measure("cka", other, target) < 1 and measure("policy_agreement", other, target) < 1
+    assert measure("q_distance", other, target) > 0 and -1 <= measure("gradient", other, known("2")) <= 1
 
 
-def test_another_network_is_less_similar(target: Probed) -> None:
-    other = known("4", small(9002))
-    assert measure("cka", other, target) < 1
-    assert measure("q_distance", other, target) > 0
-    assert measure("policy_agreement", other, target) < 1
-    assert -1 <= measure("gradient", other, known("2")) <= 1
-
-
-def test_an_action_that_the_planner_takes_agrees_as_often_as_it_takes_it(target: Probed) -> None:
+def test_an_action_that_the_planner_takes_agrees_as_often_as_it_takes_it(target: Known) -> None:
     always = small(9001)
     with torch.no_grad():
         always.advantage.weight.zero_()
@@ -66,7 +60,7 @@ def test_an_action_that_the_planner_takes_agrees_as_often_as_it_takes_it(target:
     assert measure("agreement", known("1", always), target) == pytest.approx(float(share))
 
 
-def test_a_straight_course_reaches_the_goal_of_case_1_at_once(target: Probed) -> None:
+def test_a_straight_course_reaches_the_goal_of_case_1_at_once(target: Known) -> None:
     always = small(9001)
     with torch.no_grad():
         always.advantage.weight.zero_()
@@ -79,8 +73,8 @@ def test_a_straight_course_reaches_the_goal_of_case_1_at_once(target: Probed) ->
     assert measure("visits", known("1", always), target) < 1
 
 
-def test_features_that_hold_the_planners_actions_have_a_higher_logme(target: Probed) -> None:
-    learned = Probed.load(
+def test_features_that_hold_the_planners_actions_have_a_higher_logme(target: Known) -> None:
+    learned = Known.load(
         load_case("4", WORLD), WORLD, next(one.file for one in networks() if one.name == "4")
     )
     blind = small(9001)
@@ -89,7 +83,7 @@ def test_features_that_hold_the_planners_actions_have_a_higher_logme(target: Pro
     assert measure("logme", learned, target) > measure("logme", known("4", blind), target)
 
 
-def test_probes_are_the_same_each_time_and_hold_random_actions(target: Probed) -> None:
+def test_probes_are_the_same_each_time_and_hold_random_actions(target: Known) -> None:
     probe, again = target.probe, known("4").probe
     assert torch.equal(probe.states, again.states)
     assert 0.1 < (probe.planned != probe.actions).float().mean() < 0.4
@@ -100,13 +94,10 @@ def test_probes_are_the_same_each_time_and_hold_random_actions(target: Probed) -
     assert set(probe.terminated[:-1][follows].tolist()) == {False}
 
 
-@pytest.mark.parametrize("name", [name for name, kind in KINDS.items() if kind != "cases"])
-def test_a_measure_says_that_a_network_is_missing(name: str, target: Probed) -> None:
-    with pytest.raises(ValueError, match="case 4 has no network"):
-        measure(name, known("4"), target)
-
-
-def test_a_file_that_holds_no_network_is_refused(tmp_path: Path) -> None:
+def test_a_missing_network_is_named(target: Known, tmp_path: Path) -> None:
+    for name in (name for name, kind in KINDS.items() if kind != "cases"):
+        with pytest.raises(ValueError, match="case 4 has no network"):
+            measure(name, known("4"), target)
     (tmp_path / "x.safetensors").write_bytes(b"0")
     with pytest.raises(ConfigError, match="source_file"):
-        Probed.load(load_case("4", WORLD), WORLD, tmp_path / "x.safetensors")
+        Known.load(load_case("4", WORLD), WORLD, tmp_path / "x.safetensors")

@@ -1,25 +1,14 @@
-"""`python -m benchmarks questions numbers|pixels`: the runs of the second study, many at once.
-
-docs/second-study.md has its questions and rules; `python -m benchmarks answers` judges them. Runs that are in
-the table already are not made again, so that a stopped study goes on.
-"""
+"""Which runs the second study has, by question; README.md has the questions and rules."""
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
-from argparse import Namespace
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
-from benchmarks.runs import Row, Setting, Task, make_missing, read_and_run, weights_path
-from benchmarks.sources import IMAZU
-from benchmarks.sources import SETTINGS as SOURCE_SETTINGS
 from ship_trl.config.arm import SCRATCH
-from ship_trl.config.errors import ConfigError
-from ship_trl.files.disk import atomic_write
+from studies.runs import Task
+from studies.sources.plan import IMAZU
+from studies.sources.plan import SETTINGS as SOURCE_SETTINGS
 
 FOLDER = Path("outputs/questions")
 # Source and target of each pair, the least similar last.
@@ -58,21 +47,6 @@ class Sizes:
 SIZES = {"numbers": Sizes(), "pixels": Sizes(scratch=30, arm=20, problem=0, tuned=0)}
 
 
-@dataclass(frozen=True)
-class StudyRow(Row):
-    """A finished run whose last network was tested elsewhere.
-
-    `perturbed`, `replayed` and `traffic` are shares of episodes that reach the goal: from drawn starts of the
-    target; from the same starts, with the actions of the greedy episode from the undisturbed one; and in
-    `traffic_test`. `learner` are changes of the study's learner.
-    """
-
-    learner: str
-    perturbed: float
-    replayed: float
-    traffic: float
-
-
 def plan_tasks(sizes: Sizes) -> list[Task]:
     """List all runs, sources first."""
     cases = dict.fromkeys(case for pair in PAIRS.values() for case in pair)
@@ -106,40 +80,3 @@ def transfers(
         for arm in arms
         for k in range(count)
     ]
-
-
-def main(arguments: list[str]) -> None:
-    """Make the runs that are missing, and add them to the table."""
-    read_and_run("questions", str(__doc__), FOLDER, SETTINGS, run, arguments)
-
-
-def run(options: Namespace) -> None:
-    """Train sources first; then everything else."""
-    from benchmarks.question_runs import train
-
-    setting, folder = SETTINGS[options.setting], FOLDER / options.setting
-    folder.mkdir(parents=True, exist_ok=True)
-    sizes = SIZES[options.setting]
-    if sizes.problem:
-        learn_traffic(setting, folder)
-    work = partial(train, setting=setting, folder=folder, device=options.device)
-    make_missing(plan_tasks(sizes), setting, folder, StudyRow, work, options)
-
-
-def learn_traffic(setting: Setting, folder: Path) -> None:
-    """Train the networks of random encounters that are missing, by the profile of such runs.
-
-    Raises:
-        ConfigError: a run failed; it has said why.
-    """
-    network = [word for word in setting.overrides if word.startswith(("observation=", "network."))]
-    for seed in range(FIRST_SOURCE, FIRST_SOURCE + TRAFFIC_SEEDS):
-        output, kept = folder / "runs", weights_path(folder, TRAFFIC, seed)
-        if kept.exists():
-            continue
-        words = [f"target={TRAFFIC}", "method=scratch", f"seed={seed}", f"output={output}", *network]
-        if subprocess.run([sys.executable, "-m", "ship_trl", *words], check=False).returncode:
-            raise ConfigError(f"questions: the run from {TRAFFIC} with seed {seed} failed")
-        (made,) = output.rglob(f"seed={seed}/policy.safetensors")
-        with atomic_write(kept) as draft:
-            shutil.copy(made, draft)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
-from benchmarks.gains import read_outcome, read_runs
-from benchmarks.questions import ARMS, PAIRS, SIZES
-from benchmarks.sources import FOLDER
-from benchmarks.verdicts import LEVEL, MARGIN, Sample
 from ship_trl.config.arm import SCRATCH
 from ship_trl.run.table import show
+from studies.runs import read_runs
+from studies.second.answers import LEVEL, MARGIN, Sample
+from studies.second.plan import ARMS, PAIRS, SIZES
+from studies.sources.plan import FOLDER
 
 DRAWS, SEED = 2000, 2022
 
@@ -18,16 +19,16 @@ DRAWS, SEED = 2000, 2022
 def show_power(setting: str, markdown: bool) -> None:
     """Print how often a contrast of question 1 is found, after Bonferroni's correction.
 
-    Samples are drawn from the residuals of the benchmark's runs: from scratch, and of its arms.
+    Samples are drawn from the residuals of the runs of the study of sources: from scratch, and of its arms.
     """
     sizes, generator = SIZES[setting], np.random.default_rng(SEED)
-    kept = read_runs(FOLDER / f"{setting}.csv.xz")
+    kept = read_runs(FOLDER / f"{setting}.csv.xz", (), "git checkout")
     level = LEVEL / (len(PAIRS) * (len(ARMS) + 2))
     cells = []
     for pair, (source, target) in PAIRS.items():
         areas = residuals(kept, target, "", SCRATCH.name)
         could = 1 - float(np.mean(areas[0]))
-        for arm in dict.fromkeys(row["arm"] for row in kept if row["source"]):
+        for arm in kept.loc[kept["source"] != "", "arm"].unique():
             _, spread = residuals(kept, target, source, arm)
             powers = [
                 power(areas[1], spread, share * could, (sizes.scratch, sizes.arm), level, generator)
@@ -37,16 +38,10 @@ def show_power(setting: str, markdown: bool) -> None:
     show(("pair", "arm", "could be gained", "nothing", "the margin", "half of it"), cells, markdown)
 
 
-def residuals(kept: list[dict[str, str]], target: str, source: str, arm: str) -> tuple[Sample, Sample]:
-    """Return the areas of the benchmark's runs, and residuals with the sample's standard deviation."""
-    length = min(int(row["length"]) for row in kept)
-    areas = np.array(
-        [
-            read_outcome(row).area
-            for row in kept
-            if (row["target"], row["source"], row["arm"], int(row["length"])) == (target, source, arm, length)
-        ]
-    )
+def residuals(kept: pd.DataFrame, target: str, source: str, arm: str) -> tuple[Sample, Sample]:
+    """Return the areas of the study of sources, and residuals with the sample's standard deviation."""
+    is_own = (kept["target"] == target) & (kept["source"] == source) & (kept["arm"] == arm)
+    areas = kept.loc[is_own & (kept["length"] == kept["length"].min()), "area"].to_numpy()
     return areas, (areas - areas.mean()) * np.sqrt(len(areas) / (len(areas) - 1))
 
 

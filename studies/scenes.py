@@ -1,4 +1,6 @@
-"""Choose the scenes of `traffic_test`: `python -m benchmarks.scene_choice` writes the table again.
+"""`python -m studies.scenes scenes|plans`: choose the scenes of `traffic_test`, search for the bundled plans.
+
+Each writes again what ships with the package: the table of scenes, the best known plan of each bundled case.
 
 Seeds are taken in turn, and a scene is kept while its stratum has room and the planner reaches the goal in
 it. A stratum is a number of ships and the class of encounter of the first one. Runs draw their scenes from
@@ -19,7 +21,8 @@ from torch import Generator
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import EncounterClass, World
 from ship_trl.policies.planner import best_plan
-from ship_trl.sim.cases import Case, TargetShip, load_world
+from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
+from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.scene_table import Scene, write_scenes
 from ship_trl.sim.starts import make_starts
@@ -51,7 +54,7 @@ def draw_case(seed: int, world: World) -> tuple[tuple[int, str], Case]:
     return (ships, encounter), case
 
 
-def main() -> None:
+def write_table() -> None:
     """Choose the scenes, with all processors, and write the table."""
     world, kept, failed = load_world(), list[Scene](), list[str]()
     room = Counter({(ships, one.name): ROOM for ships in (1, 2, 3) for one in EncounterClass})
@@ -76,5 +79,19 @@ def main() -> None:
     sys.stdout.write(f"{len(kept)} scenes; no plan reaches the goal in {', '.join(failed) or 'none'}\n")
 
 
+def write_plans() -> None:
+    """Search for the plans of all bundled cases, and replace the bundled plans."""
+    world, names = load_world(), set()
+    for path in sorted((conf_dir() / "case").glob("*.yaml")):
+        case = load_case(str(path), world)
+        plan, name = best_plan(case, world), plan_name(case, world)
+        save_plan(BUNDLED_PLANS / name, plan)
+        names.add(name)
+        sys.stdout.write(f"case {case.name}: {plan.episode_return:.1f}\n")
+    for old in BUNDLED_PLANS.glob("*.json"):
+        if old.name not in names:
+            old.unlink()
+
+
 if __name__ == "__main__":
-    main()
+    {"scenes": write_table, "plans": write_plans}[sys.argv[1]]()

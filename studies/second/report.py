@@ -1,8 +1,4 @@
-"""`python -m benchmarks answers [numbers|pixels|both]`: what the runs of the second study say.
-
-Judges the contrasts of docs/second-study.md, from the table of `python -m benchmarks questions` or the one
-that was kept.
-"""
+"""Judge the contrasts of the second study: print, and write a table and a picture."""
 
 from __future__ import annotations
 
@@ -10,42 +6,39 @@ import math
 import sys
 from argparse import Namespace
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 from scipy import stats
 
-from benchmarks.gains import read_runs
-from benchmarks.power import show_power
-from benchmarks.questions import ARMS, FOLDER, FROZEN, PAIRS, SETTINGS, SIZES, TRAFFIC, plan_tasks
-from benchmarks.runs import key
-from benchmarks.similarity import run_table
-from benchmarks.sources import IMAZU
-from benchmarks.verdicts import (
-    LEVEL,
-    MARGIN,
-    Contrast,
-    Runs,
-    Verdict,
-    answers,
-    is_asked,
-    metric_of,
-    read_study_runs,
-)
-from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.table import show
 from ship_trl.study.report.tables import write_csv
+from studies.runs import read_runs, run_table
+from studies.second.answers import (
+    EQUAL,
+    LESS,
+    LEVEL,
+    MARGIN,
+    MORE,
+    OPEN,
+    Contrast,
+    Runs,
+    answers,
+    group_runs,
+    is_asked,
+    metric_of,
+)
+from studies.second.plan import ARMS, FOLDER, FROZEN, IMAZU, PAIRS, SETTINGS, SIZES, TRAFFIC, plan_tasks
+from studies.second.power import show_power
 
 BOTH = "both"
 POLICIES = ("keep_course", "vo")
 # What the table of levels has of each run, and its headings.
 METRICS = {
     "area": "area",
-    "start": "before training",
+    "jumpstart": "before training",
     "start_success": "success before training",
     "end": "end",
     "success": "success in training",
@@ -53,38 +46,10 @@ METRICS = {
     "replayed": "its actions replayed",
     "traffic": "traffic_test",
 }
-# Colours of verdicts.
-COLOURS = {
-    Verdict.more: "#0072B2",
-    Verdict.less: "#D55E00",
-    Verdict.equal: "#009E73",
-    Verdict.open: "#6b7280",
-}
+COLOURS = {MORE: "#0072B2", LESS: "#D55E00", EQUAL: "#009E73", OPEN: "#6b7280"}
 
 
-def main(arguments: list[str]) -> None:
-    """Judge, print, and write a table and a picture."""
-    parser = make_parser(
-        "answers",
-        f"{__doc__}\n\nWrites, of numbers and pixels:\n    {FOLDER}/SETTING_answers.csv and SETTING.png",
-    )
-    parser.prog = "python -m benchmarks answers"
-    parser.add_argument(
-        "setting",
-        nargs="?",
-        choices=(*SETTINGS, BOTH),
-        help="what networks see; both: question 5; default: one after the other",
-    )
-    parser.add_argument(
-        "--power", action="store_true", help="how often question 1 finds a gain, simulated before the runs"
-    )
-    parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
-    options = parser.parse_args(arguments)
-    with refusals():
-        run(options)
-
-
-def run(options: Namespace) -> None:
+def report(options: Namespace) -> None:
     """Do what the options ask for."""
     if options.power:
         if options.setting not in SETTINGS:
@@ -102,40 +67,25 @@ def run(options: Namespace) -> None:
         show_beside(found, options.markdown)
 
 
-def write(setting: str, runs: Runs, found: list[Contrast], markdown: bool) -> None:
-    """Print what was found of a setting; write a table and a picture."""
-    show_contrasts(found, markdown)
-    show_levels(runs, markdown)
-    table = FOLDER / f"{setting}_answers.csv"
-    write_csv(table, [asdict(one) for one in found])
-    picture = FOLDER / f"{setting}.png"
-    draw(picture, found)
-    sys.stdout.write(f"{table}\n{picture}\n")
-
-
 def read_table(setting: str) -> Runs:
     """Read the runs: those just made, or those that were kept.
 
     Raises:
         ConfigError: the table is no such table, or lacks runs.
     """
-    path = run_table(FOLDER / setting)
-    first = f"python -m benchmarks questions {setting}"
-    if not path.is_file():
-        raise ConfigError(f"answers: no runs in {path.with_suffix('')}; allowed: after {first}")
-    made = read_runs(path)
-    try:
-        runs = read_study_runs(made)
-    except KeyError as error:
-        raise ConfigError(f"answers: {path} is no table of tested runs: it has no column {error}") from None
-    except ValueError as error:
-        raise ConfigError(f"answers: {path} is no table of tested runs: {error}") from None
-    if len(made) > len(set(map(key, made))):
-        raise ConfigError(f"answers: {path} has a run twice; allowed: once")
-    wanted = {task.key(SETTINGS[setting]) for task in plan_tasks(SIZES[setting])}
-    if missing := wanted - set(map(key, made)):
-        raise ConfigError(f"answers: {len(missing)} runs are missing; allowed: after {first}")
-    return runs
+    wanted = (task.key(SETTINGS[setting]) for task in plan_tasks(SIZES[setting]))
+    first = f"python -m studies.second run {setting}"
+    return group_runs(read_runs(run_table(FOLDER / setting), wanted, first))
+
+
+def write(setting: str, runs: Runs, found: list[Contrast], markdown: bool) -> None:
+    """Print what was found of a setting; write a table and a picture."""
+    show_contrasts(found, markdown)
+    show_levels(runs, markdown)
+    table, picture = FOLDER / f"{setting}_answers.csv", FOLDER / f"{setting}.png"
+    write_csv(table, [asdict(one) for one in found])
+    draw(picture, found)
+    sys.stdout.write(f"{table}\n{picture}\n")
 
 
 def show_contrasts(found: list[Contrast], markdown: bool) -> None:
@@ -159,7 +109,7 @@ def show_contrasts(found: list[Contrast], markdown: bool) -> None:
             share_of(one),
             one.count,
             f"{one.p:.2g}",
-            one.verdict.value,
+            one.verdict,
         )
         for one in found
     ]
@@ -177,7 +127,7 @@ def show_beside(found: dict[str, list[Contrast]], markdown: bool) -> None:
     cells = []
     for name in next(iter(asked.values())):
         sides = [side[name] for side in asked.values()]
-        told = [word for one in sides for word in (f"{one.value:+.3f}", share_of(one), one.verdict.value)]
+        told = [word for one in sides for word in (f"{one.value:+.3f}", share_of(one), one.verdict)]
         signs = {one.value > 0 for one in sides}
         apart = (sides[0].value - sides[1].value) / math.hypot(*map(standard_error, sides))
         cells.append((*name, *told, "yes" if len(signs) == 1 else "no", f"{apart:+.1f}"))
@@ -198,8 +148,9 @@ def share_of(one: Contrast) -> str:
 
 def show_levels(runs: Runs, markdown: bool) -> None:
     """Print each arm's means and its success on unseen scenes, beside two policies."""
-    cells = []
-    traffic = [policy_success(name, None) for name in POLICIES]
+    from studies.second.runs import policy_success
+
+    cells, traffic = [], [policy_success(name, None) for name in POLICIES]
     for where, pairs in places_of(runs).items():
         rows = [(SCRATCH.name, "")] + [(arm, "source") for arm in (*ARMS, FROZEN)] + [(FROZEN, "target")]
         for arm, kind in rows:
@@ -230,33 +181,6 @@ def source_of(kind: str, source: str, target: str) -> str:
     return {"": "", "source": source, "target": target}[kind]
 
 
-@cache
-def policy_success(name: str, target: str | None) -> float:
-    """Return how often a policy reaches the goal from the drawn starts of a case; None: in `traffic_test`."""
-    from tensordict import TensorDict
-    from torch import Tensor
-
-    from benchmarks.question_runs import STARTS, drawn_starts, traffic_starts
-    from ship_trl.learn.lockstep import roll_out
-    from ship_trl.policies.named import keep_course
-    from ship_trl.policies.vo import vo
-    from ship_trl.sim.cases import load_world
-    from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.suites import load_suite
-    from ship_trl.sim.transition import make_step
-
-    world = load_world()
-    policy = {"keep_course": keep_course, "vo": vo}[name](ShipEnv(load_suite("1", world), world, 1))
-
-    def choose(state: Tensor, _: int) -> Tensor:
-        flat = state.flatten(0, 1)
-        acted = policy(TensorDict({"state": flat}, batch_size=[len(flat)]))
-        return acted["action"].view(state.shape[:2])
-
-    begin = traffic_starts(world) if target is None else drawn_starts(target, STARTS)
-    return float(roll_out(make_step(world), begin[None], choose)[1].float().mean())
-
-
 def draw(path: Path, found: list[Contrast]) -> None:
     """Write a PNG: each arm's gain as a share of the possible gain, a panel for each pair."""
     from matplotlib.figure import Figure
@@ -281,8 +205,7 @@ def draw(path: Path, found: list[Contrast]) -> None:
         axes.set_title(where, fontsize=11, loc="left")
         axes.tick_params(axis="x", labelsize=9)
     handles = [
-        panels[0].plot([], [], "o-", color=colour, label=verdict.value)[0]
-        for verdict, colour in COLOURS.items()
+        panels[0].plot([], [], "o-", color=colour, label=verdict)[0] for verdict, colour in COLOURS.items()
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), fontsize=9, frameon=False)
     figure.supxlabel(

@@ -1,0 +1,1 @@
+"""The second study: what is transferred, and what is it worth where a ship must be avoided?"""

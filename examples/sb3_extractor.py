@@ -19,7 +19,7 @@ from torch import Generator, Tensor
 
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.pretrained import networks
-from ship_trl.transfer.layers import load_weights
+from ship_trl.transfer.weights import load_weights
 
 
 def find(source: str) -> Path:

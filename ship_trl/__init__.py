@@ -26,6 +26,7 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     """
     from ship_trl.config.errors import ConfigError
     from ship_trl.policies import named, pretrained
+    from ship_trl.policies.registry import kind_of
     from ship_trl.sim.cases import load_world
     from ship_trl.sim.env import ShipEnv
     from ship_trl.sim.suites import load_suite
@@ -33,7 +34,7 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     name, bundled = str(name), [one.name for one in (*pretrained.networks(), *pretrained.suites())]
     if name in bundled:
         name = f"{pretrained.PRETRAINED}:{name}"
-    named.check_name(name, bundled)
+    kind_of(name, bundled)
     if case is None and pretrained.is_pretrained(name) and name != pretrained.PRETRAINED:
         case = pretrained.find(name, None).target
     if case is None:

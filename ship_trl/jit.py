@@ -21,7 +21,10 @@ RELAXED = {"contract", "nsz"}
 NO_NAN = RELAXED | {"nnan"}
 PACKAGE = Path(__file__).parent
 # All files with loops, and what they import: numba inlines their functions and constants.
-INLINED = ("jit.py", "config/*.py", "files/*.py", "sim/**/*.py", "learn/fast/*.py", "policies/hazard.py")
+INLINED = (
+    *("jit.py", "graphs.py", "config/*.py", "files/*.py", "sim/**/*.py", "learn/fast/*.py"),
+    "policies/sb_mpc.py",
+)
 # Seconds. A younger folder may belong to a process that runs.
 STALE = 24 * 3600
 

@@ -18,10 +18,10 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import make_step
 from ship_trl.sim.vector import VectorObservation
-from ship_trl.transfer.layers import save_weights
 from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods.base import TransferMethod
 from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
-from ship_trl.transfer.methods.method import TransferMethod
+from ship_trl.transfer.weights import save_weights
 from studies.runs import EVALUATIONS, Setting, Task, weights_path
 
 # Places for target ships; no case has more.

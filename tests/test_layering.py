@@ -24,7 +24,7 @@ STUDY = (
 WITHOUT_TORCH = (
     "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
     "transfer/casebase",
-    "policies/pretrained", "policies/demonstrations", "policies/entry", "run/checkpoint",
+    "policies/pretrained", "policies/demonstrations", "policies/entry", "policies/registry", "run/checkpoint",
     "run/folder", "run/plan", "run/stop", "run/progress", "grid/launchers", "run/results",
     "grid/check", "grid/compose",
     "explain/study", "study",

@@ -1,18 +1,14 @@
 """No command writes or reads through a link inside its output."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import World
 from ship_trl.files.result import write_result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import make_run
 from ship_trl.run.wandb_tracker import begin_wandb
-from ship_trl.sim.suites import load_suite
-from ship_trl.transfer.casebase import CaseBase
 from tests.a_result import a_result
 from tests.command import files, ship_trl
 from tests.config.test_config import composed
@@ -68,50 +64,6 @@ def test_the_output_itself_may_be_a_link_and_links_in_a_run_are_not_followed(
     assert not (run.folder / "config.yaml").is_symlink()
 
 
-@pytest.fixture
-def base(tmp_path: Path) -> CaseBase:
-    return CaseBase(tmp_path / "base")
-
-
-def test_an_entry_cannot_name_another_path(
-    base: CaseBase, finished_run: Path, world: World, private: Path
-) -> None:
-    case = load_suite("2", world)
-    stored = base.retain(case, "scratch", 0, "abc", {"best": {"return": 1.0}}, finished_run)
-    values = json.loads((stored.path / "entry.json").read_text())
-    elsewhere = values | {"case": "../../private", "config_hash": "../../../x"}
-    (stored.path / "entry.json").write_text(json.dumps(elsewhere))
-    (found,) = base.entries()
-    assert found.path == stored.path and found.policy.parent == stored.path
-    for more in ({"path": str(private)}, {"arm": "\x1b[2J"}, {"fingerprint": ["a"]}, {"seed": "../0"}):
-        (stored.path / "entry.json").write_text(json.dumps(values | more))
-        assert base.entries() == []
-
-
-def test_nothing_is_deleted_through_a_link_of_a_case_base(
-    base: CaseBase, finished_run: Path, world: World, private: Path
-) -> None:
-    case = load_suite("2", world)
-    place, before = base.entry_folder(case, "scratch", 0, "abc"), files(private)
-    place.parent.mkdir(parents=True)
-    place.symlink_to(private)
-    with pytest.raises(ConfigError, match="seed=0-abc is a link"):
-        base.retain(case, "scratch", 0, "abc", {}, finished_run)
-    assert files(private) == before and list(place.parent.iterdir()) == [place]
-
-
-@pytest.mark.parametrize("linked", ["1", "1/scratch", ".locks", ".plans"])
-def test_no_case_base_is_written_through_a_link(linked: str, tmp_path: Path, private: Path) -> None:
-    before, link = files(private), tmp_path / "base" / linked
-    link.parent.mkdir(parents=True)
-    link.symlink_to(private)
-    given = (f"case_base={tmp_path / 'base'}", f"output={tmp_path / 'out'}")
-    for line in (("target=1", "method=scratch"), ("source=1", "target=2", "method=finetune", "layers=1")):
-        with pytest.raises(ConfigError, match=rf"^case_base: {link} is a link; allowed: "):
-            make_run(composed(*line, *given))
-    assert files(private) == before and not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("linked", [".locks", "wandb"])
 def test_nothing_beside_the_runs_is_written_through_a_link(
     linked: str, tmp_path: Path, private: Path
@@ -133,14 +85,3 @@ def test_a_grid_does_not_write_through_a_link(tmp_path: Path, private: Path) -> 
     said = ship_trl(*line, folder=tmp_path, code=1).stderr
     assert said == "ship_trl: output: out/multirun.yaml is a link; allowed: only output= itself may be one\n"
     assert files(private) == before
-
-
-@pytest.mark.parametrize("name", ["policy.safetensors", "config.yaml"])
-def test_no_file_is_copied_through_a_link(
-    name: str, base: CaseBase, finished_run: Path, world: World, private: Path
-) -> None:
-    (finished_run / name).unlink()
-    (finished_run / name).symlink_to(private / "notes")
-    with pytest.raises(ConfigError, match=rf"^output: {finished_run / name} is a link"):
-        base.retain(load_suite("2", world), "scratch", 0, "abc", {}, finished_run)
-    assert not list(base.folder.rglob("*"))

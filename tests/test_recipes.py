@@ -44,7 +44,7 @@ def worst(record: Record) -> float:
 '''
 CONTRAST = 'beats("high", "scratch", "FE3", "collisions")'
 CLAIM = f'    Hypothesis("E7", EXPLORATORY, "FE3 collides less.", [{CONTRAST}]),\n'
-SHIPS = "abs(len(base.target_ships) - len(target.target_ships))"
+HEADINGS = '"headings": Measure(lambda base, target, _: abs(base.heading - target.heading), nearer=True),'
 # By recipe: file, what stands there, what takes its place; the recipe gives every new line.
 RECIPES = {
     "reward": [
@@ -65,7 +65,7 @@ RECIPES = {
         (
             "ship_trl/transfer/similarity.py",
             "MEASURES = {\n",
-            f'MEASURES = {{\n    "ships": Measure(lambda base, target, _: {SHIPS}, nearer=True),\n',
+            f"MEASURES = {{\n    {HEADINGS}\n",
         )
     ],
 }
@@ -206,5 +206,5 @@ def test_a_claim(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_measure_of_similarity(tmp_path: Path) -> None:
     place = follow("similarity", copy(tmp_path))
-    printed = python(place, tmp_path, "-m", "ship_trl", "cases", "target=4", "--by", "ships")
-    assert "Sources for case 4, by ships" in printed
+    printed = python(place, tmp_path, "-m", "ship_trl", "cases", "target=4", "--by", "headings")
+    assert "Sources for case 4, by headings" in printed

@@ -123,7 +123,7 @@ def trace(network: DuelingNetwork, observation: Tensor) -> Any:
 
 def metadata_of(entry: Entry, network: Network) -> dict[str, str]:
     """Return the model's metadata: case, policy, actions, layers, and the run that trained its weights."""
-    from ship_trl.transfer.layers import open_safetensors
+    from ship_trl.transfer.weights import open_safetensors
 
     found = {
         "case": entry.case.name,

@@ -205,7 +205,7 @@ def write_weights(
     """
     import torch
 
-    from ship_trl.transfer.layers import save_weights
+    from ship_trl.transfer.weights import save_weights
 
     file = folder / f"{name}.safetensors"
     about: dict[str, Any] = {key: getattr(result, key) for key in ("target", "arm", "seed", "config_hash")}

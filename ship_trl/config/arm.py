@@ -20,8 +20,8 @@ OUTPUT = ("value", "advantage")
 FULLY_CONNECTED = ("shared", *OUTPUT)
 
 
-class Method(StrEnum):
-    """How the source is used; `ship_trl.transfer.methods` has a file for each."""
+class TransferMethodName(StrEnum):
+    """How the source is used; `FORMS` says more of each."""
 
     scratch = "scratch"
     feature_extraction = "feature_extraction"
@@ -47,31 +47,35 @@ class SourceWeights(StrEnum):
 
 @dataclass(frozen=True)
 class Form:
-    """The arms of a method.
+    """A method, and its arms.
 
     Attributes:
         prefix: begins their names.
+        hooks: `module:class` of what it does, in `ship_trl.transfer.methods`.
         words: what `layers` may be besides a number.
         bare: whether it may be left out, so that nothing is copied.
+        uses_function: whether it uses what the source computes, not only its weights.
     """
 
     prefix: str
+    hooks: str = "base:TransferMethod"
     words: tuple[str, ...] = (ALL_LAYERS, HEAD, BODY)
     bare: bool = False
+    uses_function: bool = False
 
 
+# From scratch nothing is copied, and finetuning copies only: both do what every method does.
 FORMS = {
-    Method.feature_extraction: Form("FE", (HEAD,)),
-    Method.finetune: Form("FT"),
-    Method.unfreeze: Form("GU", (ALL_LAYERS,)),
-    Method.l2sp: Form("SP"),
-    Method.guide: Form("G", bare=True),
-    Method.qdagger: Form("QD", bare=True),
-    Method.q_reuse: Form("QR", (), bare=True),
+    TransferMethodName.scratch: Form("scratch", words=(), bare=True),
+    TransferMethodName.feature_extraction: Form("FE", "feature_extraction:FeatureExtraction", (HEAD,)),
+    TransferMethodName.finetune: Form("FT"),
+    TransferMethodName.unfreeze: Form("GU", "unfreeze:Unfreeze", (ALL_LAYERS,)),
+    TransferMethodName.l2sp: Form("SP", "l2sp:L2SP"),
+    TransferMethodName.guide: Form("G", "guide:Guide", bare=True, uses_function=True),
+    TransferMethodName.qdagger: Form("QD", "qdagger:QDagger", bare=True, uses_function=True),
+    TransferMethodName.q_reuse: Form("QR", "q_reuse:QReuse", (), bare=True, uses_function=True),
 }
-# Methods that use what the source computes, not only its weights.
-USES_FUNCTION = (Method.guide, Method.qdagger, Method.q_reuse)
-METHODS = {form.prefix: method for method, form in FORMS.items()}
+METHODS = {form.prefix: method for method, form in FORMS.items() if method != TransferMethodName.scratch}
 LETTERS = {ALL_LAYERS: "W", HEAD: "H", BODY: "B"}
 NAME = re.compile(rf"({'|'.join(METHODS)})([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)
 
@@ -93,16 +97,15 @@ class Arm:
         ValueError: there is no such arm.
     """
 
-    method: Method
+    method: TransferMethodName
     layers: int | str | None = None
     weights: SourceWeights = SourceWeights.learned
 
     def __post_init__(self) -> None:
-        counted = type(self.layers) is int and self.layers >= 1
-        if (form := FORMS.get(self.method)) is None:
+        form, counted = FORMS[self.method], type(self.layers) is int and self.layers >= 1
+        possible = counted or self.layers in form.words or (self.layers is None and form.bare)
+        if self.is_scratch:
             possible = self.layers is None and self.weights is SourceWeights.learned
-        else:
-            possible = counted or self.layers in form.words or (self.layers is None and form.bare)
         if not possible:
             raise ValueError(f"no arm has {self.method}, layers {self.layers}, {self.weights} weights")
 
@@ -129,7 +132,7 @@ class Arm:
     def name(self) -> str:
         """The arm's name in figures, tables and folders."""
         if self.is_scratch:
-            return Method.scratch.value
+            return TransferMethodName.scratch.value
         layers = LETTERS.get(str(self.layers), "" if self.layers is None else str(self.layers))
         suffix = "" if self.weights is SourceWeights.learned else f"-{self.weights.value}"
         return f"{FORMS[self.method].prefix}{layers}{suffix}"
@@ -137,7 +140,7 @@ class Arm:
     @property
     def is_scratch(self) -> bool:
         """Whether there is no source."""
-        return self.method is Method.scratch
+        return self.method is TransferMethodName.scratch
 
     @property
     def has_trained_source(self) -> bool:
@@ -147,7 +150,7 @@ class Arm:
     @property
     def frozen_layers(self) -> int:
         """How many conv layers, counted from the image, never learn."""
-        counted = self.method is Method.feature_extraction and self.layers != HEAD
+        counted = self.method is TransferMethodName.feature_extraction and self.layers != HEAD
         return int(self.layers or 0) if counted else 0
 
     def copied(self, layers: Sequence[str], counted: Sequence[str]) -> tuple[str, ...]:
@@ -177,10 +180,10 @@ class Arm:
 
     @property
     def _order(self) -> tuple[int, int, int, int]:
-        method, weights = list(Method).index(self.method), list(SourceWeights).index(self.weights)
+        method, weights = list(TransferMethodName).index(self.method), list(SourceWeights).index(self.weights)
         words: list[Any] = [None, HEAD, BODY, ALL_LAYERS]
         count = self.layers if isinstance(self.layers, int) else 0
         return method, weights, 0 if count else words.index(self.layers), count
 
 
-SCRATCH = Arm(Method.scratch)
+SCRATCH = Arm(TransferMethodName.scratch)

@@ -10,7 +10,7 @@ import importlib.util
 from omegaconf import DictConfig
 
 from ship_trl.config.algorithm import DISTILS, ON_POLICY, read_algorithm
-from ship_trl.config.arm import BODY, FORMS, HEAD, USES_FUNCTION, Method, SourceWeights
+from ship_trl.config.arm import BODY, FORMS, HEAD, SourceWeights, TransferMethodName
 from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
@@ -41,10 +41,10 @@ def to_config(values: DictConfig) -> Config:
     if config.algorithm["build"] in ON_POLICY:
         allowed = "left out with algorithm=ppo, which learns from its own actions alone"
         require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
-        without = config.method not in USES_FUNCTION
+        without = not FORMS[config.method].uses_function
         why = "which learns from its own actions and has no Q-values"
         require(without, "method", f"another with algorithm=ppo, {why}", config.method.value)
-    if config.algorithm["build"] in DISTILS and config.method is Method.q_reuse:
+    if config.algorithm["build"] in DISTILS and config.method is TransferMethodName.q_reuse:
         why = "which learns the Q-values of its teacher"
         require(False, "method", f"another with algorithm=pupil, {why}", config.method.value)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
@@ -175,7 +175,7 @@ def check_arm(config: Config) -> None:
             "pair: none given; give +pair=NAME (see --help for the names), "
             "or source=CASE target=CASE, or method=scratch target=CASE"
         )
-    if method is Method.scratch:
+    if method is TransferMethodName.scratch:
         require(layers is None, "layers", "left out with method=scratch", layers)
         require(config.source_file is None, "source_file", "left out with method=scratch", config.source_file)
         learned = weights is SourceWeights.learned
@@ -202,10 +202,10 @@ def check_arm(config: Config) -> None:
     known = layers in form.words or (type(layers) is int and layers in counts) or layers is None
     numbers += ", or left out" * form.bare
     require(known, "layers", f"{numbers} with method={method.value}", layers)
-    if layers == BODY or (layers == HEAD and method is Method.feature_extraction):
+    if layers == BODY or (layers == HEAD and method is TransferMethodName.feature_extraction):
         # The layers of a network of numbers are all fully connected, and counted.
         require(bool(config.network.conv), "layers", "a number or all with observation=vector", layers)
-    if method in USES_FUNCTION:
+    if form.uses_function:
         is_trained = weights in (SourceWeights.learned, SourceWeights.pretrained)
         allowed = f"learned or pretrained with method={method.value}"
         require(is_trained, "source_weights", allowed, weights.value)

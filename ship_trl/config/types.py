@@ -14,7 +14,7 @@ from typing import Annotated, Any
 from omegaconf import OmegaConf
 from pydantic import Field
 
-from ship_trl.config.arm import Arm, Method, SourceWeights
+from ship_trl.config.arm import Arm, SourceWeights, TransferMethodName
 from ship_trl.config.bounds import (
     MAX_COUNT,
     MAX_DRAWS,
@@ -244,7 +244,7 @@ class Config:
     source_file: PathName | None
     source_weights: SourceWeights
     demonstrations: PathName | None
-    method: Method
+    method: TransferMethodName
     layers: Any
     seed: Seed
     device: Device

@@ -18,11 +18,11 @@ import torch
 from tensordict import TensorDictBase
 
 from ship_trl.learn.rollout import Policy
-from ship_trl.policies.encounter import Steering, goal_course
+from ship_trl.policies.steering import Steering
 from ship_trl.sim.encounter import own_velocity, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import predicted_approach, unit_vector, wrap_angle
-from ship_trl.sim.state import HEADING, is_present, relative_positions
+from ship_trl.sim.state import HEADING, goal_course, is_present, relative_positions
 
 # Ships within `RANGE` (m) repel whose DCPA is below the safe distance and `MARGIN` (m), and whose TCPA is
 # between 0 and `HORIZON` (s).

@@ -7,10 +7,10 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.types import World
-from ship_trl.policies.pretrained import is_pretrained
+from ship_trl.policies.registry import POLICIES, Kind, kind_of
 from ship_trl.sim.cases import Case
 from ship_trl.sim.suites import Suite, suite_of
 
@@ -45,8 +45,9 @@ class Entry:
     @property
     def draws(self) -> bool:
         """Whether two episodes of a case may differ: by their starts, or by a policy that draws."""
-        is_own = ":" in self.policy and not is_pretrained(self.policy) and not Path(self.policy).exists()
-        return self.suite.is_drawn or self.policy == "random" or is_own
+        kind = kind_of(self.policy)
+        draws = POLICIES[self.policy].draws if kind is Kind.named else kind is Kind.own
+        return self.suite.is_drawn or draws
 
     @property
     def case(self) -> Case:
@@ -149,23 +150,15 @@ def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Polic
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
     """
-    from ship_trl.policies.named import POLICIES, load_policy
+    from ship_trl.policies.named import load_policy
     from ship_trl.sim.env import ShipEnv
-    from ship_trl.transfer.layers import read_look
+    from ship_trl.transfer.weights import read_look
 
     # Networks draw their own pixels, and policies without training read only the state.
-    is_network = entry.policy.endswith(".safetensors")
-    pixels = entry.policy not in POLICIES and not is_network
-    colour, vector_time = entry.colour, 0.0
-    if is_network:
-        network, colour = read_look(Path(entry.policy), "policy")
-        vector_time = network.vector_time
-    env = ShipEnv(
-        entry.suite,
-        entry.world,
-        colour=colour,
-        vector_time=vector_time,
-        from_pixels=pixels,
-        starts=starts,
-    )
+    kind, colour, vector_time = kind_of(entry.policy), entry.colour, 0.0
+    if kind is Kind.network:
+        look = read_look(Path(entry.policy), "policy")
+        colour, vector_time = look.colour, look.network.vector_time
+    seen: dict[str, Any] = {"colour": colour, "vector_time": vector_time, "from_pixels": kind is Kind.own}
+    env = ShipEnv(entry.suite, entry.world, **seen, starts=starts)
     return env, load_policy(entry.policy, env, seed)

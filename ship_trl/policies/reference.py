@@ -1,37 +1,125 @@
-"""The best known plan of each case, cached as a JSON file because the search takes long.
+"""Policies that learn nothing, and the returns that are the zero and the one of scores: random, best known.
 
-`plans/` has those of the bundled cases in the paper's world; `python -m studies.scenes plans` rewrites it.
+The best known plan of each case is cached as a JSON file because the search takes long. `plans/` has those of
+the bundled cases in the paper's world; `python -m studies.scenes plans` rewrites it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import torch
+from tensordict import TensorDictBase
+from torch import Generator
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
+from ship_trl.learn.rollout import Policy
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case
+from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.scene_table import Scene, read_scenes
-from ship_trl.sim.state import initial_state
+from ship_trl.sim.starts import Starts, make_starts
+from ship_trl.sim.state import STEP, initial_state
 from ship_trl.sim.suites import Suite
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.transition import Transition, make_step
 
 # Increase it with every change of the planner or of a reward term's formula that may find another plan.
 PLANNER_VERSION = 2
 BUNDLED_PLANS = Path(__file__).parent / "plans"
 # Raw return. Processors round differently, so a cached plan's return may differ by this much.
 RETURN_TOLERANCE = 1e-3
+# Episodes of `random_return`: with this many the standard error of the mean is about 2.
+EPISODES = 10_000
 # By file name.
 _cached_plans: dict[str, Plan] = {}
+
+
+def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
+    """Return the policy that draws its actions uniformly."""
+    generator = Generator(device=env.device).manual_seed(seed)
+    count = len(env.world.actions)
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        action = torch.randint(count, env.batch_size, generator=generator, device=env.device)
+        return step.set("action", action)
+
+    return policy
+
+
+def random_return(
+    suite: Suite, world: World, seed: int = 0, episodes: int = EPISODES, *, fast: bool = True
+) -> float:
+    """Return the mean undiscounted raw return of uniform random actions in a suite, its cases in turn.
+
+    All runs use the same seed of actions and starts, so that their scores share one zero. `fast` is of
+    `make_step`.
+    """
+    step, generator = make_step(world, fast=fast), Generator().manual_seed(seed)
+    state = make_starts(suite, world).balanced(episodes, generator).contiguous()
+    total = torch.zeros(episodes, dtype=torch.float64)
+    running = torch.ones(episodes, dtype=torch.bool)
+    while bool(running.any()):
+        action = torch.randint(len(world.actions), (episodes,), generator=generator)
+        after = step(state, action)
+        total += after.reward * running
+        running &= ~(after.goal | after.collision | after.truncated)
+        state = after.state
+    return float(total.mean())
+
+
+def keep_course(env: ShipEnv, _: int = 0) -> Policy:
+    """Return the policy that keeps its course."""
+    return follow([env.world.straight_action])
+
+
+def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
+    """Return the policy that follows the planner's best plan of each case.
+
+    Raises:
+        ConfigError: the starts are drawn.
+    """
+    if env.suite.is_drawn:
+        raise ConfigError("policy: best_known has no plan of a drawn start; allowed: cases, not perturbed")
+    plans = [best_known(case, env.world).actions or [0] for case in env.suite.cases]
+    if len(plans) == 1:
+        return follow(plans[0])
+    length = max(map(len, plans))
+    # A plan repeats its last action.
+    table = torch.tensor([plan + plan[-1:] * (length - len(plan)) for plan in plans], device=env.device)
+    starts = Starts(env.suite, env.world).states.to(env.device)
+    case = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        # The plan of the case that a row has begun with.
+        state = step["state"]
+        time = state[:, STEP].long()
+        begun = (time == 0).nonzero()[:, 0]
+        if len(begun):
+            matches = (state[begun, None] == starts).all(-1)
+            case[begun] = torch.where(matches.any(-1), matches.to(torch.int8).argmax(-1), case[begun])
+        return step.set("action", table[case, time.clamp(max=length - 1)])
+
+    return policy
+
+
+def follow(actions: Sequence[int]) -> Policy:
+    """Return the policy that follows a plan, and repeats its last action."""
+    plan = torch.tensor(actions or [0])
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        time = step["state"][..., STEP].long().clamp(max=len(plan) - 1)
+        return step.set("action", plan.to(time.device)[time])
+
+    return policy
 
 
 def best_known(case: Case, world: World, folder: Path | None = None) -> Plan:

@@ -1,15 +1,15 @@
-"""Score how episodes keep the steering rules (COLREGs 8 and 13 to 17).
+"""Remember encounters, and score how episodes keep the steering rules (COLREGs 8 and 13 to 17).
 
 Source: Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner et al. 2019
 (doi 10.1007/s10514-018-9765-y), read from a public reconstruction. Numbers in parentheses are its equations.
-Encounter classes are Pedersen's, locked at the onset (`encounter.Encounters`).
+Encounter classes are Pedersen's, locked at the onset (`Encounters`).
 
 Ours: radii are scaled from a collision radius of 35 m to the safe distance, and the stages by the window of
 the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Of several changes,
 the manoeuvre is the one with the largest turn, and then the largest change of speed. A change begins where
-course and speed were last held: within `hold` seconds the turn was below its first bound, and the change of
+course and speed were last held: within `HOLD` seconds the turn was below its first bound, and the change of
 speed below its second, so that small corrections do not count. The manoeuvre must begin before the closest
-approach, and then counts for at least `reaction` seconds: it may open the range at once. Rule 17's penalty
+approach, and then counts for at least `REACTION` seconds: it may open the range at once. Rule 17's penalty
 is the largest of three: the apparent changes of course and of speed before stage 4, and a port turn in
 stage 4 towards a ship to port. Rule 14 scores 0 after a collision, as the other rules do. In this world a
 hard turn also halves the speed, which counts as apparent.
@@ -26,21 +26,67 @@ from torch import Tensor
 
 from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.config.types import World
-from ship_trl.policies.encounter import Encounters, Onset
-from ship_trl.sim.encounter import Encounter, Motion, are_ruled, relative_motion
+from ship_trl.sim.encounter import Encounter, Motion, are_ruled, classify, relative_motion
 from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
-from ship_trl.sim.state import HEADING, SHIP_HEADING, SPEED, is_present, relative_positions, target_ships
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    SPEED,
+    STEP,
+    is_present,
+    relative_positions,
+    target_ships,
+)
 
 # The source's collision radius (m).
 COLLISION = 35.0
+# Metres.
+STAGE3, STAGE4 = 236.0, 67.0
+# A change of course (degrees) or speed (shares) counts from the first bound, and in full at the second.
+TURN, SPEED_CHANGE, STARBOARD = (2.0, 30.0), (0.07, 0.25), (10.0, 30.0)
+# Seconds.
+REACTION, HOLD = 10.0, 5.0
+
+
+@dataclass(frozen=True)
+class Onset:
+    """When an encounter begins and ends. Metres, seconds, degrees.
+
+    An encounter begins when DCPA is below `dcpa` and TCPA between 0 and `tcpa`. It ends when the ships move
+    apart and are `clear` away from each other. Between the two its class stays (Rule 13(d)).
+    """
+
+    dcpa: float
+    tcpa: float
+    clear: float
+    head_on: float = HEAD_ON_DEGREES
+
+
+class Encounters:
+    """Remembers the encounter class of every place, for rows whose episodes begin at different times."""
+
+    def __init__(self, onset: Onset) -> None:
+        self.onset, self.classes = onset, torch.empty(0, 0, dtype=torch.int64)
+
+    def update(self, state: Tensor, motion: Motion) -> Tensor:
+        """Return the classes now, int64 [N, K], for states [N, S]; step 0 begins a new episode."""
+        onset, classes = self.onset, self.classes
+        if classes.shape != motion.distance.shape:
+            classes = torch.full_like(motion.distance, Encounter.NONE, dtype=torch.int64)
+        is_over = (motion.tcpa < 0) & (motion.distance > onset.clear)
+        classes = classes.masked_fill(is_over | (state[:, STEP, None] == 0), Encounter.NONE)
+        begins = (classes == Encounter.NONE) & (motion.dcpa < onset.dcpa)
+        begins &= (motion.tcpa >= 0) & (motion.tcpa <= onset.tcpa)
+        found = classify(motion.bearing, motion.aspect, math.radians(onset.head_on))
+        self.classes = torch.where(begins, found, classes)
+        return self.classes
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of the scores: metres, degrees, seconds, shares of the speed.
+    """Radii (m) of the range score, and when encounters begin.
 
     The range score falls from 1 at `preferred` to 0.8 at `minimum`, 0.5 at `near_miss` and 0 at `collision`.
-    A change of course or speed counts from the first of two bounds, and counts in full at the second.
     """
 
     preferred: float
@@ -48,13 +94,6 @@ class Settings:
     near_miss: float
     collision: float
     onset: Onset
-    stage3: float = 236.0
-    stage4: float = 67.0
-    turn: tuple[float, float] = (2.0, 30.0)
-    speed_change: tuple[float, float] = (0.07, 0.25)
-    starboard: tuple[float, float] = (10.0, 30.0)
-    reaction: float = 10.0
-    hold: float = 5.0
 
 
 def scaled_settings(world: World, head_on: float = HEAD_ON_DEGREES) -> Settings:
@@ -109,7 +148,7 @@ def score_rules(states: Tensor, last: Tensor, world: World, settings: Settings) 
         states: states of N episodes [N, T + 1, S], padded with any states at their ends.
         last: index of each episode's last state, int64 [N].
         world: length of a step.
-        settings: radii, stages and onset.
+        settings: radii and onset.
     """
     states, last = states.double(), last[:, None]
     motion = relative_motion(states)
@@ -125,27 +164,27 @@ def score_rules(states: Tensor, last: Tensor, world: World, settings: Settings) 
     heading, speed = (states[..., column, None].expand_as(motion.distance) for column in (HEADING, SPEED))
     turns = -torch.rad2deg(wrap_angle(heading - at(heading, onset)[:, None]))
     changes = (speed / at(speed, onset).clamp(min=1e-6)[:, None] - 1).abs()
-    manoeuvre = _manoeuvre(turns, speed, changes, onset, last, cpa.step, world, settings)
+    manoeuvre = _manoeuvre(turns, speed, changes, onset, last, cpa.step, world)
     manoeuvre = manoeuvre.masked_fill(~has_onset, -1)
-    reaction = round(settings.reaction / world.dt)
+    reaction = round(REACTION / world.dt)
     end = torch.where(manoeuvre < 0, cpa.step, torch.maximum(cpa.step, manoeuvre + reaction))
     during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
     turn = at(turns, (turns.abs() * during).argmax(1))
-    turned = ramp(turn.abs(), settings.turn)
-    apparent = (turned + ramp((changes * during).amax(1), settings.speed_change)) / 2
-    entry = at(motion.distance, onset).clamp(max=settings.stage3)
+    turned = ramp(turn.abs(), TURN)
+    apparent = (turned + ramp((changes * during).amax(1), SPEED_CHANGE)) / 2
+    entry = at(motion.distance, onset).clamp(max=STAGE3)
     begun = at(motion.distance, manoeuvre.clamp(min=0))
     timely = 1 - ((entry - begun) / entry).clamp(min=0.0).masked_fill(manoeuvre < 0, 1.0)
 
     rule8 = apparent * timely
     rule16 = safety * rule8
     sin_bearing, sin_aspect, aspect = cpa.bearing.sin(), cpa.aspect.sin(), torch.rad2deg(cpa.aspect)
-    no_starboard = 1 - ramp((turns * during).amax(1), settings.starboard, power=1)
+    no_starboard = 1 - ramp((turns * during).amax(1), STARBOARD, power=1)
     not_port_to_port = 1 - ((sin_aspect - 1) / 2).square() * ((sin_bearing - 1) / 2).square()
     rule14 = (1 - 0.4 * no_starboard - 0.6 * not_port_to_port) * turned * timely * (safety > 0)
     rule13 = rule16 - 0.3 * (aspect.abs() < 45)
     rule15 = rule16 - 0.5 * ((aspect > -25) & (aspect < 165))
-    rule17 = safety * (1 - _stand_on_penalty(motion, heading, turns, changes, during, settings))
+    rule17 = safety * (1 - _stand_on_penalty(motion, heading, turns, changes, during))
     head_on, crosses, overtakes = (
         kind == one for one in (Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING)
     )
@@ -232,7 +271,6 @@ def _manoeuvre(
     last: Tensor,
     cpa: Tensor,
     world: World,
-    settings: Settings,
 ) -> Tensor:
     """Return the step at which the manoeuvre is chosen, int64 [N, K]; -1 without one.
 
@@ -244,34 +282,33 @@ def _manoeuvre(
         last: step of the last state, int64 [N, 1].
         cpa: step of the closest approach, int64 [N, K].
         world: length of a step.
-        settings: bounds, `hold` and `reaction`.
     """
     time = torch.arange(turns.shape[1])[:, None]
-    hold, reaction = (round(seconds / world.dt) for seconds in (settings.hold, settings.reaction))
+    hold, reaction = (round(seconds / world.dt) for seconds in (HOLD, REACTION))
     before = torch.maximum(time - hold, onset[:, None])
     turned = (turns - turns.gather(1, before)).abs()
     sped = (speed / speed.gather(1, before).clamp(min=1e-6) - 1).abs()
-    is_held = (turned <= settings.turn[0]) & (sped < settings.speed_change[1])
+    is_held = (turned <= TURN[0]) & (sped < SPEED_CHANGE[1])
     begin = torch.where(is_held, time, 0).cummax(1).values
     end = torch.maximum(cpa[:, None], begin + reaction)
     counts = ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None])
     counts &= time <= torch.minimum(end, last[:, None])
-    size = turns.abs().clamp(max=settings.turn[1]) + ramp(changes, settings.speed_change)
+    size = turns.abs().clamp(max=TURN[1]) + ramp(changes, SPEED_CHANGE)
     return at(begin, (size * counts).argmax(1)).masked_fill(~counts.any(1), -1)
 
 
 def _stand_on_penalty(
-    motion: Motion, heading: Tensor, turns: Tensor, changes: Tensor, during: Tensor, settings: Settings
+    motion: Motion, heading: Tensor, turns: Tensor, changes: Tensor, during: Tensor
 ) -> Tensor:
     """Return Rule 17's penalties, from 0 to 1, [N, K]."""
-    is_near = (((motion.distance <= settings.stage4) & during).cumsum(1) > 0) & during
+    is_near = (((motion.distance <= STAGE4) & during).cumsum(1) > 0) & during
     is_far = during & ~is_near
     # Port turns that begin while the ship is to port, net of starboard ones.
     turns_to_ship = (is_near & (motion.bearing < 0))[:, :-1] & during[:, 1:]
     port = torch.rad2deg(wrap_angle(heading.diff(dim=1))) * turns_to_ship
     penalties = (
-        ramp((turns.abs() * is_far).amax(1), settings.turn),
-        ramp((changes * is_far).amax(1), settings.speed_change),
-        ramp(port.cumsum(1).amax(1), settings.turn),
+        ramp((turns.abs() * is_far).amax(1), TURN),
+        ramp((changes * is_far).amax(1), SPEED_CHANGE),
+        ramp(port.cumsum(1).amax(1), TURN),
     )
     return torch.stack(penalties).amax(0)

@@ -20,19 +20,17 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from ship_trl.learn.rollout import Policy
-from ship_trl.policies.encounter import Encounters, Onset, Steering, goal_course
+from ship_trl.policies.rules import Encounters, Onset
+from ship_trl.policies.steering import Steering
 from ship_trl.sim.encounter import Encounter, relative_motion, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
-from ship_trl.sim.state import HEADING, is_present
+from ship_trl.sim.state import HEADING, goal_course, is_present
 
 # The encounters in which own ship leaves the target ship to port.
 RULED = torch.tensor([Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING])
 # The turn must keep this share of the distance to keep: less than 1, so that a ship at the margin may turn.
 TURNING_SHARE = 0.98
-
-
 # Metres that are added to the safe distance; collisions after so many seconds do not count.
 MARGIN, HORIZON = 10.0, 30.0
 # The grid has headings within this range of own ship's, by this step, in degrees.
@@ -46,7 +44,7 @@ ONSET = Onset(dcpa=60.0, tcpa=30.0, clear=90.0)
 class VelocityObstacles:
     """Chooses the cheapest velocity of a grid of V, and the action that leads to it."""
 
-    def __init__(self, env: ShipEnv) -> None:
+    def __init__(self, env: ShipEnv, _: int = 0) -> None:
         world = env.world
         self.encounters = Encounters(ONSET)
         self.steering = Steering(world, env.device)
@@ -94,8 +92,3 @@ class VelocityObstacles:
         is_ruled = torch.isin(classes, RULED.to(classes.device))[:, None]
         breaks = is_ruled & goes_left & (tcpa > 0)
         return cost + obstacle.amax(-1) + RULE * breaks.any(-1)
-
-
-def vo(env: ShipEnv, _: int = 0) -> Policy:
-    """Return the policy of velocity obstacles."""
-    return VelocityObstacles(env)

@@ -9,8 +9,7 @@ from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
-from ship_trl.policies.random_policy import random_return
-from ship_trl.policies.reference import best_known
+from ship_trl.policies.reference import best_known, random_return
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import suite_of

@@ -17,8 +17,7 @@ from ship_trl.files.curve import CurveError, read_curve, split
 from ship_trl.files.result import SCHEMA_VERSION, Result, ResultError, SourceReturns, read_result
 from ship_trl.learn.train import Evaluated
 from ship_trl.policies import pretrained
-from ship_trl.policies.random_policy import random_return
-from ship_trl.policies.reference import best_known_return
+from ship_trl.policies.reference import best_known_return, random_return
 from ship_trl.run import console
 from ship_trl.run.history import summarise
 from ship_trl.run.parts import Parts
@@ -28,7 +27,7 @@ from ship_trl.run.run import Run
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, Entry
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 from ship_trl.view.curves import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
 

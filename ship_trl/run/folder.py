@@ -20,7 +20,7 @@ from ship_trl.files.result import RESULT, Result, ResultError, read_result
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.run.checkpoint import FOLDER, Checkpoints
 from ship_trl.run.run import Run
-from ship_trl.transfer.casebase import CONFIG, LOCKS, CaseBase
+from ship_trl.transfer.casebase import CONFIG, LOCKS
 
 # Settings that do not change what a run learns.
 IGNORED_KEYS = {
@@ -50,13 +50,12 @@ class TakenError(ConfigError):
 def check_folder(run: Run) -> None:
     """Check, before a run begins, that its folder is writable and that no other run would be overwritten.
 
-    Nothing may be written through a link: neither the folder, nor a lock, nor the case base.
+    Nothing may be written through a link: neither the folder, nor a lock.
     """
     parent = next(folder for folder in (run.folder, *run.folder.parents) if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
         raise ConfigError(f"output: {parent} is not a folder that can be written")
-    base, output = CaseBase(Path(run.config.case_base)), Path(run.config.output)
-    base.refuse_links(run.target, run.entry_arm, run.config.seed, run.config_hash)
+    output = Path(run.config.output)
     if linked := [*links(output / LOCKS, output), *links(run.folder / FOLDER, output)]:
         raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     find_result(run)

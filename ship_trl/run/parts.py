@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Generator
 
-from ship_trl.config.arm import USES_FUNCTION, Method
+from ship_trl.config.arm import FORMS, TransferMethodName
 from ship_trl.config.errors import ConfigError
 from ship_trl.learn.algorithm import Algorithm, Setup, build_algorithm
 from ship_trl.learn.backend import Draw
@@ -30,7 +30,7 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import mirrored_state
 from ship_trl.transfer.methods import make_method
-from ship_trl.transfer.methods.method import Origin, fixed_copy
+from ship_trl.transfer.methods.base import Origin, fixed_copy
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
@@ -110,7 +110,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     scratch = rollout(eval_env, greedy_policy(network, draw))
     method = make_method(run.arm, config.transfer)
     if source is not None:
-        if run.arm.method in USES_FUNCTION:
+        if FORMS[run.arm.method].uses_function:
             method.attach(make_origin(run, network, source, draw, eval_env, scratch))
         method.copy(network, source.weights)
     setup = Setup(
@@ -163,7 +163,7 @@ def make_origin(
     # A source that this run trains has the run's own scale; of a file it is unknown.
     source_scale = scale if run.pretrained is None else REWARD_SCALE
     reached, untrained = mean_return(found), mean_return(scratch)
-    if run.arm.method is Method.qdagger and reached <= untrained:
+    if run.arm.method is TransferMethodName.qdagger and reached <= untrained:
         console.say(
             f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: no pull to it"
         )

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Generator
 
-from ship_trl.config.arm import USES_FUNCTION, SourceWeights
+from ship_trl.config.arm import FORMS, SourceWeights
 from ship_trl.config.types import Schedule
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.network import DuelingNetwork, make_network
@@ -23,7 +23,7 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import Suite
 from ship_trl.transfer.casebase import Entry
-from ship_trl.transfer.layers import Weights, load_weights, permute_values
+from ship_trl.transfer.weights import Weights, load_weights, permute_values
 
 # Evaluations on the source in a run, evenly, the first and the last included. They take about 1 % of a run of
 # pixels and 2 % of one of vectors in profile quick; at each of its 121 evaluations 4 % and 9 %.
@@ -60,7 +60,7 @@ def read_source(run: Run, entry: Entry | None = None) -> Source | None:
         path, key, origin = Path(str(config.source_file)), "source_file", str(config.source_file)
     copied = run.arm.copied(network.all_layers, network.layer_names)
     # A source may have another number of actions where its Q-values are neither copied nor asked for.
-    needs_all = run.arm.method in USES_FUNCTION or "advantage" in copied
+    needs_all = FORMS[run.arm.method].uses_function or "advantage" in copied
     weights = load_weights(path, network, key, free=() if needs_all else ("advantage",))
     if run.arm.weights is SourceWeights.permuted:
         weights = permute_values(weights, Generator().manual_seed(run.stream("permuted source")))

@@ -30,7 +30,7 @@ from ship_trl.run.stop import Stop, StoppedError, stop_on_signal
 from ship_trl.run.tracking import Tracker
 from ship_trl.sim.cases import shadowing_file
 from ship_trl.transfer.casebase import PLANS, POLICY
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 
 # Cases whose best known plan is searched for, which takes a minute or more of each.
 MAX_SEARCHES = 10

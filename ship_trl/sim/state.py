@@ -99,6 +99,12 @@ def is_present(state: Tensor) -> Tensor:
     return torch.arange(places, device=state.device) < state[..., SHIP_COUNT, None]
 
 
+def goal_course(state: Tensor) -> Tensor:
+    """Return the headings (rad) [...] from own ship to the goal in states [..., S]."""
+    east, north = (goal(state) - position(state)).unbind(-1)
+    return torch.atan2(north, east)
+
+
 def goal_distance(state: Tensor) -> Tensor:
     """Return the distances (m) to the goal [...] for states [..., S]."""
     return torch.linalg.vector_norm(goal(state) - position(state), dim=-1)

@@ -17,7 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 
 from ship_trl.config import arm as arms
-from ship_trl.config.arm import ALL_LAYERS, Arm, Method, SourceWeights
+from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights, TransferMethodName
 from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
 from ship_trl.config.errors import ConfigError, missing_extra
@@ -27,9 +27,9 @@ from ship_trl.config.types import Logger, WandbMode
 from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.launchers import check_slurm
 
-SCRATCH, WHOLE = arms.SCRATCH.name, Arm(Method.finetune, ALL_LAYERS).name
-FE = tuple(Arm(Method.feature_extraction, n).name for n in range(1, 5))
-FT = tuple(Arm(Method.finetune, n).name for n in range(1, 5))
+SCRATCH, WHOLE = arms.SCRATCH.name, Arm(TransferMethodName.finetune, ALL_LAYERS).name
+FE = tuple(Arm(TransferMethodName.feature_extraction, n).name for n in range(1, 5))
+FT = tuple(Arm(TransferMethodName.finetune, n).name for n in range(1, 5))
 TRANSFERS = (*FE, *FT, WHOLE)
 # Controls whose frozen layers hold random weights, or the source's weights permuted within each layer.
 RANDOM, PERMUTED = SourceWeights.random.value, SourceWeights.permuted.value

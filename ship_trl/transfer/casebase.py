@@ -16,10 +16,9 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config.arm import FORMS, Arm, Method
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.arm import FORMS, Arm, TransferMethodName
 from ship_trl.config.types import World
-from ship_trl.files.disk import links, read_json, sync, writing
+from ship_trl.files.disk import read_json, sync, writing
 from ship_trl.sim.cases import Case
 from ship_trl.sim.suites import Suite
 from ship_trl.transfer.similarity import MEASURES, similarity
@@ -94,7 +93,7 @@ class CaseBase:
         Networks of `q_reuse` are left out: they are refused as a source.
         """
         stored = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
-        stored = [e for e in stored if not e.arm.startswith(FORMS[Method.q_reuse].prefix)]
+        stored = [e for e in stored if not e.arm.startswith(FORMS[TransferMethodName.q_reuse].prefix)]
         usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
         return max(usable, key=lambda entry: entry.best_return, default=None)
 
@@ -110,19 +109,6 @@ class CaseBase:
         locks = self.folder / LOCKS
         locks.mkdir(parents=True, exist_ok=True)
         return FileLock(locks / f"{suite.name}-{arm}-{seed}-{config_hash}.lock")
-
-    def refuse_links(self, suite: Suite, arm: str, seed: int, config_hash: str) -> None:
-        """Check that entry, plans and locks would not be written through a link.
-
-        Raises:
-            ConfigError: there is a link.
-        """
-        entry = self.entry_folder(suite, arm, seed, config_hash)
-        for folder in (entry, self.folder / LOCKS, self.folder / PLANS):
-            if linked := links(folder, self.folder):
-                raise ConfigError(
-                    f"case_base: {linked[0]} is a link; allowed: only case_base= itself may be one"
-                )
 
     def find(self, suite: Suite, arm: str, seed: int, config_hash: str) -> Entry | None:
         """Return the entry of this suite and these settings, or None."""
@@ -149,12 +135,7 @@ class CaseBase:
         entry = Entry(folder, suite.name, suite.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(suite, arm, seed, config_hash):
             return entry
-        self.refuse_links(suite, arm, seed, config_hash)
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
-        for name in (POLICY, CONFIG):
-            if (run / name).is_symlink():
-                # Through a link, a private file of this machine would be copied into the case base.
-                raise ConfigError(f"output: {run / name} is a link; allowed: the file itself")
         draft.mkdir(parents=True)
         try:
             for name in (POLICY, CONFIG):
@@ -195,6 +176,6 @@ def recommend(base: Case, target: Case) -> Arm:
     """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3)."""
     if similarity(base, target) >= HIGH_SIMILARITY:
         # Three frozen layers are better than four.
-        return Arm(Method.feature_extraction, 3)
+        return Arm(TransferMethodName.feature_extraction, 3)
     # The return falls with each further layer.
-    return Arm(Method.finetune, 1)
+    return Arm(TransferMethodName.finetune, 1)

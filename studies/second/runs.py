@@ -18,7 +18,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.lockstep import Lockstep, roll_out
-from ship_trl.policies.named import POLICIES
+from ship_trl.policies.named import load_policy
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
@@ -126,7 +126,7 @@ def learn_traffic(setting: Setting, folder: Path) -> None:
 def policy_success(name: str, target: str | None) -> float:
     """Return how often a policy reaches the goal from the drawn starts of a case; None: in `traffic_test`."""
     world = load_world()
-    policy = POLICIES[name](ShipEnv(load_suite("1", world), world, 1), 0)
+    policy = load_policy(name, ShipEnv(load_suite("1", world), world, 1))
 
     def choose(state: Tensor, _: int) -> Tensor:
         flat = state.flatten(0, 1)

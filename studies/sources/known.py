@@ -15,9 +15,8 @@ from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
-from ship_trl.policies.named import load_network
+from ship_trl.policies.named import load_network, load_policy
 from ship_trl.policies.reference import best_known
-from ship_trl.policies.vo import vo
 from ship_trl.policies.zero_shot import score_bounds
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
@@ -108,7 +107,7 @@ class Known:
 def probe(suite: Suite, world: World, episodes: int = EPISODES, seed: int = 0) -> Probe:
     """Run the planner (velocity obstacles) in a case, with random actions among its own."""
     env = ShipEnv(suite, world, episodes)
-    generator, planner = Generator().manual_seed(seed), vo(env)
+    generator, planner = Generator().manual_seed(seed), load_policy("vo", env)
     planned: list[Tensor] = []
 
     def explore(step: TensorDictBase) -> TensorDictBase:

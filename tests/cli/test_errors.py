@@ -18,7 +18,7 @@ from ship_trl.config.types import Precision
 from ship_trl.learn.backend import choose_dtype
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.run.plan import make_run
-from ship_trl.transfer.layers import permute_values
+from ship_trl.transfer.weights import permute_values
 from tests.command import ROOT, files, ship_trl
 from tests.config.test_config import composed
 

@@ -17,7 +17,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 from tests.command import refused, ship_trl
 from tests.learn.networks import network
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.cli.help import VERBS
-from ship_trl.policies.named import POLICIES
+from ship_trl.policies.registry import POLICIES
 from tests.command import ROOT, environment
 
 HEAVY = {"torch", "pygame", "wandb", "matplotlib.pyplot", "pandas"}

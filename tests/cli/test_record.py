@@ -15,7 +15,7 @@ from ship_trl.cli.record import drop_last_networks, main
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.learn.network import make_network
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 from tests.command import environment, refused
 from tests.view.episodes import entry
 

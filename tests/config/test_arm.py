@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from ship_trl.config.arm import SCRATCH, Arm, Method, SourceWeights
+from ship_trl.config.arm import SCRATCH, Arm, SourceWeights, TransferMethodName
 from ship_trl.config.paths import conf_dir
 from tests.config.test_config import composed
 
@@ -45,16 +45,18 @@ def test_a_wrong_arm_name_is_refused(name: str) -> None:
 @pytest.mark.parametrize(
     ("method", "layers", "weights"),
     [
-        (Method.scratch, 1, SourceWeights.learned),
-        (Method.scratch, None, SourceWeights.random),
-        (Method.feature_extraction, "all", SourceWeights.learned),
-        (Method.feature_extraction, None, SourceWeights.learned),
-        (Method.finetune, 0, SourceWeights.learned),
-        (Method.finetune, True, SourceWeights.learned),
-        (Method.finetune, "3", SourceWeights.learned),
+        (TransferMethodName.scratch, 1, SourceWeights.learned),
+        (TransferMethodName.scratch, None, SourceWeights.random),
+        (TransferMethodName.feature_extraction, "all", SourceWeights.learned),
+        (TransferMethodName.feature_extraction, None, SourceWeights.learned),
+        (TransferMethodName.finetune, 0, SourceWeights.learned),
+        (TransferMethodName.finetune, True, SourceWeights.learned),
+        (TransferMethodName.finetune, "3", SourceWeights.learned),
     ],
 )
-def test_an_impossible_arm_is_not_made(method: Method, layers: int | str, weights: SourceWeights) -> None:
+def test_an_impossible_arm_is_not_made(
+    method: TransferMethodName, layers: int | str, weights: SourceWeights
+) -> None:
     with pytest.raises(ValueError, match="no arm has"):
         Arm(method, layers, weights)
 

@@ -8,7 +8,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from ship_trl.config.algorithm import ignored_keys, non_default_algorithm
-from ship_trl.config.arm import Arm, Method
+from ship_trl.config.arm import Arm, TransferMethodName
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
@@ -32,7 +32,7 @@ def options(group: str) -> list[str]:
 
 def test_the_main_command_is_composed() -> None:
     config = composed(*HIGH)
-    assert (config.source, config.target, config.arm) == ("1", "2", Arm(Method.finetune, 3))
+    assert (config.source, config.target, config.arm) == ("1", "2", Arm(TransferMethodName.finetune, 3))
     assert (config.label, config.arm_label, config.profile, config.output) == (
         "high",
         "FT3",

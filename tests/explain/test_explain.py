@@ -13,7 +13,7 @@ from ship_trl.cli.explain import choose_entries, main
 from ship_trl.config.network import load_network
 from ship_trl.explain.networks import Origin, find_origin, make_untrained
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 from tests.command import refused, ship_trl
 
 # The paper's layers with few filters, so that a page takes seconds.

@@ -29,7 +29,7 @@ from ship_trl.sim.cases import load_case
 from ship_trl.study.manifest import read_plan
 from ship_trl.study.tables import CURVES, KEPT, PLAN, RUNS, digest, read_tables
 from ship_trl.transfer.casebase import CaseBase
-from ship_trl.transfer.layers import load_weights, read_look
+from ship_trl.transfer.weights import load_weights, read_look
 from tests.a_result import a_result
 from tests.faults.damage import EXECUTED, Executes, hostile_files
 

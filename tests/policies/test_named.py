@@ -15,17 +15,18 @@ from torch import Generator
 import ship_trl as package
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
-from ship_trl.config.types import Perturbation, World
+from ship_trl.config.types import World
 from ship_trl.learn.network import make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry, rollout_entry
-from ship_trl.policies.named import POLICIES, load_policy, network_of
+from ship_trl.policies.named import load_policy, network_of
 from ship_trl.policies.reference import best_known
+from ship_trl.policies.registry import POLICIES
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import load_suite, suite_of
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 
 
 def test_a_network_of_case_4_sees_the_ships_of_case_6(world: World) -> None:
@@ -90,43 +91,23 @@ def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
         assert episode.episode_return == pytest.approx(best_known(case, world).episode_return, abs=1e-2)
 
 
-def test_best_known_is_refused_where_starts_are_perturbed(world: World) -> None:
-    suite = load_suite("4", world, perturbation=Perturbation(own_position=5))
-    with pytest.raises(ConfigError, match="policy: best_known has no plan of a drawn start"):
-        load_policy("best_known", ShipEnv(suite, world))
-
-
-@pytest.mark.parametrize("name", ["pretrained:4", "pretrained:traffic", *POLICIES])
+@pytest.mark.parametrize("name", ["pretrained:4", *POLICIES])
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("given", "got"),
     [
-        (torch.zeros(84, 84), "is called with float32 [84, 84]; allowed: a tensordict with `state`"),
-        (np.zeros((1, 84, 84), np.uint8), "is called with uint8 [1, 84, 84]; allowed: a tensordict with"),
-        (None, "is called with None; allowed: a tensordict with `state`"),
-        ({"state": [1.0]}, "is called with {'state': [1.0]}; allowed: a tensordict with `state`"),
-        (
-            TensorDict(pixels=torch.zeros(1), batch_size=[1]),
-            "is called with a tensordict with pixels; allowed",
-        ),
-        (
-            TensorDict(state=torch.zeros(1, 84, 7)),
-            "is given state float32 [1, 84, 7]; allowed: float32 [N, 9 +",
-        ),
-        (
-            TensorDict(state=torch.zeros(2, 4)),
-            "is given state float32 [2, 4]; allowed: float32 [N, 9 + 5 a ship",
-        ),
-        (
-            TensorDict(state=torch.zeros(2, 14).int()),
-            "is given state int32 [2, 14]; allowed: float32 [N, 9 + 5",
-        ),
+        (torch.zeros(84, 84), "float32 [84, 84]"),
+        (np.zeros((1, 84, 84), np.uint8), "uint8 [1, 84, 84]"),
+        (None, "None"),
+        (TensorDict(pixels=torch.zeros(1), batch_size=[1]), "a tensordict with pixels"),
+        (TensorDict(state=torch.zeros(1, 84, 7)), "float32 [1, 84, 7]"),
+        (TensorDict(state=torch.zeros(2, 14).int()), "int32 [2, 14]"),
     ],
 )
-def test_a_policy_refuses_what_has_no_states(name: str, given: Any, message: str, world: World) -> None:
+def test_a_policy_refuses_what_has_no_states(name: str, given: Any, got: str, world: World) -> None:
     policy = load_policy(name, ShipEnv(load_case("4", world), world))
     with pytest.raises(ConfigError) as refused:
         policy(given)
-    assert f"policy: {name} {message}" in str(refused.value)
+    assert f"policy: {name} is called with {got}; allowed: a tensordict with `state`" in str(refused.value)
 
 
 @pytest.mark.parametrize("name", ["pretrained:4", "vo", "random"])

@@ -11,8 +11,7 @@ from safetensors.torch import load_file
 
 import ship_trl as package
 from ship_trl.cli.entries import find_entries
-from ship_trl.cli.evaluate import main
-from ship_trl.cli.pretrain import SUITES, TESTS, rollout_greedy, update_manifest
+from ship_trl.cli.pretrain import SUITES, TESTS, rollout_greedy
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.learn.rollout import rollout
@@ -22,7 +21,7 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import Perturbation, load_suite
 from tests.cli.test_evaluate import table
-from tests.command import ROOT, refused, ship_trl
+from tests.command import ship_trl
 
 WORLD = load_world()
 SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "learn.jumpstart_draws=0")
@@ -46,22 +45,6 @@ def test_every_score_is_reached(capsys: pytest.CaptureFixture[str]) -> None:
         assert (share, outcome, length) == (f"{one.of_best_known:.0%}", one.outcome, str(one.length))
 
 
-def test_a_score_that_is_not_reached_is_reported(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    manifest = pretrained.read()
-    manifest["networks"][0]["episode_return"] += 1.0
-    (tmp_path / pretrained.MANIFEST).write_text(json.dumps(manifest))
-    one = manifest["networks"][0]["name"]
-    (tmp_path / f"{one}.safetensors").write_bytes((pretrained.NETWORKS / f"{one}.safetensors").read_bytes())
-    monkeypatch.setattr(pretrained, "NETWORKS", tmp_path)
-    pretrained.networks.cache_clear()
-    try:
-        assert "1 of 1 do not reach the return that they claim" in refused(capsys, main, f"pretrained:{one}")
-    finally:
-        pretrained.networks.cache_clear()
-
-
 def test_the_best_run_of_each_case_was_chosen() -> None:
     runs = pretrained.read()["runs"]
     for one in pretrained.networks():
@@ -71,14 +54,6 @@ def test_the_best_run_of_each_case_was_chosen() -> None:
         best = max(of_case, key=lambda run: run["best_return"])
         assert (best["seed"], best["config_hash"]) == (one.seed, one.config_hash)
         assert one.episode_return == pytest.approx(best["best_return"], abs=1e-3)
-
-
-def test_the_curves_are_those_of_the_runs() -> None:
-    hashes = {run["config_hash"] for run in pretrained.read()["runs"]}
-    rows = pretrained.training_returns(hashes)
-    assert set(rows["config_hash"]) == hashes
-    assert set(rows.groupby("config_hash").size()) == {600}
-    assert pretrained.training_returns({"another"}).empty
 
 
 def test_a_policy_in_one_line() -> None:
@@ -145,26 +120,6 @@ def test_the_networks_of_random_encounters_are_what_the_manifest_says() -> None:
         assert one.success_rates["imazu"] == sum(episode.goal for episode in episodes) / 22
 
 
-def test_the_manifest_keeps_the_other_networks(tmp_path: Path) -> None:
-    update_manifest(tmp_path, networks=[1], runs=[2])
-    update_manifest(tmp_path, suites=[3])
-    update_manifest(tmp_path, networks=[4])
-    held = json.loads((tmp_path / pretrained.MANIFEST).read_text())
-    assert held == {"networks": [4], "runs": [2], "suites": [3]}
-
-
-def test_a_changed_bundled_case_is_evaluated_without_claim(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    changed = tmp_path / "conf/case/4.yaml"
-    changed.parent.mkdir(parents=True)
-    changed.write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
-    claims = {row[0]: row[7] for row in table(capsys)}
-    assert claims["4"] == "" and all(claim for case, claim in claims.items() if case != "4")
-    error = refused(capsys, main, "pretrained", "target=4")
-    assert "case 4 differs from the bundled case of this name; allowed: pretrained:4" in error
-
-
 def test_a_run_begins_with_one(tmp_path: Path) -> None:
     done = ship_trl("+pair=high", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
     assert "case 1 -> case 2, FT3-pretrained" in done.stdout
@@ -172,15 +127,3 @@ def test_a_run_begins_with_one(tmp_path: Path) -> None:
     assert json.loads((folder / "result.json").read_text())["source_network"] == "pretrained:1"
     # No source was trained.
     assert not (tmp_path / "runs" / "1").exists()
-
-
-def test_without_a_pair_the_most_similar_case_is_the_source(tmp_path: Path) -> None:
-    done = ship_trl("target=4", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
-    assert "case 3 -> case 4, FT3-pretrained" in done.stdout
-
-
-def test_a_network_of_other_layers_is_refused(tmp_path: Path) -> None:
-    line = ("+pair=high", "source=pretrained", *SMOKE, "colour=true", "output=runs")
-    done = ship_trl(*line, folder=tmp_path, code=1)
-    assert done.stderr.startswith("ship_trl: source: ") and "does not fit the network" in done.stderr
-    assert not (tmp_path / "runs" / "high").exists() and ROOT.is_dir()

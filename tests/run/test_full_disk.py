@@ -14,7 +14,7 @@ from ship_trl.run.folder import open_folder
 from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
 from ship_trl.run.tracking import CsvTracker
-from ship_trl.transfer.layers import save_weights
+from ship_trl.transfer.weights import save_weights
 from tests.a_result import a_result
 from tests.config.test_config import composed
 from tests.learn.networks import network

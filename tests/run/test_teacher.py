@@ -22,7 +22,7 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
-from ship_trl.transfer.layers import read_look, save_weights
+from ship_trl.transfer.weights import read_look, save_weights
 from tests.config.test_config import composed
 
 

@@ -89,55 +89,20 @@ def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, worl
         (without("start"), "start"),
         (without("heading"), "course: missing"),
         (GOOD + "course: 000\n", "course and heading: must be one of them: course (degrees clockwise"),
-        (with_ship(course="180"), "target_ships[0].course and heading: must be one of them"),
         (with_ship(heading=""), "target_ships[0].course: missing"),
-        (
-            COURSE.replace("045", "361"),
-            "course: must be from 0 to 360, got 361",
-        ),
-        (COURSE.replace("045", "-1"), "course: must be from 0 to 360, got -1"),
-        (with_value("heading", "0x1F"), "heading: must be a finite number, got 0x1F"),
-        (without("goal"), "goal"),
-        (without("ideal_path"), "ideal_path"),
-        (without("target_ships").replace(SHIP, ""), "target_ships"),
-        (with_ship(speed=""), "target_ships[0].speed"),
+        (COURSE.replace("045", "361"), "course: must be from 0 to 360, got 361"),
         (GOOD + "depth: 20.0\n", "depth"),
         (with_ship(colour="3.0"), "target_ships[0].colour"),
         (with_value("heading", ".nan"), "heading"),
-        (with_value("start", "[.nan, 0.0]"), "start[0]"),
-        (with_value("goal", "[0.0, .inf]"), "goal[1]"),
         (with_value("goal", "[0.0, 1.0e+300]"), "goal[1]"),
-        (with_value("goal", "[0.0, [600.0]]"), "goal[1]"),
-        (with_value("heading", "1" + "0" * 400), "heading: must be a finite"),
-        (with_ship(x="-.inf"), "target_ships[0].x"),
-        (with_ship(heading=".nan"), "target_ships[0].heading"),
-        (with_ship(speed=".inf"), "target_ships[0].speed"),
-        (with_value("heading", "north"), "heading"),
-        (with_value("start", "[0.0, left]"), "start[1]"),
-        (with_value("start", "0.0"), "start"),
-        (with_value("start", "[0.0]"), "start"),
         (with_value("goal", "[0.0, 600.0, 5.0]"), "goal"),
-        (with_ship(y="ahead"), "target_ships[0].y"),
-        (GOOD.replace(SHIP, "  - 5\n"), "target_ships[0]"),
-        (GOOD.replace("target_ships:\n" + SHIP, "target_ships: none\n"), "target_ships"),
         (with_ship(speed="-1.0"), "target_ships[0].speed"),
         (with_ship(x="10.0", y="43.0", heading="0.0"), "target_ships[0]"),
-        (with_value("goal", "[0.0, 0.0]"), "goal"),
         (with_value("goal", "[0.0, 60.0]"), "goal"),
         (with_value("goal", "[0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
         (GOOD + SHIP * MAX_TARGET_SHIPS, "target_ships"),
-        (GOOD + "name: other\n", "name"),
-        (GOOD + "unit: 0\n", "unit: must be above 0"),
         (GOOD + "unit: 1.0e+3\n", "unit: must keep all coordinates within 100000 m"),
-        (with_value("heading", "???"), "heading"),
-        (with_value("heading", "null"), "heading: must be a finite number, got null"),
-        (GOOD.replace(SHIP, ""), "target_ships: must be a list, as [A,B] or [], got null"),
-        (GOOD.replace(SHIP, SHIP + "  - {x: 1.0}\n"), "target_ships[1].y"),
         (GOOD.replace(SHIP, "  - ???\n"), "target_ships[0]"),
-        (with_value("start", "[{}, 0.0]"), "start[0]: must be a finite number, got {}"),
-        (with_value("goal", "{0: 0.0, 1: 600.0}"), "goal: must be a list, as [A,B] or [], got {0: 0.0"),
-        (with_ship(x="9" * 400), "target_ships[0].x: must be "),
-        (GOOD + '"a\\nb": 1\n', "a\\nb: unknown key; allowed here: course,"),
         (GOOD + '"\\e[31mred": 1\n', "\\x1b[31mred: unknown key;"),
     ],
 )
@@ -151,21 +116,7 @@ def test_a_bad_value_is_refused_with_file_and_field(
     assert message.startswith(f"{tmp_path / 'mine.yaml'}: {field}") and "\n" not in message
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"start: [0.0, 0.0\n",
-        b"start: [0, 0]\n\tgoal: 3\n",
-        b"- 1\n- 2\n",
-        b"start\n",
-        b"7\n",
-        b'"1e400"\n',
-        b"",
-        b"# nothing\n",
-        b"\xff\xfe\x00",
-    ],
-    ids=["unclosed", "tab", "list", "word", "number", "quoted", "empty", "comment", "binary"],
-)
+@pytest.mark.parametrize("content", [b"start: [0.0, 0.0\n", b"- 1\n- 2\n", b"", b"\xff\xfe\x00"])
 def test_a_file_that_is_no_case_is_refused(content: bytes, tmp_path: Path, world: World) -> None:
     with pytest.raises(ConfigError) as error:
         load_text(content, tmp_path, world)
@@ -173,7 +124,7 @@ def test_a_file_that_is_no_case_is_refused(content: bytes, tmp_path: Path, world
     assert message.startswith(f"{tmp_path / 'mine.yaml'}: ") and "\n" not in message
 
 
-@pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", "no/such/folder/mine.yaml", "", "."])
+@pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", ""])
 def test_a_case_that_is_not_there(name: str, world: World) -> None:
     with pytest.raises(
         ConfigError, match=r"^target: no case .*; allowed: 1, 2, .*, new, ship, or a path"
@@ -182,23 +133,12 @@ def test_a_case_that_is_not_there(name: str, world: World) -> None:
     assert "\n" not in str(error.value)
 
 
-def test_a_folder_is_no_case(tmp_path: Path, world: World) -> None:
-    (tmp_path / "mine.yaml").mkdir()
-    with pytest.raises(ConfigError, match="no case"):
-        load_case(str(tmp_path / "mine.yaml"), world)
-
-
 @pytest.mark.parametrize("ending", ["yaml", "yml"])
 def test_a_users_case_by_path(ending: str, tmp_path: Path, world: World) -> None:
     path = tmp_path / f"mine.{ending}"
     path.write_text(GOOD)
     case = load_case(str(path), world)
     assert case.name == "mine" and case.target_ships[0].y == 300.0
-
-
-def test_whole_numbers_are_accepted(tmp_path: Path, world: World) -> None:
-    case = load_text(GOOD.replace(".0", ""), tmp_path, world)
-    assert case.goal == [0.0, 600.0] and isinstance(case.target_ships[0].speed, float)
 
 
 def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
@@ -232,14 +172,9 @@ def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: Wo
         load_text(with_value("goal", "[0.0, 961.0]"), tmp_path, world)
 
 
-def test_a_ship_may_start_at_the_safe_distance(tmp_path: Path, world: World) -> None:
-    case = load_text(with_ship(x="27.0", y="36.0"), tmp_path, world)
-    assert case.target_ships[0].x == 27.0
-
-
 @pytest.mark.parametrize(
     ("written", "value"),
-    [("045", 45), ("010", 10), ("090", 90), ("-045", -45), ("0450", 450), ("1_0", 10), ("08.5", 8.5)],
+    [("010", 10), ("-045", -45), ("1_0", 10), ("08.5", 8.5)],
 )
 def test_digits_with_leading_zeros_are_decimals(
     written: str, value: float, tmp_path: Path, world: World
@@ -248,10 +183,8 @@ def test_digits_with_leading_zeros_are_decimals(
     assert (case.heading, case.target_ships[0].y) == (value, value)
 
 
-@pytest.mark.parametrize("written", ["3:30", "1:30.5"])
-def test_a_number_in_base_60_is_refused_with_file_and_line(
-    written: str, tmp_path: Path, world: World
-) -> None:
+def test_a_number_in_base_60_is_refused_with_file_and_line(tmp_path: Path, world: World) -> None:
+    written = "3:30"
     with pytest.raises(ConfigError, match=rf"mine.yaml: .*{written} is no decimal number.* line 2,"):
         load_text(with_value("heading", written), tmp_path, world)
     # As text it stands in quotes; other words are taken as they are written.
@@ -259,19 +192,7 @@ def test_a_number_in_base_60_is_refused_with_file_and_line(
         assert load_text(with_value("ideal_path", name), tmp_path, world).ideal_path == name.strip('"')
 
 
-@pytest.mark.parametrize(
-    ("course", "heading"),
-    [
-        ("000", 90),
-        ("045", 45),
-        ("090", 0),
-        ("135", -45),
-        ("180", -90),
-        ("225", 225),
-        ("270", 180),
-        ("360", 90),
-    ],
-)
+@pytest.mark.parametrize(("course", "heading"), [("000", 90), ("135", -45), ("225", 225), ("360", 90)])
 def test_a_course_is_clockwise_from_north(course: str, heading: float, tmp_path: Path, world: World) -> None:
     text = COURSE.replace("045", course).replace("heading: 180.0", f"course: {course}")
     case = load_text(text, tmp_path, world)
@@ -287,13 +208,6 @@ def test_a_heading_has_one_course_and_a_course_one_heading(course: float) -> Non
     assert -90 <= heading < 270
     # A course of 1e-300 degrees is lost beside 90.
     assert to_course(heading) == pytest.approx(course, abs=1e-12) or course < 1e-12
-
-
-@given(st.integers(-720 * 64, 720 * 64))
-def test_a_sixty_fourth_of_a_degree_is_exact(parts: int) -> None:
-    heading = parts / 64
-    assert 0 <= to_course(heading) < 360
-    assert (to_heading(to_course(heading)) - heading) % 360 == 0
 
 
 def test_a_broken_file_is_named_and_left_out(

@@ -1,20 +1,16 @@
 """The case base: retention, retrieval, ranking."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from filelock import Timeout
 
 from ship_trl.config.arm import Arm
-from ship_trl.config.network import load_network
-from ship_trl.config.types import Perturbation, World, plain
+from ship_trl.config.types import Perturbation, World
 from ship_trl.sim.cases import case_names, load_case
 from ship_trl.sim.suites import Suite, load_suite, suite_of
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
-from ship_trl.transfer.similarity import MEASURES, Measure
 
 
 @pytest.fixture
@@ -34,15 +30,6 @@ def test_what_is_retained_is_found(base: CaseBase, finished_run: Path, case: Sui
     assert found == stored and found.policy.read_bytes() == b"weights"
     assert found.scores["best"]["return"] == 80.0
     assert sorted(p.name for p in found.path.iterdir()) == ["config.yaml", "entry.json", "policy.safetensors"]
-
-
-def test_scores_may_be_missing_and_layers_are_kept(base: CaseBase, finished_run: Path, case: Suite) -> None:
-    layers = plain(load_network("five"))
-    known: list[dict[str, Any]] = [{}, {"best": None}, {"best": {"return": 70.0}}]
-    for seed, scores in enumerate(known):
-        base.retain(case, "scratch", seed, "abc", scores, finished_run, layers)
-    assert [one.best_return for one in base.entries()] == [-math.inf, -math.inf, 70.0]
-    assert all(one.network == layers for one in base.entries())
 
 
 @pytest.mark.parametrize("other", [("FT1-from-1", 0, "abc"), ("scratch", 1, "abc"), ("scratch", 0, "abd")])
@@ -74,13 +61,6 @@ def test_only_networks_of_the_single_case_represent_it(
     assert base.retain(one, "scratch", 0, "abc", scores, finished_run) == base.representative(one.case)
 
 
-def test_an_entry_already_there_stays(base: CaseBase, finished_run: Path, case: Suite) -> None:
-    base.retain(case, "scratch", 0, "abc", {}, finished_run)
-    (finished_run / "policy.safetensors").write_bytes(b"other")
-    entry = base.retain(case, "scratch", 0, "abc", {}, finished_run)
-    assert entry.policy.read_bytes() == b"weights"
-
-
 def test_half_an_entry_is_passed_over_and_replaced(base: CaseBase, finished_run: Path, case: Suite) -> None:
     place = base.entry_folder(case, "scratch", 0, "abc")
     place.mkdir(parents=True)
@@ -108,17 +88,6 @@ def test_ranking_by_similarity_and_by_distance(world: World) -> None:
     ranking = rank(target, list(cases.values()), world, by="distance")
     found = [match.measured["distance"] for match in ranking]
     assert found == sorted(found)
-
-
-def test_ranking_by_an_own_measure(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    ships = Measure(
-        lambda base, target, _: abs(len(base.target_ships) - len(target.target_ships)), nearer=True
-    )
-    monkeypatch.setitem(MEASURES, "ships", ships)
-    cases = [load_case(name, world) for name in ("1", "2", "3", "4")]
-    ranking = rank(load_case("3", world), cases, world, by="ships")
-    found = [match.measured["ships"] for match in ranking]
-    assert found == sorted(found) and found[0] == 0 and found[-1] > 0
 
 
 def test_recommended_arm_follows_the_paper(world: World) -> None:

@@ -19,9 +19,9 @@ from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.learn.train import Evaluated, train
-from ship_trl.transfer.layers import Weights
 from ship_trl.transfer.methods import guide, make_method
-from ship_trl.transfer.methods.method import Origin, fixed_copy
+from ship_trl.transfer.methods.base import Origin, fixed_copy
+from ship_trl.transfer.weights import Weights
 from tests.learn.worlds import Corridor, schedule
 
 SEED = 9001

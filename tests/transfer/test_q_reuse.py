@@ -19,9 +19,9 @@ from ship_trl.learn.policy import greedy_policy
 from ship_trl.policies.named import load_network
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.transfer.layers import load_weights, save_weights
 from ship_trl.transfer.methods import make_method
-from ship_trl.transfer.methods.method import Origin, TransferMethod, fixed_copy
+from ship_trl.transfer.methods.base import Origin, TransferMethod, fixed_copy
+from ship_trl.transfer.weights import load_weights, save_weights
 from tests.learn.test_double_dqn import batch, by_hand, observed
 from tests.learn.worlds import draw, schedule
 
@@ -66,15 +66,6 @@ def test_q_is_the_sum_in_the_rewards_of_the_target(layers: str) -> None:
     assert torch.equal(step["action"], wanted.argmax(-1))
 
 
-def test_a_source_of_zeros_changes_no_bit() -> None:
-    target, seen = network(9001), observations("paper")
-    source = network(9002)
-    zeros = {key: torch.zeros_like(value) for key, value in source.state_dict().items()}
-    wanted = target(seen)
-    target.reused = fixed_copy(source, zeros)
-    assert torch.equal(target(seen), wanted)
-
-
 def learner() -> DoubleDQN:
     target, method = reused()
     exploration, replay = (Generator().manual_seed(seed) for seed in (9001, 9002))
@@ -99,15 +90,6 @@ def test_updates_use_the_sum_and_leave_the_source_as_it_is() -> None:
     dense = made.online_network.dense_q_values(seen)
     torch.testing.assert_close(made.online_network(seen), dense, rtol=1e-4, atol=1e-5)
     assert not any(key.startswith("target.reused") for key in made.state_dict())
-
-
-def test_other_layers_are_drawn_anew_without_the_source() -> None:
-    target, _ = reused()
-    before = {key: value.clone() for key, value in target.state_dict().items()}
-    target.reset(Generator().manual_seed(9004))
-    assert "reused" not in target.all_layers
-    for key, value in target.state_dict().items():
-        assert key.startswith("reused.") <= torch.equal(value, before[key]), key
 
 
 @pytest.mark.parametrize("layers", ["paper", "vector"])

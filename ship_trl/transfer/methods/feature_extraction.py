@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ship_trl.config.arm import HEAD
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import Weights
-from ship_trl.transfer.methods.method import TransferMethod
+from ship_trl.transfer.methods.base import TransferMethod
+from ship_trl.transfer.weights import Weights
 
 
 class FeatureExtraction(TransferMethod):

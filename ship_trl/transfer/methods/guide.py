@@ -23,7 +23,7 @@ from torch import Tensor
 from ship_trl.config.transfer import Guide as Settings
 from ship_trl.config.transfer import GuideSchedule
 from ship_trl.sim.state import STEP
-from ship_trl.transfer.methods.method import TransferMethod
+from ship_trl.transfer.methods.base import TransferMethod
 
 
 def probability(settings: Settings, progress: float, step: Tensor) -> Tensor:

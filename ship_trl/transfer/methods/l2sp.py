@@ -12,8 +12,8 @@ from torch import Tensor, nn
 
 from ship_trl.config.arm import OUTPUT
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import Weights
-from ship_trl.transfer.methods.method import TransferMethod
+from ship_trl.transfer.methods.base import TransferMethod
+from ship_trl.transfer.weights import Weights
 
 
 class L2SP(TransferMethod):

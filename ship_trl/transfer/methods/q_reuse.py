@@ -10,8 +10,8 @@ import torch
 
 from ship_trl.config.arm import OUTPUT
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import Weights
-from ship_trl.transfer.methods.method import TransferMethod, fixed_copy
+from ship_trl.transfer.methods.base import TransferMethod, fixed_copy
+from ship_trl.transfer.weights import Weights
 
 
 class QReuse(TransferMethod):

@@ -17,7 +17,7 @@ from tensordict import TensorDictBase
 from torch import Tensor, nn
 
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.methods.method import Origin, TransferMethod
+from ship_trl.transfer.methods.base import Origin, TransferMethod
 
 # Training episodes whose mean return is compared with the source's.
 EPISODES = 10

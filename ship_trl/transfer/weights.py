@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -57,10 +57,22 @@ def open_safetensors(path: Path, key: str) -> Iterator[Any]:
         raise ConfigError(f"{key}: {path} is not a whole safetensors file ({reason})") from None
 
 
-def read_look(path: Path, key: str) -> tuple[Network, bool]:
-    """Read which layers the network in a file has, and whether its pictures have colours.
+class Look(NamedTuple):
+    """The layers of the network in a file, and what its pictures need.
 
-    Without a description in the header, the layers are the paper's.
+    Attributes:
+        network: its layers.
+        colour: whether its pictures have colours.
+        adds_source: whether it adds the Q-values of a second network, `DuelingNetwork.reused`.
+    """
+
+    network: Network
+    colour: bool
+    adds_source: bool
+
+
+def read_look(path: Path, key: str) -> Look:
+    """Read what the network in a file is; without a description in the header, its layers are the paper's.
 
     Raises:
         ConfigError: not a safetensors file, or the header does not describe the file's network.
@@ -70,28 +82,22 @@ def read_look(path: Path, key: str) -> tuple[Network, bool]:
         shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
     try:
         about = json.loads(header)
-        colour = shapes.get("conv1.weight", [0, 0])[1] == COLOURS
-        if "network" not in about:
-            return load_network(), colour
-        network = read_as(Network, about["network"], key="network", from_json=True)
-        # Check shapes before allocating: a small file must not claim a large network.
-        for name, shape in expected_shapes(network, shapes).items():
-            if shapes.get(name) != shape:
-                raise ConfigError(f"{name} has another shape")
+        network = load_network()
+        if "network" in about:
+            network = read_as(Network, about["network"], key="network", from_json=True)
+            # Check shapes before allocating: a small file must not claim a large network.
+            for name, shape in expected_shapes(network, shapes).items():
+                if shapes.get(name) != shape:
+                    raise ConfigError(f"{name} has another shape")
     except (ValueError, TypeError, RecursionError, ConfigError) as error:
         raise ConfigError(f"{key}: {path}: its header does not describe its network ({error})") from None
-    return network, colour
-
-
-def has_reused(path: Path, key: str) -> bool:
-    """Return whether the network in a file adds the Q-values of a second one, `DuelingNetwork.reused`."""
-    with open_safetensors(path, key) as file:
-        return any(name.startswith(REUSED) for name in file.keys())  # noqa: SIM118
+    colour = shapes.get("conv1.weight", [0, 0])[1] == COLOURS
+    return Look(network, colour, any(name.startswith(REUSED) for name in shapes))
 
 
 def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[str, list[int]]:
     """Return the shapes of a network's weights below its heads; the file's `shapes` say the channels."""
-    layers = geometry(network)
+    layers = geometry(network)  # refuses wrong ones
     if network.linear:
         names = (*(f"linear{n}" for n in range(1, len(network.linear))), "shared")
         sizes = zip(names, linear_sizes(network), strict=True)
@@ -113,30 +119,32 @@ def load_weights(
     Raises:
         ConfigError: not a safetensors file, its network has other layers, or a weight is not finite.
     """
-    wanted = network.state_dict()
+    look = read_look(path, key)
+    # Another network's pictures may have speed vectors or not: its layers fit.
+    saved = replace(look.network, vector_time=network.config.vector_time)
+    if saved != network.config:
+        layers = [describe_network(each).items() for each in (saved, network.config)]
+        got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)
+        raise ConfigError(f"{key}: {path} has other layers: {got}; allowed: {allowed}")
+    if network.reused is None and look.adds_source:
+        raise ConfigError(
+            f"{key}: {path} adds the Q-values of its own source (method=q_reuse); "
+            "allowed: networks of other methods"
+        )
+    wanted = {name: tuple(value.shape) for name, value in network.state_dict().items()}
+    weights: dict[str, Tensor] = {}
     with open_safetensors(path, key) as file:
-        names = set(file.keys())
-        shapes = {name: tuple(file.get_slice(name).get_shape()) for name in names}
-        # Another network's pictures may have speed vectors or not: its layers fit.
-        saved = replace(read_look(path, key)[0], vector_time=network.config.vector_time)
-        if saved != network.config:
-            layers = [describe_network(each).items() for each in (saved, network.config)]
-            got, allowed = (" ".join(f"{name}={value}" for name, value in each) for each in layers)
-            raise ConfigError(f"{key}: {path} has other layers: {got}; allowed: {allowed}")
-        if network.reused is None and any(name.startswith(REUSED) for name in names):
-            raise ConfigError(
-                f"{key}: {path} adds the Q-values of its own source (method=q_reuse); "
-                "allowed: networks of other methods"
-            )
-        expected = {name: tuple(value.shape) for name, value in wanted.items()}
+        shapes = {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118
         # Left out by layer, so that no bias goes without its weight.
-        differ = {name.split(".")[0] for name in wanted if expected[name] != shapes.get(name)} & set(free)
-        for sizes in (shapes, expected):
-            for name in [name for name in sizes if name.split(".")[0] in differ]:
-                del sizes[name]
-        if problem := describe_mismatch(shapes, expected):
-            raise ConfigError(f"{key}: {path} does not fit the network: {problem}")
-        weights = {name: file.get_tensor(name) for name in sorted(shapes)}
+        differ = {name.split(".")[0] for name in wanted if wanted[name] != shapes.get(name)} & set(free)
+        for name in sorted(wanted.keys() | shapes.keys()):
+            if name.split(".")[0] in differ:
+                continue
+            if shapes.get(name) != wanted.get(name):
+                got = f"has shape {shapes[name]}" if name in shapes else "is missing"
+                allowed = str(wanted[name]) if name in wanted else "no such tensor"
+                raise ConfigError(f"{key}: {path} does not fit the network: {name} {got}, allowed {allowed}")
+            weights[name] = file.get_tensor(name)
     for name, value in weights.items():
         if value.dtype not in (torch.float16, torch.float32) or not bool(value.isfinite().all()):
             raise ConfigError(
@@ -156,15 +164,3 @@ def permute_values(weights: Weights, generator: Generator) -> Weights:
         order = torch.randperm(value.numel(), generator=generator)
         permuted[name] = value.flatten()[order].reshape(value.shape)
     return permuted
-
-
-def describe_mismatch(got: Mapping[str, tuple[int, ...]], wanted: Mapping[str, tuple[int, ...]]) -> str:
-    """Describe the first tensor whose name or shape differs; return an empty text if all fit."""
-    for name in sorted(wanted.keys() | got.keys()):
-        if name not in got:
-            return f"{name} is missing"
-        if name not in wanted:
-            return f"{name} is not part of the network"
-        if got[name] != wanted[name]:
-            return f"{name} has shape {got[name]}, allowed {wanted[name]}"
-    return ""

@@ -14,7 +14,7 @@ from ship_trl.learn.algorithm import Method
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.transfer.layers import Weights
+from ship_trl.transfer.weights import Weights
 
 
 @dataclass(frozen=True)
@@ -74,5 +74,5 @@ class TransferMethod(Method):
                 parameter.data.copy_(weights[key])
 
     def attach(self, origin: Origin) -> None:
-        """Take the source's function, which methods of `USES_FUNCTION` need before they learn."""
+        """Take the source's function, which methods that use it need before they learn."""
         self._origin = origin

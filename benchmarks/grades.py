@@ -121,7 +121,7 @@ def shuffle(study: Study, rng: np.random.Generator) -> Study:
     """Return a study whose runs on the same target case change places, within each seed."""
     places = defaultdict(list)
     for key, record in sorted(study.records.items()):
-        places[record.result.target, key[3]].append(key)
+        places[record.target, key[3]].append(key)
     records: Records = {}
     for keys in places.values():
         order = rng.permutation(len(keys))

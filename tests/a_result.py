@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from ship_trl.files.result import SCHEMA_VERSION, Evaluation, Result
+from ship_trl.files.record import SCHEMA_VERSION, Evaluation, RunRecord
 
 
 def an_evaluation(episode_return: float = 10.0, outcome: str = "goal", episode: int = 0) -> Evaluation:
     return Evaluation(episode_return, outcome, 40, 50.0, episode)
 
 
-def a_result(**changes: Any) -> Result:
+def a_result(**changes: Any) -> RunRecord:
     values: dict[str, Any] = {
         "pair": "high",
         "source": "1",
@@ -39,4 +39,4 @@ def a_result(**changes: Any) -> Result:
         "algorithm_version": 2,
         "schema_version": SCHEMA_VERSION,
     }
-    return Result(**values | changes)
+    return RunRecord(**values | changes)

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.result import write_result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.plan import make_run
 from ship_trl.run.wandb_tracker import begin_wandb
@@ -39,7 +38,7 @@ def test_a_finished_run_behind_a_link_is_not_shown_either(tmp_path: Path) -> Non
     config = composed("target=1", "method=scratch", f"output={tmp_path / 'out'}")
     run = make_run(config)
     run.folder.mkdir(parents=True)
-    write_result(run.folder, a_result(config_hash=run.config_hash))
+    a_result(config_hash=run.config_hash).write(run.folder)
     make_run(config)
     (tmp_path / "out/1").rename(tmp_path / "1")
     (tmp_path / "out/1").symlink_to(tmp_path / "1")

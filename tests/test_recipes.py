@@ -30,13 +30,14 @@ RESULT = "outputs/smoke/2/scratch/seed=0"
 WORLD = "defaults: [paper, _self_]\nreward:\n  rudder: -10.0\n"
 COLLISION = "reward.w2 * reward.collision, lambda amount, step: amount * step.collided\n    ),\n"
 RUDDER = '    "rudder": Term(lambda reward: reward.rudder, lambda amount, step: amount * abs(step.turn)),\n'
-LOSSES, METRICS = 'Loss = Enum("Loss", ["l2", "huber"', "METRICS: dict[str, Callable[[Record], float]] = {\n"
+LOSSES = 'Loss = Enum("Loss", ["l2", "huber"'
+METRICS = "METRICS: dict[str, Callable[[RunRecord], float]] = {\n"
 LOSS = """\
     if kind is Loss.log_cosh:  # but for a constant
         return torch.logaddexp(q - td_target, td_target - q).mean()
 """
 METRIC = '''\
-def worst(record: Record) -> float:
+def worst(record: RunRecord) -> float:
     """Return the lowest greedy score of a run."""
     return float(np.min(record.score(record.greedy.returns)))
 

@@ -20,7 +20,7 @@ from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World
-from ship_trl.files.result import RESULT
+from ship_trl.files.record import RESULT
 from ship_trl.policies.entry import Entry
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.run.folder import read_settings
@@ -136,15 +136,15 @@ def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbatio
     found: list[Entry] = []
     readable, broken = collect(folder)
     for path, error in broken:
-        print_error(f"{path} {error}; left out")
+        print_error(f"{path}: {error}; left out")
     for run in readable:
-        result, place = run.result, run.folder
+        place = run.folder
         world, colour, trained = read_settings(place)
         bounds = trained if perturbation.is_none else perturbation
         target = f"{place / RESULT}: target"
-        suites = targets or [load_suite(locate(result.target, place), world, target, bounds)]
-        label = f"{run.place} {run.arm} seed {result.seed}"
-        for file, key, claim in ((POLICY, "best", result.best), (POLICY_LAST, "final", result.final)):
+        suites = targets or [load_suite(locate(run.target, place), world, target, bounds)]
+        label = f"{run.label} {run.name} seed {run.seed}"
+        for file, key, claim in ((POLICY, "best", run.best), (POLICY_LAST, "final", run.final)):
             if not (place / file).is_file():
                 print_error(f"{place / file} is missing; left out")
                 continue

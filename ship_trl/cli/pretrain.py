@@ -24,9 +24,9 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.curve import CurveError, read_curve, split
+from ship_trl.files.curve import RunError, split
 from ship_trl.files.disk import atomic_write
-from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.record import RunRecord, read_run
 from ship_trl.policies.pretrained import CURVES, MANIFEST, CaseNetwork, SuiteNetwork, networks
 from ship_trl.run.plan import ALGORITHM_VERSION
 from ship_trl.sim.cases import load_case, load_world
@@ -34,8 +34,6 @@ from ship_trl.sim.suites import Suite, load_suite, suite_of
 from ship_trl.transfer.casebase import POLICY
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ship_trl.learn.network import DuelingNetwork
     from ship_trl.learn.rollout import Episode
 
@@ -80,7 +78,6 @@ def make_cases(folder: Path, runs: Path) -> None:
         ConfigError: a run is missing or incomplete.
         OSError: a file cannot be written.
     """
-    import numpy as np
     import pandas as pd
 
     from ship_trl.run.process import configure_process
@@ -91,15 +88,14 @@ def make_cases(folder: Path, runs: Path) -> None:
     written, kept, curves = [], [], []
     for case in cases:
         paths = [runs / case / "scratch" / f"seed={seed}" for seed in SEEDS]
-        found = [read_run(path) for path in paths]
-        for result, training in found:
-            about = {"case": result.target, "seed": result.seed, "config_hash": result.config_hash}
-            kept.append(about | {"best_return": result.best.episode_return})
-            rows = training[["episode", "return"]].round({"return": 2})
-            curves.append(rows.assign(config_hash=result.config_hash))
-        # On ties `argmax` finds the first, which has the lower seed.
-        best = int(np.argmax([result.best.episode_return for result, _ in found]))
-        one = write_network(folder, found[best][0], paths[best] / POLICY)
+        found = [read_trained(path) for path in paths]
+        for run in found:
+            about = {"case": run.target, "seed": run.seed, "config_hash": run.config_hash}
+            kept.append(about | {"best_return": run.best.episode_return})
+            rows = split(run.curve)[0][["episode", "return"]].round({"return": 2})
+            curves.append(rows.assign(config_hash=run.config_hash))
+        # On ties `max` finds the first, which has the lower seed.
+        one = write_network(folder, max(found, key=lambda run: run.best.episode_return))
         sys.stdout.write(
             f"case {one.name}: seed {one.seed}, return {one.episode_return:.1f}, "
             f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
@@ -129,11 +125,11 @@ def make_suites(folder: Path, runs: Path) -> None:
         parts = (word.format(folder=folder).partition("=") for word in words)
         train(output, seeds, f"target={TRAFFIC}", *(override(key, value) for key, _, value in parts))
         place = output / TRAFFIC / "scratch"
-        found = {seed: read_run(place / f"seed={seed}")[0] for seed in seeds}
-        rates = {str(seed): result.best.success_rate for seed, result in found.items()}
+        found = {seed: read_trained(place / f"seed={seed}") for seed in seeds}
+        rates = {str(seed): run.best.success_rate for seed, run in found.items()}
         # On ties `max` finds the first, which has the lower seed.
         best = max(found, key=lambda seed: rates[str(seed)])
-        one = write_suite(folder, name, found[best], place / f"seed={best}" / POLICY, rates)
+        one = write_suite(folder, name, found[best], rates)
         reached = ", ".join(f"{rate:.1%} of {suite}" for suite, rate in one.success_rates.items())
         sys.stdout.write(f"{name}: seed {one.seed}, success in {reached}, {one.dtype}\n")
         written.append(asdict(one))
@@ -148,26 +144,27 @@ def update_manifest(folder: Path, **values: Any) -> None:
         draft.write_text(json.dumps(held | values, indent=1) + "\n")
 
 
-def read_run(run: Path) -> tuple[Result, pd.DataFrame]:
-    """Read a run's result and its training episodes.
+def read_trained(folder: Path) -> RunRecord:
+    """Read a run with its curve.
 
     Raises:
         ConfigError: a file is missing, damaged or incomplete.
     """
     try:
-        return read_result(run), split(read_curve(run))[0]
-    except (ResultError, CurveError) as error:
-        what = f"{RESULT} {error}" if isinstance(error, ResultError) else error
-        raise ConfigError(f"runs: {run}: {what}") from None
+        run = read_run(folder)
+        run.curve  # noqa: B018
+        return run
+    except RunError as error:
+        raise ConfigError(f"runs: {folder}: {error}") from None
 
 
-def write_network(folder: Path, result: Result, weights: Path) -> CaseNetwork:
+def write_network(folder: Path, run: RunRecord) -> CaseNetwork:
     """Write the best network of a case's run as `CASE.safetensors`; return its entry in the manifest."""
     from ship_trl.policies.reference import best_known
 
     world = load_world()
-    case = load_case(result.target, world)
-    (whole,), _, about = write_weights(folder, case.name, result, weights, suite_of(case))
+    case = load_case(run.target, world)
+    (whole,), _, about = write_weights(folder, case.name, run, suite_of(case))
     return CaseNetwork(
         **about,
         fingerprint=case.fingerprint,
@@ -179,13 +176,11 @@ def write_network(folder: Path, result: Result, weights: Path) -> CaseNetwork:
     )
 
 
-def write_suite(
-    folder: Path, name: str, result: Result, weights: Path, rates: dict[str, float]
-) -> SuiteNetwork:
+def write_suite(folder: Path, name: str, run: RunRecord, rates: dict[str, float]) -> SuiteNetwork:
     """Write the best network of a suite's runs as `NAME.safetensors`; return its entry in the manifest."""
     world = load_world()
     suites = {test: load_suite(test, world) for test in TESTS}
-    _, network, about = write_weights(folder, name, result, weights, suites[TESTS[0]])
+    _, network, about = write_weights(folder, name, run, suites[TESTS[0]])
     reached = {}
     for test, suite in suites.items():
         episodes, _ = rollout_greedy(suite, folder / f"{name}.safetensors")
@@ -196,7 +191,7 @@ def write_suite(
 
 
 def write_weights(
-    folder: Path, name: str, result: Result, weights: Path, suite: Suite
+    folder: Path, name: str, run: RunRecord, suite: Suite
 ) -> tuple[list[Episode], DuelingNetwork, dict[str, Any]]:
     """Write a run's network, in half precision if its greedy episodes on `suite` stay the same.
 
@@ -208,9 +203,9 @@ def write_weights(
     from ship_trl.transfer.weights import save_weights
 
     file = folder / f"{name}.safetensors"
-    about: dict[str, Any] = {key: getattr(result, key) for key in ("target", "arm", "seed", "config_hash")}
+    about: dict[str, Any] = {key: getattr(run, key) for key in ("target", "arm", "seed", "config_hash")}
     about["name"] = name
-    whole, network = rollout_greedy(suite, weights)
+    whole, network = rollout_greedy(suite, run.folder / POLICY)
     for dtype in (torch.float16, torch.float32):
         save_weights(file, network, about, dtype)
         stored, _ = rollout_greedy(suite, file)

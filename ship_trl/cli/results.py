@@ -9,7 +9,6 @@ import sys
 from collections.abc import Iterable, Iterator
 from math import floor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,13 +16,10 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.files.curve import CurveError, read_curve, split
-from ship_trl.files.result import Evaluation
-from ship_trl.run.results import Found, collect, drop_copies, folders_of, group_runs
+from ship_trl.files.curve import RunError
+from ship_trl.files.record import Evaluation, RunRecord
+from ship_trl.run.results import collect, drop_copies, folders_of, group_runs
 from ship_trl.run.table import show
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # A column of transfers: returns on the source of its own network, and of the run's at the end.
 SOURCE_HEADING = "return on the source, its network > at the end, by seed"
@@ -70,21 +66,21 @@ def main(arguments: list[str] | None = None) -> None:
             from ship_trl.study.report import runs
 
             show(runs.TRANSFER_HEADINGS, runs.transfer_rows(folders_of(found)), options.markdown)
-            sys.stdout.write(runs.describe_scales(one.result for one in found))
+            sys.stdout.write(runs.describe_scales(found))
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)
         for path in filter(None, (options.picture, options.csv)):
             sys.stdout.write(f"{path}\n")
 
 
-def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
+def finished_runs(folders: list[Path], arm: str | None) -> list[RunRecord]:
     """Find the runs in folders and below, at least one; name those that cannot be read on stderr."""
-    found: list[Found] = []
+    found: list[RunRecord] = []
     for folder in folders:
         whole, broken = collect(folder)
         for path, error in broken:
-            print_error(f"{path} {error}; left out")
-        found += [one for one in drop_copies(whole) if arm in (None, one.result.arm)]
+            print_error(f"{path}: {error}; left out")
+        found += [one for one in drop_copies(whole) if arm in (None, one.arm)]
     if found:
         return found
     from ship_trl.study.tables import has_tables
@@ -95,11 +91,11 @@ def finished_runs(folders: list[Path], arm: str | None) -> list[Found]:
     raise ConfigError(f"folder: no finished run below {places}; python -m ship_trl makes one")
 
 
-def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
+def summarise(found: Iterable[RunRecord]) -> Iterable[list[str]]:
     """Make the cells of `HEADINGS` for each group of runs that differ only in their seeds."""
     for name, runs in group_runs(found).items():
-        known = runs[0].result.best_known_return
-        best, final = [one.result.best for one in runs], [one.result.final for one in runs]
+        known = runs[0].best_known_return
+        best, final = [one.best for one in runs], [one.final for one in runs]
         lowest = min(score.episode_return for score in best)
         # Rounded down, so that less than the best known return is never called 100 %.
         share = "-"
@@ -108,7 +104,7 @@ def summarise(found: Iterable[Found]) -> Iterable[list[str]]:
         yield [
             name,
             str(len(runs)),
-            " ".join(str(one.result.seed) for one in runs),
+            " ".join(str(one.seed) for one in runs),
             "-" if known is None else f"{known:.1f}",
             *describe_returns(best),
             share,
@@ -126,9 +122,9 @@ def describe_returns(scores: list[Evaluation]) -> tuple[str, str]:
     return f"{np.median(returns):.1f}{between}", " ".join(f"{one:.1f}" for one in returns)
 
 
-def kept(runs: Iterable[Found]) -> str:
+def kept(runs: Iterable[RunRecord]) -> str:
     """Name the returns on the source of its own network and of the run's at the end; - without a source."""
-    sources = [one.result.on_source for one in runs]
+    sources = [one.on_source for one in runs]
     return ", ".join("-" if one is None else f"{one.network:.1f} > {one.final:.1f}" for one in sources)
 
 
@@ -138,23 +134,25 @@ def goals(scores: list[Evaluation]) -> str:
     return f"{reached} of {sum(score.episodes for score in scores)}"
 
 
-def read_curves(found: Iterable[Found]) -> Iterator[tuple[Found, pd.DataFrame, pd.DataFrame]]:
-    """Yield runs with training episodes and greedy evaluations; name unreadable curves on stderr."""
+def with_curves(found: Iterable[RunRecord]) -> Iterator[RunRecord]:
+    """Yield runs whose curves can be read; name the others on stderr."""
     for run in found:
         try:
-            yield run, *split(read_curve(run.folder))
-        except CurveError as error:
+            run.curve  # noqa: B018
+        except RunError as error:
             print_error(f"{run.folder}: {error}; left out")
+        else:
+            yield run
 
 
-def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
+def compare(found: list[RunRecord], one: Path, other: Path) -> Iterable[list[str]]:
     """Make a row for each arm of a pair: the runs' mean greedy returns in both folders, and the p-value."""
     from ship_trl.study.statistics import permutation
 
     means: dict[str, dict[Path, list[float]]] = {}
-    for run, _, greedy in read_curves(sorted(found, key=lambda run: run.result.seed)):
-        by_folder = means.setdefault(f"{run.place} {run.arm}", {one: [], other: []})
-        by_folder[run.below].append(float(greedy["return"].mean()))
+    for run in with_curves(sorted(found, key=lambda run: run.seed)):
+        by_folder = means.setdefault(f"{run.label} {run.name}", {one: [], other: []})
+        by_folder[run.below].append(float(run.greedy.returns.mean()))
     for name, by_folder in sorted(means.items()):
         samples = [np.array(by_folder[folder]) for folder in (one, other)]
         enough = min(map(len, samples)) > 1
@@ -162,17 +160,16 @@ def compare(found: list[Found], one: Path, other: Path) -> Iterable[list[str]]:
         yield [name, *(" ".join(f"{mean:.1f}" for mean in sample) for sample in samples), p]
 
 
-def picture(path: Path, found: list[Found]) -> None:
+def picture(path: Path, found: list[RunRecord]) -> None:
     """Draw learning curves: a panel for each pair, a line for each arm and folder."""
     from ship_trl.view.curves import Curve, draw_comparison
 
     several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[Curve]]] = {}
-    for one, training, greedy in read_curves(found):
-        columns = training["return"], greedy["episode"], greedy["return"]
-        name = f"{one.below}: {one.arm}" if several else one.arm
-        curve = Curve(*(column.to_numpy() for column in columns))
-        panels.setdefault(one.place, {}).setdefault(name, []).append(curve)
+    for one in with_curves(found):
+        name = f"{one.below}: {one.name}" if several else one.name
+        curve = Curve(one.training.returns, one.greedy.episode, one.greedy.returns)
+        panels.setdefault(one.label, {}).setdefault(name, []).append(curve)
     if not panels:
         raise ConfigError("picture: no learning curve to draw")
-    draw_comparison(path, panels, {one.place: one.result.best_known_return for one in found})
+    draw_comparison(path, panels, {one.label: one.best_known_return for one in found})

@@ -15,7 +15,8 @@ from yaml import YAMLError
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config
-from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.curve import RunError
+from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
@@ -23,7 +24,7 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
-from ship_trl.run.results import Found, locate, read_run_settings
+from ship_trl.run.results import locate, read_run_settings
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
 from ship_trl.sim.env import ShipEnv
@@ -61,7 +62,7 @@ class Origin:
     `source` is the network that layers were `copied` from, `before` the network before training.
     """
 
-    result: Result | None = None
+    result: RunRecord | None = None
     source: DuelingNetwork | None = None
     before: DuelingNetwork | None = None
     copied: tuple[str, ...] = ()
@@ -91,18 +92,17 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
                 "allowed: networks with the same layers, colours and vector_time"
             )
         result = result_of(entry)
-        folder = Path(entry.policy).parent
-        told = read_run_settings(Found(result, folder, folder, ""), {}) if result else {}
+        told = read_run_settings(result, {}) if result else {}
         settings = (result.pair, result.arm, result.target, *sorted(told.items())) if result else None
         found.append(Compared(name, Role.beside if found else Role.explained, network, settings))
     return found
 
 
-def result_of(entry: Entry) -> Result | None:
+def result_of(entry: Entry) -> RunRecord | None:
     """Read the result beside a file of weights, if there is one."""
     try:
-        return read_result(Path(entry.policy).parent)
-    except ResultError:
+        return read_run(Path(entry.policy).parent)
+    except RunError:
         return None
 
 

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
-from ship_trl.files.result import ResultError, read_result
+from ship_trl.files.curve import RunError
+from ship_trl.files.record import read_run
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.folder import read_settings
 from ship_trl.run.results import locate
@@ -111,9 +112,9 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     results = {}
     for arm, run in runs.items():
         try:
-            results[arm] = read_result(run)
-        except ResultError as error:
-            raise ConfigError(f"folder: {run} {error}") from None
+            results[arm] = read_run(run)
+        except RunError as error:
+            raise ConfigError(f"folder: {run}: {error}") from None
     sources = {result.source_network for result in results.values()} - {None}
     source = str(next(iter(sources), None))
     # A policy may also be a program, and an untrusted result may name one.

@@ -30,8 +30,8 @@ SHARED = ("return", "outcome", "dcpa")
 TYPES = {"episode": "int64", "epsilon": "float64", "return": "float64", "outcome": "str", "dcpa": "float64"}
 
 
-class CurveError(Exception):
-    """A curve that is missing or damaged; the text says why in a few words."""
+class RunError(Exception):
+    """A run that cannot be used; the text says why in a few words, beginning with its file."""
 
 
 def read_curve(folder: Path) -> pd.DataFrame:
@@ -43,7 +43,7 @@ def read_curve(folder: Path) -> pd.DataFrame:
         and `dcpa` (metres; NaN without target ships).
 
     Raises:
-        CurveError: the file is missing, cut short, or another program's.
+        RunError: the file is missing, cut short, or another program's.
     """
     import pandas as pd
 
@@ -56,14 +56,14 @@ def read_curve(folder: Path) -> pd.DataFrame:
         with np.errstate(invalid="raise"):  # else pandas converts an infinite episode to some integer
             lines = pd.read_csv(io.BytesIO(data), usecols=list(types), dtype=types, index_col=False)
     except FileNotFoundError:
-        raise CurveError(f"{CURVE} is missing") from None
+        raise RunError(f"{CURVE} is missing") from None
     except (OSError, ValueError, ArithmeticError):
-        raise CurveError(f"{CURVE} cannot be read") from None
+        raise RunError(f"{CURVE} cannot be read") from None
     if not data.endswith(b"\n"):
-        raise CurveError(f"{CURVE} ends within a line")
+        raise RunError(f"{CURVE} ends within a line")
     trained = lines["return"].notna()
     if (trained == lines[f"{GREEDY}_return"].notna()).any():
-        raise CurveError(f"{CURVE} has a line that is neither an episode nor an evaluation")
+        raise RunError(f"{CURVE} has a line that is neither an episode nor an evaluation")
     rows = lines[["episode", "epsilon"]].assign(kind=np.where(trained, TRAINING, GREEDY))
     for name in SHARED:
         rows[name] = lines[name].where(trained, lines[f"{GREEDY}_{name}"])

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.files.curve import CURVE
+from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import read_file
-from ship_trl.files.result import ResultError, read_result
+from ship_trl.files.record import read_run
 from ship_trl.files.table import Cells, rows
 
 # Tags of TensorBoard. CleanRL's and Stable-Baselines3's are logged over steps, ours over episodes,
@@ -211,8 +211,8 @@ def add_own(curve: LearningCurve, path: Path, table: Sequence[tuple[int, Cells]]
         raise ConfigError(f"{key}: {path} has a {SUCCESS} that is no number") from None
     curve = replace(curve, success_rates=rates)
     try:
-        result = read_result(path.parent)
-    except ResultError:
+        result = read_run(path.parent)
+    except RunError:
         return curve
     low, high = result.random_return, result.best_known_return
     return replace(

@@ -12,8 +12,8 @@ from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.types import Objective
-from ship_trl.files.curve import CurveError, read_curve, split
-from ship_trl.files.result import Result
+from ship_trl.files.curve import RunError
+from ship_trl.files.record import RunRecord
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.run.run import Run
 
@@ -21,21 +21,21 @@ from ship_trl.run.run import Run
 RESULTS = "optimization_results.yaml"
 
 
-def objective(run: Run, result: Result) -> float:
+def objective(run: Run, result: RunRecord) -> float:
     """Return the greedy return that the setting `objective` chooses."""
     if run.config.objective is Objective.best:
         return result.best.episode_return
     if run.config.objective is Objective.final:
         return result.final.episode_return
     try:
-        _, greedy = split(read_curve(run.folder))
-    except CurveError as error:
+        greedy = result.greedy
+    except RunError as error:
         raise ConfigError(
             f"objective: {run.folder}: {error}; allowed without a curve: objective=final, objective=best"
         ) from None
     explored = run.config.learn.epsilon_fraction * run.config.learn.episodes
     # Never empty, because a run ends with an evaluation.
-    return float(greedy["return"][greedy["episode"] >= explored].mean())
+    return float(greedy.returns[greedy.episode >= explored].mean())
 
 
 class BestTrial(Callback):

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ship_trl import __version__
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.network import non_default_network
-from ship_trl.files.curve import CurveError, read_curve, split
-from ship_trl.files.result import SCHEMA_VERSION, Result, ResultError, SourceReturns, read_result
+from ship_trl.files.curve import RunError
+from ship_trl.files.record import SCHEMA_VERSION, RunRecord, SourceReturns, read_run
 from ship_trl.learn.train import Evaluated
 from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known_return, random_return
@@ -72,13 +72,13 @@ def find_own_curves(run: Run) -> Iterator[tuple[str, NDArray[np.float64]]]:
     for label in sorted({run.config.label, run.target.name}):
         for folder in sorted((output / label / arm).glob("seed=*")):
             try:
-                result = read_result(folder)
-                if result.config_hash == hash_from_scratch(run, result.seed):
-                    returns = split(read_curve(folder))[0]["return"].to_numpy()
-                    # A copied curve may be truncated at the end of a line.
-                    if len(returns) == run.config.learn.episodes:
-                        yield result.config_hash, returns
-            except (ResultError, CurveError):
+                found = read_run(folder)
+                # A copied curve may be truncated at the end of a line.
+                if found.config_hash == hash_from_scratch(run, found.seed) and (
+                    len(found.training.returns) == run.config.learn.episodes
+                ):
+                    yield found.config_hash, found.training.returns
+            except RunError:
                 continue
 
 
@@ -88,12 +88,13 @@ def hash_from_scratch(run: Run, seed: int, version: int | None = None) -> str:
     return hash_of(config, run.target, None, demonstrations=run.demonstrations, version=version)
 
 
-def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> Result:
+def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> RunRecord:
     """Make the result of a training that took `seconds`."""
     history, config = parts.history, run.config
     assert history.best is not None
     outcomes, evaluated, best = [f.outcome for f in history.finished], history.evaluated, history.best
-    return Result(
+    return RunRecord(
+        folder=run.folder,
         pair=config.label,
         source=None if run.arm.is_scratch else str(config.source),
         target=str(config.target),
@@ -145,7 +146,7 @@ def measure_source(run: Run, parts: Parts) -> SourceReturns | None:
     )
 
 
-def retain(run: Run, result: Result) -> Entry:
+def retain(run: Run, result: RunRecord) -> Entry:
     """Store a finished run's network in the case base, for later targets (section 4.2)."""
     values, config = result.to_json(), run.config
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}

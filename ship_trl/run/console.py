@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ship_trl.config.command import command
 from ship_trl.config.errors import one_line
-from ship_trl.files.result import Evaluation, Result
+from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.progress import Lines, format_duration
 from ship_trl.run.table import show
@@ -108,7 +108,7 @@ def hold(lock: FileLock, what: str) -> Iterator[None]:
         lock.release()
 
 
-def say_result(result: Result, title: str, folder: Path, place: str) -> None:
+def say_result(result: RunRecord, title: str, folder: Path, place: str) -> None:
     """Print the result of a run of a grid in one line."""
     best, final = result.best, result.final
     known = "" if result.best_known_return is None else f" of {result.best_known_return:.1f}"
@@ -130,7 +130,7 @@ def format_share(value: float, known: float | None) -> str:
     return f"{value / known:.0%}" if known is not None and min(known, value) > 0 else "-"
 
 
-def show_result(result: Result, title: str, folder: Path, is_course_best: bool) -> None:
+def show_result(result: RunRecord, title: str, folder: Path, is_course_best: bool) -> None:
     """Print the end of a run: a table, its files, what to look at next, and whether nothing is avoided."""
     known, source, rows = result.best_known_return, result.on_source, []
     for name, row in (

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.result import Result
+from ship_trl.files.record import RunRecord
 from ship_trl.policies.reference import is_course_best
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
@@ -20,7 +20,7 @@ from ship_trl.run.training import train_run
 from ship_trl.transfer.casebase import CaseBase, Entry
 
 
-def run_experiment(run: Run, place: str = "") -> Result:
+def run_experiment(run: Run, place: str = "") -> RunRecord:
     """Train a run and return its result; if the case base lacks its source network, train that first.
 
     If the folder holds a finished run of the same settings, its result is shown and nothing is trained.

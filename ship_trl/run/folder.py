@@ -15,8 +15,9 @@ from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World, plain
+from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, links, remove
-from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.run.checkpoint import FOLDER, Checkpoints
 from ship_trl.run.run import Run
@@ -61,7 +62,7 @@ def check_folder(run: Run) -> None:
     find_result(run)
 
 
-def find_result(run: Run) -> Result | None:
+def find_result(run: Run) -> RunRecord | None:
     """Return the run's result if its folder holds it, or None if the run may be trained there.
 
     With `overwrite=true`, it may also be trained in a folder of another run or of a damaged result.
@@ -72,12 +73,12 @@ def find_result(run: Run) -> Result | None:
     held = ""
     if (run.folder / RESULT).exists():
         try:
-            result = read_result(run.folder)
+            result = read_run(run.folder)
             if result.config_hash == run.config_hash:
                 return result
             held = f"a finished run of other settings{list_differences(run)}"
-        except ResultError as error:
-            held = f"a damaged {RESULT} (it {error})"
+        except RunError as error:
+            held = f"a damaged result: {error}"
     else:
         about = Checkpoints(run.folder).about()
         unfinished = f"an unfinished run of other settings{(differences := list_differences(run))}"

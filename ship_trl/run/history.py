@@ -12,7 +12,7 @@ from typing import Any
 from torch import Tensor, nn
 
 from ship_trl.files.curve import COLUMNS
-from ship_trl.files.result import Evaluation
+from ship_trl.files.record import Evaluation
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished

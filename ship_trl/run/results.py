@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,9 @@ from yaml import YAMLError
 
 from ship_trl.config.errors import one_line, print_error
 from ship_trl.config.paths import conf_dir
+from ship_trl.files.curve import RunError
 from ship_trl.files.disk import read_file
-from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
 from ship_trl.run.folder import flatten
 from ship_trl.run.plan import DAMAGED
@@ -29,31 +30,6 @@ OF_TRANSFER = ("source", "source_file", "demonstrations", "transfer.")
 SEED = re.compile(rb"(?m)^seed: .*$|(?<=seed=)\d+(-[0-9a-f]{12})?")
 
 
-@dataclass(frozen=True)
-class Found:
-    """A finished run: its result, its folder, the folder that was searched, and its part of the study.
-
-    Several parts of a study may have the same pair and arm. `changes` are the settings that tell the run from
-    others of its place, as words.
-    """
-
-    result: Result
-    folder: Path
-    below: Path
-    part: str
-    changes: str = ""
-
-    @property
-    def place(self) -> str:
-        """The pair, with the part of the study in front if there is one."""
-        return f"{self.part}/{self.result.pair}" if self.part else self.result.pair
-
-    @property
-    def arm(self) -> str:
-        """The arm, with the settings that tell it from others: "FT3 learn.lr=0.01"."""
-        return f"{self.result.arm} {self.changes}".strip()
-
-
 def locate(name: str, folder: Path) -> str:
     """Return the file that a run in `folder` was given by a path relative to where it was started.
 
@@ -63,31 +39,31 @@ def locate(name: str, folder: Path) -> str:
     return next((str(place) for place in places if place.is_file()), name)
 
 
-def collect(folder: Path) -> tuple[list[Found], list[tuple[Path, str]]]:
-    """Return the results in `folder` and below, and the path and the error of each unreadable one."""
+def collect(folder: Path) -> tuple[list[RunRecord], list[tuple[Path, str]]]:
+    """Return the results in `folder` and below, and the folder and the error of each unreadable one."""
     found, broken = [], []
     for path in sorted(folder.rglob(RESULT)):
         if path.parent.name.startswith(DAMAGED):
             continue
         try:
             part = one_line("/".join(path.relative_to(folder).parts[:-4]))
-            found.append(Found(read_result(path.parent), path.parent, folder, part))
-        except ResultError as error:
-            broken.append((path, str(error)))
+            found.append(replace(read_run(path.parent, part), below=folder))
+        except RunError as error:
+            broken.append((path.parent, str(error)))
     return name_settings(found), broken
 
 
-def drop_copies(found: Iterable[Found]) -> list[Found]:
+def drop_copies(found: Iterable[RunRecord]) -> list[RunRecord]:
     """Drop copies of another run, which are not further seeds, and print a warning for each."""
-    kept: dict[tuple[str, str], Found] = {}
+    kept: dict[tuple[str, str], RunRecord] = {}
     for one in found:
-        known = kept.setdefault((one.place, repr(one.result)), one)
+        known = kept.setdefault((one.label, repr(one)), one)
         if known is not one:
             print_error(f"{one.folder} is a copy of {known.folder}; left out")
     return list(kept.values())
 
 
-def name_settings(found: Sequence[Found]) -> list[Found]:
+def name_settings(found: Sequence[RunRecord]) -> list[RunRecord]:
     """Return runs with their `changes`: two runs of an arm have the same words if only their seeds differ."""
     known: dict[bytes, dict[str, str]] = {}
     settings = [read_run_settings(one, known) for one in found]
@@ -96,7 +72,7 @@ def name_settings(found: Sequence[Found]) -> list[Found]:
         groups: dict[tuple[str, ...], dict[int, dict[str, str]]] = {}
         for k, one in enumerate(found):
             own = {key: v for key, v in settings[k].items() if key.startswith(OF_TRANSFER) is of_transfer}
-            name = (one.place, one.result.arm, changes[k]) if of_transfer else (one.place,)
+            name = (one.label, one.arm, changes[k]) if of_transfer else (one.label,)
             groups.setdefault(name, {})[k] = own
         for group in groups.values():
             for k, words in zip(group, tell_apart(list(group.values())), strict=True):
@@ -104,10 +80,10 @@ def name_settings(found: Sequence[Found]) -> list[Found]:
     return [replace(one, changes=words) for one, words in zip(found, changes, strict=True)]
 
 
-def read_run_settings(one: Found, known: dict[bytes, dict[str, str]]) -> dict[str, str]:
+def read_run_settings(one: RunRecord, known: dict[bytes, dict[str, str]]) -> dict[str, str]:
     """Return the settings of a run, without arm and seed, by dotted key; `known` holds those read before."""
-    path, version = one.folder / CONFIG, str(one.result.algorithm_version)
-    settings = {"profile": one.result.profile, "algorithm_version": version}
+    path, version = one.folder / CONFIG, str(one.algorithm_version)
+    settings = {"profile": one.profile, "algorithm_version": version}
     try:
         # Reading YAML is slow, and the files of an arm differ in their seeds alone.
         text = SEED.sub(b"*", read_file(path, MAX_YAML_BYTES))
@@ -152,19 +128,19 @@ def tell_apart(settings: Sequence[Mapping[str, str]]) -> list[str]:
     return [" ".join(own) for own in words]
 
 
-def group_runs(found: Iterable[Found]) -> dict[str, list[Found]]:
+def group_runs(found: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
     """Group runs that differ only in their seeds; return each group by its name, sorted by seed."""
-    groups: dict[tuple[str, ...], list[Found]] = {}
+    groups: dict[tuple[str, ...], list[RunRecord]] = {}
     for one in found:
-        groups.setdefault((str(one.below), one.part, one.result.pair, one.arm), []).append(one)
+        groups.setdefault((str(one.below), one.part, one.pair, one.name), []).append(one)
     several = len({below for below, *_ in groups}) > 1
-    rows: dict[str, list[Found]] = {}
+    rows: dict[str, list[RunRecord]] = {}
     for (below, *_, arm), runs in sorted(groups.items()):
-        name = f"{runs[0].place} {arm}"
-        rows[f"{below}: {name}" if several else name] = sorted(runs, key=lambda one: one.result.seed)
+        name = f"{runs[0].label} {arm}"
+        rows[f"{below}: {name}" if several else name] = sorted(runs, key=lambda one: one.seed)
     return rows
 
 
-def folders_of(found: Iterable[Found]) -> dict[str, list[Path]]:
+def folders_of(found: Iterable[RunRecord]) -> dict[str, list[Path]]:
     """Return the folders of each group."""
     return {name: [one.folder for one in runs] for name, runs in group_runs(found).items()}

@@ -16,7 +16,7 @@ from PIL import Image
 from ship_trl.config.types import Logger, plain
 from ship_trl.files.curve import COLUMNS, CURVE
 from ship_trl.files.disk import writing
-from ship_trl.files.result import Result
+from ship_trl.files.record import RunRecord
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
 from ship_trl.run.folder import open_folder
@@ -66,7 +66,7 @@ class TensorboardTracker:
             for name, value in to_numbers(row).items():
                 self._writer.add_scalar(name, value, row["episode"])
 
-    def finish(self, result: Result, folder: Path) -> None:
+    def finish(self, result: RunRecord, folder: Path) -> None:
         """Log the pictures and the result."""
         text = CODE_BLOCK.format(json.dumps(result.to_json(), indent=1))
         with writing(self._folder):
@@ -127,7 +127,7 @@ class Tracker:
         for tracker in (self._csv, *self._others):
             tracker.log(row)
 
-    def finish(self, result: Result) -> None:
+    def finish(self, result: RunRecord) -> None:
         """Log the result with all trackers but CSV."""
         for tracker in self._others:
             tracker.finish(result, self._run.folder)

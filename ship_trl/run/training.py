@@ -14,7 +14,7 @@ from torch import Tensor
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE
 from ship_trl.files.disk import remove, sync
-from ship_trl.files.result import Result, write_result
+from ship_trl.files.record import RunRecord
 from ship_trl.learn.algorithm import DivergedError
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.learn.train import Evaluated, Finished, Training
@@ -36,7 +36,7 @@ from ship_trl.transfer.weights import save_weights
 MAX_SEARCHES = 10
 
 
-def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> Result:
+def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> RunRecord:
     """Train one network, and write all files into the run's folder, `result.json` last.
 
     If an earlier process left a checkpoint of this run, the training resumes from it. The caller holds the
@@ -80,7 +80,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         sync(run.folder / CURVE)
         # Before `tracker.finish`, which may fail or wait for a network. The checkpoint folder is deleted
         # last: while it exists, the run counts as unfinished.
-        write_result(run.folder, result)
+        result.write(run.folder)
         retain(run, result)
         journal.checkpoints.remove()
         tracker.finish(result)

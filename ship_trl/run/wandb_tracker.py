@@ -13,7 +13,7 @@ from typing import Any, Literal
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import WandbMode, plain
 from ship_trl.files.disk import DISK, atomic_write, links, read_file
-from ship_trl.files.result import Result
+from ship_trl.files.record import RunRecord
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.history import Row, to_numbers
@@ -142,11 +142,11 @@ class WandbTracker:
         if self._logged > self._wandb.starting_step:
             self._try(lambda: self._wandb.log({"episode": row["episode"]} | to_numbers(row)))
 
-    def finish(self, result: Result, folder: Path) -> None:
+    def finish(self, result: RunRecord, folder: Path) -> None:
         """Log the pictures and put the result into the summary."""
         self._try(lambda: self._log_result(result, folder))
 
-    def _log_result(self, result: Result, folder: Path) -> None:
+    def _log_result(self, result: RunRecord, folder: Path) -> None:
         import wandb
 
         self._wandb.log(

@@ -148,7 +148,7 @@ def measure_levels(
         parts = [share * np.array([measure(r, of) for r in runs[name]]) for name, share in weights.items()]
         return np.sum(parts, axis=0)
 
-    bound = margin(next(iter(runs.values()))[0].result.target, metric)
+    bound = margin(next(iter(runs.values()))[0].target, metric)
     # Times of runs that never reach the threshold are equal without being alike.
     if metric in TIMES and min(np.mean([*map(has_reached, arm)]) for arm in runs.values()) < MIN_REACHED:
         bound = None

@@ -20,16 +20,16 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingC
 from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Logger, plain
-from ship_trl.files.curve import CURVE
+from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import atomic_write, links
-from ship_trl.files.result import RESULT, Result, ResultError, read_result
+from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.grid.launchers import die_with_parent
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
 from ship_trl.run.plan import DAMAGED
 from ship_trl.run.progress import Lines
 from ship_trl.study.manifest import run_config
 from ship_trl.study.plan import PARTS, Job, StudyConfig, source_folder
-from ship_trl.study.records.record import BrokenRunError, read_placed
+from ship_trl.study.records.record import read_placed
 from ship_trl.transfer.casebase import POLICY
 
 LOG, JOBS, CASE_BASE = "log.txt", "jobs", "case_base"
@@ -67,12 +67,12 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
             draft.write_text("# @package _global_\n" + OmegaConf.to_yaml(values))
 
 
-def finished(job: Job, config: StudyConfig) -> Result | None:
+def finished(job: Job, config: StudyConfig) -> RunRecord | None:
     """Return the result of a finished job; None without a result, or with checkpoints left."""
     folder = job.folder(config.folder)
     try:
-        found = read_result(folder)
-    except ResultError:
+        found = read_run(folder)
+    except RunError:
         return None
     is_done = (found.arm, found.seed) == (job.arm, job.seed) and not (folder / CHECKPOINTS).exists()
     return found if is_done else None
@@ -173,7 +173,7 @@ def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
         try:
             if (folder / RESULT).exists():
                 read_placed(folder)
-        except BrokenRunError as error:
+        except RunError as error:
             yield rename(folder, str(error))
     # From the last stage to the first: a source that is trained again may need its own source.
     for job in reversed(jobs):
@@ -306,4 +306,4 @@ def time_runs(config: StudyConfig, episodes: int) -> float:
             if child.wait() != 0:
                 last_line = log.read_text().strip().split("\n")[-1]
                 raise ConfigError(f"overrides: short runs failed: {last_line.removeprefix('ship_trl: ')}")
-        return statistics.mean(read_result(path.parent).seconds for path in Path(folder).rglob(RESULT))
+        return statistics.mean(read_run(path.parent).seconds for path in Path(folder).rglob(RESULT))

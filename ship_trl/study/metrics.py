@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ship_trl.config.arm import Arm
 from ship_trl.files.curve import moving_mean
+from ship_trl.files.record import RunRecord
 from ship_trl.study.plan import LOW, ONE, REUSED_CASE
-from ship_trl.study.records.record import Record
 
 # The moving score is a mean over this share of the training episodes. A run reaches a threshold when the
 # moving score first is at it; the first threshold is the primary one.
@@ -45,48 +46,47 @@ def mean(values: NDArray[Any]) -> float:
     return float(np.mean(values))
 
 
-def start(record: Record) -> float:
+def start(record: RunRecord) -> float:
     """Return the mean greedy score before training, over draws of the layers that are not copied."""
-    result = record.result
-    return mean(record.score(np.array(result.draws or [result.before.episode_return])))
+    return mean(record.score(np.array(record.draws or [record.before.episode_return])))
 
 
-def moving_scores(record: Record) -> NDArray[np.float64]:
+def moving_scores(record: RunRecord) -> NDArray[np.float64]:
     """Return the moving mean of the training scores, [E - window + 1]."""
     window = count_share(record.scores, WINDOW)
     return moving_mean(record.scores, window)[window - 1 :]
 
 
-def curve(record: Record) -> NDArray[np.float64]:
+def curve(record: RunRecord) -> NDArray[np.float64]:
     """Return the moving score at `CURVE_POINTS` points, evenly along the run."""
     scores = moving_scores(record)
     return np.interp(np.linspace(0, len(scores) - 1, CURVE_POINTS), np.arange(len(scores)), scores)
 
 
-def has_reached(record: Record, threshold: float = THRESHOLDS[0]) -> bool:
+def has_reached(record: RunRecord, threshold: float = THRESHOLDS[0]) -> bool:
     """Return whether the moving score ever reaches the threshold."""
     return bool(np.any(moving_scores(record) >= threshold))
 
 
-def time_to_threshold(record: Record, threshold: float = THRESHOLDS[0]) -> float:
+def time_to_threshold(record: RunRecord, threshold: float = THRESHOLDS[0]) -> float:
     """Return the share of the training episodes until the moving score reaches the threshold; 1 if never."""
     scores, total = moving_scores(record), len(record.training.returns)
     reached = np.flatnonzero(scores >= threshold)
     return float(total - len(scores) + 1 + reached[0]) / total if reached.size else 1.0
 
 
-def total_time(record: Record) -> float:
+def total_time(record: RunRecord) -> float:
     """Return the time to the threshold with the episodes of all sources (Taylor and Stone, 2009).
 
     The network that figure 9 reuses was trained twice: on case 1, then on case 2.
     """
-    source = record.result.source
-    trained = source is not None and record.arm.has_trained_source
+    source = record.source
+    trained = source is not None and Arm.parse(record.arm).has_trained_source
     trained_twice = record.part in (LOW, ONE) and source == REUSED_CASE
     return time_to_threshold(record) + trained + trained_twice
 
 
-def around_exploration_end(record: Record) -> tuple[slice, slice]:
+def around_exploration_end(record: RunRecord) -> tuple[slice, slice]:
     """Return the tenth of the episodes before exploration ends, and the tenth after.
 
     Without an epsilon, as in PPO, the last tenth counts as the one after.
@@ -97,7 +97,7 @@ def around_exploration_end(record: Record) -> tuple[slice, slice]:
     return slice(max(0, end - tenth), max(1, end)), slice(min(end, count - 1), min(end + tenth, count))
 
 
-def dip(record: Record) -> float:
+def dip(record: RunRecord) -> float:
     """Return the largest fall of the moving score around the end of exploration.
 
     The score moves over a fortieth of the episodes, from two tenths before that end to two tenths after.
@@ -111,18 +111,18 @@ def dip(record: Record) -> float:
     return float(np.max(np.maximum.accumulate(means) - means))
 
 
-def collision_rise(record: Record) -> float:
+def collision_rise(record: RunRecord) -> float:
     """Return the rise of the share of collisions from the tenth before exploration ends to the one after."""
     before, after = around_exploration_end(record)
     return mean(record.training.collision[after]) - mean(record.training.collision[before])
 
 
-def late_misses(record: Record) -> NDArray[np.bool_]:
+def late_misses(record: RunRecord) -> NDArray[np.bool_]:
     """Return which training episodes after exploration miss the goal; there is at least one episode."""
     return ~record.training.goal[around_exploration_end(record)[1].start :]
 
 
-def fell(record: Record) -> float:
+def fell(record: RunRecord) -> float:
     """Return 1 if `FALLEN_EPISODES` training episodes in a row miss the goal after exploration, else 0.
 
     A run that never reached the goal counts too; `has_reached` tells them apart.
@@ -135,7 +135,7 @@ def fell(record: Record) -> float:
 
 
 # The metrics by their names in the report.
-METRICS: dict[str, Callable[[Record], float]] = {
+METRICS: dict[str, Callable[[RunRecord], float]] = {
     # The mean score of all training episodes: the area under the learning curve.
     "area": lambda run: mean(run.scores),
     "time": time_to_threshold,
@@ -162,7 +162,7 @@ METRICS: dict[str, Callable[[Record], float]] = {
     # The least distance (m) to a target ship in the last greedy episode; NaN without ships.
     "least distance": lambda run: float(run.greedy.dcpa[-1]),
     # The source network's score on its case less that of the network at the end; NaN if not measured.
-    "forgetting": lambda run: math.nan if (on := run.result.on_source) is None else on.forgetting,
+    "forgetting": lambda run: math.nan if (on := run.on_source) is None else on.forgetting,
 }
 # Metrics that came after studies were kept. Reports have them if a run measured its source, so that those of
 # older studies stay as they are.
@@ -171,13 +171,13 @@ LATER = ("greedy success", "forgetting")
 TIMES = ("time", "time to 0.5", "time to 0.8", "total time")
 
 
-def metrics_of(records: Iterable[Record]) -> list[str]:
+def metrics_of(records: Iterable[RunRecord]) -> list[str]:
     """Return the names of the metrics that tables of these runs have, see `LATER`."""
     is_later = any(math.isfinite(measure(record, "forgetting")) for record in records)
     return [name for name in METRICS if is_later or name not in LATER]
 
 
-def measure(record: Record, name: str) -> float:
+def measure(record: RunRecord, name: str) -> float:
     """Return a metric of a run, computed once."""
     if name not in record.measured:
         record.measured[name] = METRICS[name](record)

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.files.record import RunRecord
 from ship_trl.study.manifest import Manifest, read_manifest
 from ship_trl.study.plan import (
     ALONE,
@@ -27,7 +28,7 @@ from ship_trl.study.plan import (
     reuse_label,
     scratch_place,
 )
-from ship_trl.study.records.record import COMPUTED, NO_PART, Record, read_runs
+from ship_trl.study.records.record import COMPUTED, NO_PART, read_runs
 from ship_trl.study.statistics import LEVEL, MAX_PERMUTATIONS, OBRIEN_FLEMING
 from ship_trl.study.tables import LAYERS, Layer, has_tables, read_layers, read_tables
 
@@ -35,7 +36,7 @@ from ship_trl.study.tables import LAYERS, Layer, has_tables, read_layers, read_t
 BLOCK, MAX_LOOKS = 5, len(OBRIEN_FLEMING)
 
 # By part, pair, arm and seed.
-Records = dict[tuple[str, str, str, int], Record]
+Records = dict[tuple[str, str, str, int], RunRecord]
 Places = Mapping[str, Place]
 
 # The networks on the new case, with the starting epsilon, which is low where none is named. Each "case N" was
@@ -96,7 +97,7 @@ class Study:
         layers = [row for row in self.layers if row.seed in seeds]
         return replace(self, records=kept, layers=layers, level=level)
 
-    def arm(self, part: str, pair: str, arm: str) -> dict[int, Record]:
+    def arm(self, part: str, pair: str, arm: str) -> dict[int, RunRecord]:
         """Return the runs of an arm by seed."""
         return self._by_place.get((part, pair, arm), {})
 
@@ -106,8 +107,8 @@ class Study:
         return list(self._by_place)
 
     @cached_property
-    def _by_place(self) -> dict[Place, dict[int, Record]]:
-        places: dict[Place, dict[int, Record]] = defaultdict(dict)
+    def _by_place(self) -> dict[Place, dict[int, RunRecord]]:
+        places: dict[Place, dict[int, RunRecord]] = defaultdict(dict)
         for (part, pair, arm, seed), record in sorted(self.records.items()):
             places[part, pair, arm][seed] = record
         return places
@@ -117,15 +118,15 @@ class Study:
         found: dict[str, Counter[str]] = defaultdict(Counter)
         for record in self.records.values():
             for key in COMPUTED:
-                found[key][str(getattr(record.result, key))] += 1
+                found[key][str(getattr(record, key))] += 1
         return {key: dict(sorted(counts.items())) for key, counts in found.items()}
 
     def cases(self, pair: str) -> tuple[str | None, str]:
         """Return source and target of a pair; no source if all its runs are from scratch."""
-        runs = [run.result for key, run in sorted(self.records.items()) if key[:2] == (PAIRS, pair)]
+        runs = [run for key, run in sorted(self.records.items()) if key[:2] == (PAIRS, pair)]
         return next((run.source for run in runs if run.source), None), runs[0].target
 
-    def matched(self, places: Places) -> dict[str, list[Record]]:
+    def matched(self, places: Places) -> dict[str, list[RunRecord]]:
         """Return the runs of some arms, by name, for the seeds that all of them have."""
         runs = {name: self.arm(*place) for name, place in places.items()}
         seeds = sorted(set.intersection(*(set(by_seed) for by_seed in runs.values())) if runs else set())
@@ -136,7 +137,7 @@ def read_study(folder: Path) -> Study:
     """Read a study from its tables, or else from the runs below a folder."""
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
-    records = {(*one.place, one.result.seed): one for one, _ in found}
+    records = {(*one.place, one.seed): one for one in found}
     return Study(records, broken, read_manifest(folder), layers=layers_of(folder, records, broken))
 
 
@@ -192,9 +193,9 @@ def places_of(study: Study) -> dict[str, dict[str, Place]]:
     for label in SCRATCH_PAIR:
         own: dict[str, Place] = {place[2]: place for place in study.places if place[:2] == (CONTROLS, label)}
         if own:
-            result = next(iter(study.arm(*next(iter(own.values()))).values())).result
+            run = next(iter(study.arm(*next(iter(own.values()))).values()))
             scratch = scratch_place(CONTROLS, label)
             base: dict[str, Place] = {SCRATCH: scratch} if study.arm(*scratch) else {}
-            found[f"{result.source} to {result.target}"] = base | own
+            found[f"{run.source} to {run.target}"] = base | own
     reused = {name: place for name, place in REUSED.items() if study.arm(*place)}
     return {**found, NEW_CASE: reused} if reused else found

@@ -26,27 +26,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
-from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, write_curve
+from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, RunError, write_curve
 from ship_trl.files.disk import atomic_write, read_file, writing
-from ship_trl.files.result import Result, ResultError, from_json, write_result
+from ship_trl.files.record import RunRecord, check_run, from_cells
 from ship_trl.files.table import read_table, rows
 from ship_trl.files.untrusted import Bounded
 from ship_trl.study.manifest import PLAN, read_plan
 from ship_trl.study.plan import PARTS, Job, run_folder
-from ship_trl.study.records.record import BrokenRunError, make_record, read_runs
+from ship_trl.study.records.record import read_runs
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from ship_trl.study.records.record import Run
 
 RUNS, CURVES, KEPT = "runs.csv", "curves.csv.xz", "kept"
 COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
 # The strongest preset that takes less than 100 MB of memory.
 PRESET = 6 | lzma.PRESET_EXTREME
-# A source network's last path components, from its study's folder on; the ones above name a machine.
-SOURCE_PATH_PARTS = 5
 # Bytes of uncompressed curves: a study of a thousand runs of 5,000 episodes has 0.4 GB.
 MAX_CURVE_BYTES = 4 * 10**9
 # What reading a damaged table raises.
@@ -58,7 +54,7 @@ def has_tables(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (RUNS, CURVES))
 
 
-def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list[Run]]:
+def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list[RunRecord]]:
     """Read a study's plan and runs, as they would be read from the runs' folders.
 
     Messages name `key`, the argument that gave the folder.
@@ -69,19 +65,19 @@ def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list
         if not isinstance(kept, dict) or not path.is_file() or digest(path) != kept.get(path.name):
             raise ConfigError(f"{key}: {path} is not the file that {PLAN} was kept with")
     with refused(key, folder / RUNS):
-        results = [from_cells(cells) for _, cells in rows(read_file(folder / RUNS), ("part",))]
-        places = [place_of(part, result) for part, result in results]
-    if not results or len(set(places)) < len(results):
+        kept_runs = [from_cells(cells) for _, cells in rows(read_file(folder / RUNS), ("part",))]
+        places = [place_of(run) for run in kept_runs]
+    if not kept_runs or len(set(places)) < len(kept_runs):
         raise ConfigError(f"{key}: {folder / RUNS} has no run, or a run twice")
-    runs: list[Run] = []
+    runs: list[RunRecord] = []
     with refused(key, folder / CURVES):
         curves = dict(iter(read_curves(folder / CURVES).groupby("run", sort=False)))
-        if list(curves) != list(range(len(results))):
+        if list(curves) != list(range(len(kept_runs))):
             raise ValueError(f"its runs are not those of {RUNS}")
-        for (part, result), place, curve in zip(results, places, curves.values(), strict=True):
+        for run, place, curve in zip(kept_runs, places, curves.values(), strict=True):
             is_draw = curve["kind"] == DRAW
-            whole, curve = replace(result, draws=curve["return"][is_draw].tolist()), curve[~is_draw]
-            runs.append((make_record(whole, curve, folder / place, part), curve))
+            draws = curve["return"][is_draw].tolist()
+            runs.append(check_run(replace(run, draws=draws, rows=curve[~is_draw], folder=folder / place)))
     return plan, runs
 
 
@@ -90,7 +86,7 @@ def refused(key: str, path: Path) -> Iterator[None]:
     """Say in one line why a table cannot be read."""
     try:
         yield
-    except (*DAMAGED, ResultError, BrokenRunError) as error:
+    except (*DAMAGED, RunError) as error:
         raise ConfigError(f"{key}: {path} cannot be read: {' '.join(str(error).split())}") from None
 
 
@@ -119,7 +115,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
-    runs = sorted(read_runs(folder, broken), key=lambda run: (run[0].result.seed, *run[0].place))
+    runs = sorted(read_runs(folder, broken), key=lambda run: (run.seed, *run.place))
     if not runs and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not runs:
@@ -127,7 +123,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     names = [one.name for one in fields(Job) if one.name != "values"]
     plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
-    table = pd.DataFrame([{"part": record.part} | to_cells(record.result) for record, _ in runs])
+    table = pd.DataFrame([run.to_cells() for run in runs])
     try:
         copy.mkdir(parents=True, exist_ok=True)
         # Compression takes a minute. All files are written before one is renamed, and the plan is renamed
@@ -148,16 +144,16 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     return len(runs), len(broken)
 
 
-def write_curves(path: Path, runs: Sequence[Run]) -> None:
+def write_curves(path: Path, runs: Sequence[RunRecord]) -> None:
     """Write draws and curves of runs, which are sorted by seed."""
     import pandas as pd
 
     with path.open("wb") as file:
-        for _, runs_of_seed in groupby(enumerate(runs), lambda numbered: numbered[1][0].result.seed):
+        for _, runs_of_seed in groupby(enumerate(runs), lambda numbered: numbered[1].seed):
             parts = []
-            for number, (record, curve) in runs_of_seed:
-                draws = pd.DataFrame({"kind": DRAW, "episode": 0, "return": record.result.draws})
-                parts.append((pd.concat([draws, curve]) if len(draws) else curve).assign(run=number))
+            for number, run in runs_of_seed:
+                draws = pd.DataFrame({"kind": DRAW, "episode": 0, "return": run.draws})
+                parts.append((pd.concat([draws, run.curve]) if len(draws) else run.curve).assign(run=number))
             form = {"columns": COLUMNS, "index": False, "lineterminator": "\n"}
             text = pd.concat(parts).to_csv(None, header=not file.tell(), **form)
             file.write(lzma.compress(text.encode(), preset=PRESET))
@@ -173,10 +169,10 @@ def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
     """
     plan, runs = read_tables(copy, "copy")
     planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in plan["jobs"]}
-    have = {(*record.place, record.result.seed) for record, _ in runs}
+    have = {(*run.place, run.seed) for run in runs}
     seeds = {seed for *_, seed in planned}
     complete = seeds - {seed for *_, seed in planned - have}
-    restored = [run for run in runs if run[0].result.seed in complete]
+    restored = [run for run in runs if run.seed in complete]
     if not complete:
         raise ConfigError(f"copy: {copy} has no seed with all its runs; start a new study instead")
     folder = folder.resolve()
@@ -185,11 +181,11 @@ def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigError(f"folder: {folder} is there already; allowed: a new one")
         draft.mkdir(parents=True)
-        for record, rows in restored:
-            place = draft / place_of(record.part, record.result)
+        for run in restored:
+            place = draft / place_of(run)
             place.mkdir(parents=True)
-            write_curve(place, rows)
-            write_result(place, record.result)
+            write_curve(place, run.curve)
+            run.write(place)
         del plan[KEPT]
         (draft / PLAN).write_text(json.dumps(plan, indent=1))
         draft.rename(folder)
@@ -205,52 +201,12 @@ def digest(path: Path) -> str:
     return hashlib.sha256(read_file(path)).hexdigest()
 
 
-def to_cells(result: Result) -> dict[str, str]:
-    """Write a result as cells, without its draws; the cell "best.return" is the return of "best"."""
-    values = result.to_json()
-    del values["draws"]
-    if result.source_network is not None:
-        values["source_network"] = "/".join(Path(result.source_network).parts[-SOURCE_PATH_PARTS:])
-    row: dict[str, str] = {}
-    for key, value in values.items():
-        if isinstance(value, dict):
-            row |= {f"{key}.{name}": as_cell(inner) for name, inner in value.items()}
-        else:
-            row[key] = as_cell(value)
-    return row
-
-
-def from_cells(row: dict[str, str]) -> tuple[str, Result]:
-    """Read part and result of a run from its cells."""
-    values: dict[str, Any] = {}
-    for key, cell in row.items():
-        outer, _, inner = key.partition(".")
-        if cell and inner:
-            values.setdefault(outer, {})[inner] = from_cell(cell)
-        elif cell:
-            values[outer] = from_cell(cell)
-    return str(values.pop("part")), from_json(values | {"draws": []})
-
-
-def as_cell(value: Any) -> str:
-    """Write a value as JSON, or as plain text if that cannot be mistaken for JSON."""
-    return value if isinstance(value, str) and from_cell(value) == value and value else json.dumps(value)
-
-
-def from_cell(cell: str) -> Any:
-    """Read a cell as JSON, or else as text."""
-    try:
-        return json.loads(cell)
-    except (ValueError, RecursionError):
-        return cell
-
-
-def place_of(part: str, result: Result) -> Path:
+def place_of(run: RunRecord) -> Path:
     """Return a run's folder below its study's folder; raise ValueError if its names could lead elsewhere."""
-    if part not in PARTS or not (is_name(result.pair) and is_name(result.arm)) or result.seed < 0:
-        found = f"{part:.40} {result.pair:.40} {result.arm:.40} {result.seed}"
+    if run.part not in PARTS or not (is_name(run.pair) and is_name(run.arm)) or run.seed < 0:
+        found = f"{run.part:.40} {run.pair:.40} {run.arm:.40} {run.seed}"
         raise ValueError(f"no run of a study is named {found}")
-    return run_folder(Path(), part, result.pair, result.arm, result.seed)
+    return run_folder(Path(), *run.place, run.seed)
 
 
 LAYERS = "layers.csv"

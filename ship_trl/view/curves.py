@@ -14,7 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from ship_trl.files.curve import moving_mean
-from ship_trl.files.result import Evaluation
+from ship_trl.files.record import Evaluation
 from ship_trl.learn.train import Finished
 from ship_trl.view.chart import save, tidy
 from ship_trl.view.palette import (

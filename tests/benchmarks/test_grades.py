@@ -77,9 +77,9 @@ def test_shuffling_keeps_target_and_seed_of_each_run() -> None:
     study = make_study({("pairs", "high", arm): 0.5 for arm in ("scratch", "FE1", "FE2")}, seeds=4)
     made = benchmark.shuffle(study, np.random.default_rng(0))
     assert made.records.keys() == study.records.keys()
-    assert all(record.result.seed == key[3] for key, record in made.records.items())
+    assert all(record.seed == key[3] for key, record in made.records.items())
     assert sorted(map(id, made.records.values())) == sorted(map(id, study.records.values()))
-    assert any(record.arm.name != key[2] for key, record in made.records.items())
+    assert any(record.arm != key[2] for key, record in made.records.items())
 
 
 def test_from_arguments_to_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

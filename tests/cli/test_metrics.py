@@ -9,7 +9,7 @@ import pytest
 
 from ship_trl.cli.metrics import main
 from ship_trl.cli.results import main as results
-from ship_trl.files.result import SourceReturns, write_result
+from ship_trl.files.record import SourceReturns
 from tests.a_result import a_result
 from tests.command import refused
 from tests.study.synthetic import write_run
@@ -60,7 +60,7 @@ def test_runs_of_ours_have_success_and_forgetting(capsys: pytest.CaptureFixture[
         lines = [f"{step},{step / 10},{'' if step else rate}" for step in range(0, 1001, 10)]
         heading = "steps,return,greedy_success_rate"
         (place / "curve.csv").write_text("\n".join([heading, f"0,,{rate}", *lines]) + "\n")
-        write_result(place, a_result(on_source=measured))
+        a_result(on_source=measured).write(place)
     rows, _ = table(capsys, "scratch=out/scratch/curve.csv", "FT3=out/FT3/curve.csv")
     assert rows["arm"][-3:] == ["greedy success", "forgetting", "forward transfer"]
     assert rows["scratch"][-3:] == ["0.00", "-", ""] and rows["FT3"][-3:] == ["1.00", "0.50", ""]

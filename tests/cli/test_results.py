@@ -9,7 +9,7 @@ import pytest
 
 from ship_trl.cli.results import main
 from ship_trl.files.curve import GREEDY, TRAINING, write_curve
-from ship_trl.files.result import SourceReturns, write_result
+from ship_trl.files.record import SourceReturns
 from ship_trl.run.results import collect
 from tests.a_result import a_result, an_evaluation
 from tests.command import refused
@@ -24,7 +24,7 @@ def write(folder: Path, seed: int, best: float, outcome: str = "goal") -> None:
     made = a_result(
         pair="4", arm="scratch", target="4", seed=seed, best=score, final=score, best_known_return=40.0
     )
-    write_result(place, made)
+    made.write(place)
 
 
 def test_one_row_for_each_arm_with_its_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -179,7 +179,7 @@ def test_returns_on_the_source_are_a_column(tmp_path: Path, capsys: pytest.Captu
     place = tmp_path / "4/FT3/seed=0"
     place.mkdir(parents=True)
     source = SourceReturns(83.94, -300.0, 20.5, -10.0, -203.3, None)
-    write_result(place, a_result(pair="4", target="4", on_source=source))
+    a_result(pair="4", target="4", on_source=source).write(place)
     main([str(tmp_path), "--markdown", "--all"])
     heading, _, ft3, scratch = capsys.readouterr().out.splitlines()[:4]
     assert heading.endswith("| return on the source, its network > at the end, by seed |")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ship_trl.cli import ask, cases, evaluate, metrics, results
-from ship_trl.files.result import SourceReturns
+from ship_trl.files.record import SourceReturns
 from ship_trl.run import console, table
 from tests.a_result import a_result
 from tests.study.synthetic import write_run, write_study

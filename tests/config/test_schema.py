@@ -9,7 +9,7 @@ from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import plain
-from ship_trl.files.result import Evaluation
+from ship_trl.files.record import Evaluation
 from tests.config.test_config import HIGH, composed
 
 EVALUATION = {"return": 3, "outcome": "goal", "length": 4, "dcpa": None, "episode": 0}

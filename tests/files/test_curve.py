@@ -13,7 +13,7 @@ from ship_trl.files.curve import (
     CURVE,
     GREEDY,
     TRAINING,
-    CurveError,
+    RunError,
     moving_mean,
     read_curve,
     write_curve,
@@ -67,7 +67,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
 def test_an_incomplete_curve_is_refused(text: str | None, said: str, tmp_path: Path) -> None:
     if text is not None:
         (tmp_path / CURVE).write_text(text)
-    with pytest.raises(CurveError, match=said):
+    with pytest.raises(RunError, match=said):
         read_curve(tmp_path)
 
 

@@ -9,7 +9,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.logs import read_logs
-from ship_trl.files.result import SourceReturns, write_result
+from ship_trl.files.record import SourceReturns
 from tests.a_result import a_result
 
 MONITOR = '#{"t_start": 1.5, "env_id": "x"}\nr,l,t\n1.5,10,0.1\n2.5,30,0.4\n'
@@ -78,7 +78,7 @@ def test_a_curve_of_ours_has_success_rates_and_with_a_result_the_forgetting() ->
     path.write_text(lines.format("1.0"))
     (curve,) = read_logs([path], "arm")
     assert curve.success_rates.tolist() == [0.5, 1.0] and math.isnan(curve.forgetting)
-    write_result(Path(), a_result(on_source=SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)))
+    a_result(on_source=SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)).write(Path())
     assert read_logs([path], "arm")[0].forgetting == 0.5
     path.write_text(lines.format("x"))
     with pytest.raises(ConfigError, match=r"^arm: curve.csv has a greedy_success_rate that is no number"):

@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.files.result import (
+from ship_trl.files.record import (
     SCHEMA_VERSION,
-    ResultError,
+    RunError,
     SourceReturns,
     from_json,
-    read_result,
-    write_result,
+    read_run,
 )
 from tests.a_result import a_result, an_evaluation
 
@@ -33,8 +32,8 @@ def test_it_is_read_as_it_was_written(number: float, layers: Any, dcpa: Any, dra
 
 
 def test_a_file_holds_what_it_says(tmp_path: Path) -> None:
-    write_result(tmp_path, a_result())
-    assert read_result(tmp_path) == a_result()
+    a_result().write(tmp_path)
+    assert read_run(tmp_path) == a_result()
     values = json.loads((tmp_path / "result.json").read_text())
     assert values["schema_version"] == SCHEMA_VERSION and values["best"]["return"] == 10.0
 
@@ -56,7 +55,7 @@ def test_a_file_holds_what_it_says(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_value_is_named(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(ResultError, match=said):
+    with pytest.raises(RunError, match=said):
         from_json(a_result().to_json() | change)
 
 
@@ -71,11 +70,11 @@ def test_a_wrong_value_is_named(change: dict[str, Any], said: str) -> None:
     ],
 )
 def test_a_file_that_is_no_result_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(ResultError, match="is missing"):
-        read_result(tmp_path)
+    with pytest.raises(RunError, match="is missing"):
+        read_run(tmp_path)
     (tmp_path / "result.json").write_text(text)
-    with pytest.raises(ResultError, match=said):
-        read_result(tmp_path)
+    with pytest.raises(RunError, match=said):
+        read_run(tmp_path)
 
 
 @pytest.mark.parametrize(("outcome", "rate"), [("goal", 1.0), ("collision", 0.0), ("timeout", 0.0)])

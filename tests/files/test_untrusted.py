@@ -16,8 +16,8 @@ from torch import Generator
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.types import World, plain
 from ship_trl.explain.networks import read_config
-from ship_trl.files.curve import CurveError, read_curve
-from ship_trl.files.result import ResultError, read_result
+from ship_trl.files.curve import RunError, read_curve
+from ship_trl.files.record import read_run
 from ship_trl.files.untrusted import MAX_YAML_BYTES, Bounded, read_yaml
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import read_demonstration
@@ -78,7 +78,7 @@ READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
     "weights": ("policy.safetensors", lambda path, world: load_weights(path, a_network(), "policy")),
     "layers of weights": ("policy.safetensors", lambda path, world: read_look(path, "policy")),
     "checkpoint": ("1.safetensors", lambda path, world: read_checkpoint(path)),
-    "result": ("result.json", lambda path, world: read_result(path.parent)),
+    "result": ("result.json", lambda path, world: read_run(path.parent)),
     "curve": ("curve.csv", lambda path, world: read_curve(path.parent)),
     "case": ("mine.yaml", lambda path, world: load_case(str(path), world)),
     "configuration": ("config.yaml", lambda path, world: read_settings(path.parent)),
@@ -99,7 +99,7 @@ def test_no_reader_executes_what_it_reads(
 ) -> None:
     name, read = READERS[reader]
     write(tmp_path / name)
-    with pytest.raises((ConfigError, ResultError, CurveError, CheckpointError)) as caught:
+    with pytest.raises((ConfigError, RunError, RunError, CheckpointError)) as caught:
         read(tmp_path / name, world)
     assert "\n" not in str(caught.value) and not Path(EXECUTED).exists()
 
@@ -206,12 +206,12 @@ def test_no_text_of_a_file_controls_the_terminal(
     word: str, tmp_path: Path, world: World, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "result.json").write_text(json.dumps(a_result().to_json() | {"pair": word}))
-    with pytest.raises(ResultError, match="pair: must be plain text"):
-        read_result(tmp_path)
+    with pytest.raises(RunError, match="pair: must be plain text"):
+        read_run(tmp_path)
     # A schema version is quoted.
     (tmp_path / "result.json").write_text(json.dumps({"pair": "", "schema_version": word}))
-    with pytest.raises(ResultError) as caught:
-        read_result(tmp_path)
+    with pytest.raises(RunError) as caught:
+        read_run(tmp_path)
     print_error(str(caught.value))
     said = capsys.readouterr().err
     assert said.endswith("\n") and said[:-1].isprintable()

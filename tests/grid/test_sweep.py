@@ -1,5 +1,6 @@
 """What a sweeper maximises, and a real sweep with Optuna."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,7 @@ import yaml
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE, read_curve, split
-from ship_trl.files.result import read_result
+from ship_trl.files.record import read_run
 from ship_trl.grid.sweep import objective
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
@@ -34,18 +35,22 @@ def finished(folder: Path, *changes: str) -> Run:
     return run
 
 
+def evaluate(run: Run) -> float:
+    return objective(run, replace(RESULT, folder=run.folder))
+
+
 @pytest.mark.parametrize(
     ("change", "value"), [("objective=late", 15.0), ("objective=final", 20.0), ("objective=best", 50.0)]
 )
 def test_an_objective_is_a_greedy_return(change: str, value: float, tmp_path: Path) -> None:
-    assert objective(finished(tmp_path, change), RESULT) == value
+    assert evaluate(finished(tmp_path, change)) == value
 
 
 def test_a_damaged_curve_is_refused_if_the_objective_needs_it(tmp_path: Path) -> None:
     run = finished(tmp_path)
     (run.folder / CURVE).unlink()
     with pytest.raises(ConfigError, match=r"^objective: .*: curve.csv is missing; allowed without a"):
-        objective(run, RESULT)
+        evaluate(run)
 
 
 def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> None:
@@ -63,7 +68,7 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     values, rates = [], []
     for trial in range(2):
         folder = place / f"trial={trial}/1/scratch/seed=0"
-        assert read_result(folder).episodes == 6
+        assert read_run(folder).episodes == 6
         _, greedy = split(read_curve(folder))
         values.append(greedy["return"].iloc[-1])  # the only one after exploration
         rates.append(yaml.safe_load((folder / "config.yaml").read_text())["learn"]["lr"])

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ship_trl.files.curve import read_curve, split
-from ship_trl.files.result import Result, read_result, write_result
+from ship_trl.files.record import RunRecord, read_run
 from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment
 from ship_trl.run.folder import TakenError, find_result
@@ -23,7 +23,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Replace the training, and list the folders of the runs that were trained."""
     folders: list[Path] = []
 
-    def train_run(run: Run, *_: Any) -> Result:
+    def train_run(run: Run, *_: Any) -> RunRecord:
         folders.append(run.folder)
         run.folder.mkdir(parents=True)
         for name in ("policy.safetensors", "config.yaml"):
@@ -57,7 +57,7 @@ def test_a_run_that_another_process_finished_meanwhile_is_not_overwritten(
     line = ("target=1", "method=scratch", "profile=smoke", f"output={tmp_path}")
     one, other = make_run(composed(*line)), make_run(composed(*line, "learn.lr=1e-3"))
     one.folder.mkdir(parents=True)
-    write_result(one.folder, dataclasses.replace(a_result(), config_hash=one.config_hash))
+    dataclasses.replace(a_result(), config_hash=one.config_hash).write(one.folder)
     with pytest.raises(TakenError, match="a finished run of other settings"):
         run_experiment(other)
     assert trained == [] and find_result(one) is not None
@@ -73,7 +73,7 @@ def test_where_holding_course_is_best_the_end_says_so(
     result = a_result(pair=pair, target=target, config_hash=digest, best_known_return=known)
     for name in ("policy.safetensors", "config.yaml"):
         (run.folder / name).write_text(name)
-    write_result(run.folder, result)
+    result.write(run.folder)
     run_experiment(run)
     assert ("in case 2 holding course is best" in capsys.readouterr().out) == is_said
 
@@ -87,7 +87,7 @@ def test_a_suite_is_trained_once_as_the_source_of_two_targets(tmp_path: Path) ->
     second = run_experiment(make_run(composed(*line, "source=paper", "target=2", "layers=2")))
     assert (source / "result.json").stat().st_mtime_ns == written
     assert first.source_network == second.source_network == str(entry.with_name("policy.safetensors"))
-    result = read_result(source)
+    result = read_run(source)
     assert (result.target, result.final.episodes, first.final.episodes) == ("paper", 7, 1)
     assert result.final.success_rate * 7 == pytest.approx(round(result.final.success_rate * 7))
     assert result.best_known_return == pytest.approx(67.8, abs=0.1)

@@ -9,7 +9,6 @@ import pytest
 
 from ship_trl.cli.errors import hydra_errors
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.result import write_result
 from ship_trl.run.folder import open_folder
 from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
@@ -43,7 +42,7 @@ def write_curve(folder: Path) -> None:
 WRITERS: dict[str, Callable[[Path], None]] = {
     "curve.csv": write_curve,
     "policy.safetensors": lambda folder: save_weights(folder / "policy.safetensors", network(), {}),
-    "result.json": lambda folder: write_result(folder, a_result()),
+    "result.json": lambda folder: a_result().write(folder),
 }
 
 

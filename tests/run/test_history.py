@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import nn
 
-from ship_trl.files.result import Evaluation
+from ship_trl.files.record import Evaluation
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.history import History, from_csv, summarise, to_csv, to_row

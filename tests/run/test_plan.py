@@ -8,7 +8,6 @@ import pytest
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.world import world_values
-from ship_trl.files.result import write_result
 from ship_trl.run.folder import find_result
 from ship_trl.run.plan import make_run
 from ship_trl.run.run import Run
@@ -121,7 +120,7 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
     first = run("target=1", "method=scratch", f"output={tmp_path}")
     first.folder.mkdir(parents=True)
     made = a_result(config_hash=first.config_hash)
-    write_result(first.folder, made)
+    made.write(first.folder)
     assert find_result(run("target=1", "method=scratch", f"output={tmp_path}")) == made
     with pytest.raises(ConfigError, match=r"holds a finished run of other settings.*overwrite=true"):
         run("target=1", "method=scratch", f"output={tmp_path}", "learn.lr=0.5")
@@ -131,7 +130,7 @@ def test_finished_run_of_other_settings_is_not_lost(tmp_path: Path) -> None:
 def test_overwrite_is_for_the_target_and_not_for_its_source(tmp_path: Path) -> None:
     source = run("target=1", "method=scratch", f"output={tmp_path}")
     source.folder.mkdir(parents=True)
-    write_result(source.folder, a_result(config_hash=source.config_hash))
+    a_result(config_hash=source.config_hash).write(source.folder)
     line = ("+pair=high", "layers=1", f"output={tmp_path}", "overwrite=true")
     assert run(*line).source is not None
     with pytest.raises(ConfigError, match=r"where the source would be trained.*target=1 method=scratch"):
@@ -160,10 +159,10 @@ def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text
     first.folder.mkdir(parents=True)
     damaged = first.folder / "result.json"
     damaged.write_text(text)
-    said = rf"holds a damaged result.json \(it {reason}\); allowed: .* overwrite=true"
+    said = rf"holds a damaged result: result.json {reason}; allowed: .* overwrite=true"
     with pytest.raises(ConfigError, match=said):
         run(*line)
-    with pytest.raises(ConfigError, match=r"source would be trained, holds a damaged result\.json"):
+    with pytest.raises(ConfigError, match=r"source would be trained, holds a damaged result: result\.json"):
         run("+pair=high", "layers=1", f"output={tmp_path}")
     assert damaged.read_text() == text
     assert find_result(run(*line, "overwrite=true")) is None

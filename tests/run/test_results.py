@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from ship_trl.config.paths import conf_dir
-from ship_trl.files.result import write_result
 from ship_trl.run.results import collect, group_runs, locate, tell_apart
 from tests.a_result import a_result
 
@@ -37,14 +36,14 @@ def write(folder: Path, arm: str, seed: int, profile: str = "quick", **settings:
     """Write a run with a part of a configuration."""
     place = folder / "low" / arm / f"seed={seed}"
     place.mkdir(parents=True)
-    write_result(place, a_result(pair="low", arm=arm, seed=seed, profile=profile))
+    a_result(pair="low", arm=arm, seed=seed, profile=profile).write(place)
     told: dict[str, Any] = {"seed": seed, "output": str(folder), "source": "3", "learn": {"lr": 1e-4}}
     OmegaConf.save(OmegaConf.create(told | settings), place / "config.yaml")
 
 
 def rows(folder: Path) -> dict[str, list[int]]:
     """The seeds of each row."""
-    return {name: [one.result.seed for one in runs] for name, runs in group_runs(collect(folder)[0]).items()}
+    return {name: [one.seed for one in runs] for name, runs in group_runs(collect(folder)[0]).items()}
 
 
 def test_a_row_holds_runs_that_differ_only_in_their_seeds(tmp_path: Path) -> None:

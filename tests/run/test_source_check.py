@@ -10,7 +10,7 @@ import pytest
 
 from ship_trl.config.types import Schedule
 from ship_trl.files.curve import CURVE
-from ship_trl.files.result import read_result
+from ship_trl.files.record import read_run
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
@@ -58,9 +58,9 @@ def test_what_is_learned_has_the_same_bits_without_it(
     curve, without = (pd.read_csv(one.folder / CURVE) for one in (run, other))
     assert curve.drop(columns="source_return").equals(without.drop(columns="source_return"))
     assert without["source_return"].isna().all() and curve["source_return"].notna().sum() == 3
-    assert read_result(other.folder).on_source is None and run.config_hash == other.config_hash
+    assert read_run(other.folder).on_source is None and run.config_hash == other.config_hash
     measured, source = curve["source_return"].dropna(), result.on_source
-    assert source is not None and read_result(run.folder) == result
+    assert source is not None and read_run(run.folder) == result
     assert (source.before, source.final) == (measured.iloc[0], measured.iloc[-1])
     if observation == "pixels":
         assert source.best_known == pytest.approx(source.network, abs=10)

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights
-from ship_trl.files.result import write_result
+from ship_trl.files.curve import GREEDY, TRAINING
+from ship_trl.files.record import RunRecord
 from ship_trl.study.plan import plan_jobs, to_study
-from ship_trl.study.records.record import Episodes, Record
 from ship_trl.study.study import Study
 from tests.a_result import a_result, an_evaluation
 
@@ -79,7 +80,7 @@ def write_run(
         "scratch": an_evaluation(RANDOM),
         "before": an_evaluation(first),
     }
-    write_result(place, a_result(**values | changes))
+    a_result(**values | changes).write(place)
     return place
 
 
@@ -119,22 +120,39 @@ def write_planned(folder: Path, seeds: int, episodes: int = 600, *overrides: str
     return len(jobs)
 
 
-def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, seed: int) -> Record:
+def make_record(scores: NDArray[np.float64], part: str, pair: str, arm: str, seed: int) -> RunRecord:
     """A run that never was a file; one greedy evaluation an episode, and one before."""
     totals = returns_of(scores)
-    goal = scores > 0.5
-    count = np.arange(len(scores) + 1)
-    training = Episodes(count[1:], np.full(len(scores), 0.1), totals, goal, ~goal, np.full(len(scores), 50.0))
-    judged = np.concatenate([returns_of(np.zeros(1)), totals])
-    there = np.concatenate([[False], goal])
-    greedy = Episodes(count, np.full(len(count), np.nan), judged, there, ~there, np.full(len(count), 50.0))
-    result = a_result(pair=pair, arm=arm, seed=seed, source=None, before=an_evaluation(RANDOM))
-    return Record(Path(part, pair, arm), part, result, Arm.parse(arm), BEST, training, greedy)
+    parts = {
+        TRAINING: (np.arange(1, len(scores) + 1), 0.1, totals, scores > 0.5),
+        GREEDY: (
+            np.arange(len(scores) + 1),
+            np.nan,
+            np.concatenate([returns_of(np.zeros(1)), totals]),
+            np.concatenate([[False], scores > 0.5]),
+        ),
+    }
+    rows = [
+        pd.DataFrame({"kind": kind, "episode": episode, "epsilon": epsilon, "return": returns, "dcpa": 50.0})
+        .assign(outcome=np.where(goal, "goal", "collision"))
+        for kind, (episode, epsilon, returns, goal) in parts.items()
+    ]  # fmt: skip
+    made = a_result(pair=pair, arm=arm, seed=seed, source=None, before=an_evaluation(RANDOM))
+    folder = Path(part, pair, arm)
+    return replace(made, best_known_return=BEST, folder=folder, part=part, rows=pd.concat(rows))
 
 
-def told(record: Record, **changes: Any) -> Record:
+def told(record: RunRecord, **changes: Any) -> RunRecord:
     """The same run with other fields of its result."""
-    return replace(record, result=replace(record.result, **changes))
+    return replace(record, **changes)
+
+
+def with_curve(record: RunRecord, kind: str, **columns: Any) -> RunRecord:
+    """The same run with other columns of its training episodes or greedy evaluations."""
+    rows = record.curve.copy()
+    for name, values in columns.items():
+        rows.loc[rows["kind"] == kind, name.removesuffix("s")] = values
+    return replace(record, rows=rows)
 
 
 def study_of(**arms: NDArray[np.float64]) -> Study:

@@ -7,7 +7,7 @@ import pytest
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
-from ship_trl.files.result import read_result
+from ship_trl.files.record import read_run
 from ship_trl.sim.cases import load_case
 from ship_trl.study.transfers import COLUMNS, Transfer, read_transfers, transfers_to
 from tests.command import ship_trl
@@ -32,7 +32,7 @@ def test_a_source_is_trained_with_the_default_exploration(tmp_path: Path) -> Non
     (found,) = read_transfers(write(tmp_path / "t.csv", row))
     for command in found.commands():
         ship_trl(*shlex.split(command)[3:], folder=tmp_path)
-    result = read_result(next((tmp_path / "outputs/smoke").glob("*/FTW/seed=0")))
+    result = read_run(next((tmp_path / "outputs/smoke").glob("*/FTW/seed=0")))
     assert result.source_network == "outputs/source/2/scratch/seed=0/policy.safetensors"
 
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.files.result import Evaluation
+from ship_trl.files.record import Evaluation
 from ship_trl.learn.train import Finished
 from ship_trl.view.curves import Curve, draw_comparison, draw_curve, draw_transfer
 from ship_trl.view.palette import CHART_SERIES, SCRATCH, arm_styles

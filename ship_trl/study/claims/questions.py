@@ -97,4 +97,4 @@ def split_names(words: str, names: Sequence[str]) -> list[str]:
 
 def target_of(study: Study, place: Place) -> str:
     """Return the target of an arm's runs."""
-    return next(iter(study.arm(*place).values())).result.target
+    return next(iter(study.arm(*place).values())).target

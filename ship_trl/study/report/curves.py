@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ship_trl.files.record import RunRecord
 from ship_trl.study.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.plan import SCRATCH, Place
-from ship_trl.study.records.record import Record
 from ship_trl.study.report.panels import (
     REUSE_TITLE,
     Arm,
@@ -99,7 +99,7 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
         for runs, look in found:
             shown, returns = smooth([kind(run).returns for run in runs])
             values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look))
-        for level, dashes in ((run.best_known, BEST_DASHES), (run.result.random_return, RANDOM_DASHES)):
+        for level, dashes in ((run.best_known, BEST_DASHES), (run.random_return, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
         set_episodes(axis, len(run.training.returns))
@@ -111,12 +111,12 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
     return ranges
 
 
-def explores(run: Record) -> bool:
+def explores(run: RunRecord) -> bool:
     """Return whether the run had an exploration rate."""
     return not bool(np.isnan(run.training.epsilon).all())
 
 
-def draw_exploration(axes: Sequence[Axes], run: Record) -> None:
+def draw_exploration(axes: Sequence[Axes], run: RunRecord) -> None:
     """Draw the exploration rate along the bottom of the first axes, and its end in all of them."""
     rate = run.training.epsilon
     if not explores(run):
@@ -170,7 +170,7 @@ def draw_differences(study: Study, width: float) -> Figure | None:
     return figure
 
 
-def steps(runs: Sequence[Record]) -> tuple[np.ndarray, np.ndarray]:
+def steps(runs: Sequence[RunRecord]) -> tuple[np.ndarray, np.ndarray]:
     """Return times from 0 to 1, and the share of the runs that have reached the threshold by then.
 
     A run that never reaches it counts among all runs, so the last share is below 1.

@@ -184,7 +184,7 @@ def render(
     return environment.get_template("page.html").render(
         shown,
         runs=len(records),
-        profile=", ".join(sorted({r.result.profile for r in records})),
+        profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
         seeds=len({key[3] for key in study.records}),
         threshold=THRESHOLDS[0],

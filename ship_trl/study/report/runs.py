@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.files.result import Result
+from ship_trl.files.record import RunRecord
 from ship_trl.study.metrics import METRICS, THRESHOLDS, measure
 from ship_trl.study.records.record import read_groups
 from ship_trl.study.report.tables import FORWARD, Row, arm_rows
@@ -39,10 +39,10 @@ def transfer_rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
     """
     records, names = {}, {}
     for name, record in read_groups(groups):
-        arm = record.arm.name
+        arm = record.arm
         # "low FT3 learn.lr=0.01"; the name of a folder may hold blanks too.
         pair = re.sub(rf" {re.escape(arm)}(?= \S+=|$)", "", name, count=1)
-        records["", pair, arm, record.result.seed] = record
+        records["", pair, arm, record.seed] = record
         names[pair, arm] = name
     for row in arm_rows(Study(records)):
         cells = (describe(row, name) for name in TRANSFER)
@@ -55,11 +55,11 @@ def describe(row: Row, name: str) -> str:
     return "-" if value == "" else Estimate(value, low, high).words()
 
 
-def describe_scales(results: Iterable[Result]) -> str:
+def describe_scales(runs: Iterable[RunRecord]) -> str:
     """Return a line for each target that says what scores of 0 and 1 are, and one on areas."""
     lines = {
         f"scores on {one.target}: 0 is a return of {one.random_return:g}, 1 is {one.best_known_return:g}\n"
-        for one in results
+        for one in runs
         if one.best_known_return is not None
     }
     return "".join(sorted(lines)) + "areas over training episodes; forward transfer: paired by seed\n"
@@ -74,7 +74,7 @@ def measure_runs(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any
         metrics = {metric: measure(record, metric) for metric in METRICS}
         returns, known = record.greedy.returns, record.best_known
         shares = {BEST: float(np.max(returns)) / known, LAST: float(returns[-1]) / known}
-        yield {"run": name, "seed": record.result.seed, **metrics, **shares}
+        yield {"run": name, "seed": record.seed, **metrics, **shares}
 
 
 def stability_rows(measured: Sequence[Mapping[str, Any]]) -> Iterator[list[str]]:

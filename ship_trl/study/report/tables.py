@@ -14,7 +14,7 @@ import numpy as np
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.errors import one_line
 from ship_trl.files.disk import atomic_write
-from ship_trl.files.result import Result
+from ship_trl.files.record import RunRecord
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study import transfer_metrics
@@ -155,18 +155,19 @@ def transfer_rows(study: Study) -> list[Row]:
     """
     judged = study.first(len(study.seeds), study.level)
     cases = study.plan.cases
-    targets: dict[str, list[tuple[Place, Result]]] = defaultdict(list)
+    targets: dict[str, list[tuple[Place, RunRecord]]] = defaultdict(list)
     for place in judged.places:
         part, pair, _ = place
         runs = judged.matched({"arm": place, "scratch": scratch_place(part, pair)})["arm"]
         if len(runs) < MIN_SEEDS:
             continue
-        arm, result = runs[0].arm, runs[0].result
+        run = runs[0]
+        arm = Arm.parse(run.arm)
         if arm.is_scratch or arm.weights is not SourceWeights.learned:
             continue
-        trained_twice = part in (LOW, ONE) and result.source == REUSED_CASE
-        if not trained_twice and {result.source, result.target} <= set(cases):
-            targets[result.target].append((place, result))
+        trained_twice = part in (LOW, ONE) and run.source == REUSED_CASE
+        if not trained_twice and {run.source, run.target} <= set(cases):
+            targets[run.target].append((place, run))
     rows = []
     for target, transfers in targets.items():
         # All intervals of a target together miss as often as one (Bonferroni).

@@ -9,16 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ship_trl.config.arm import Arm
-from ship_trl.files.result import SourceReturns
+from ship_trl.files.curve import TRAINING
+from ship_trl.files.record import RunRecord, SourceReturns, read_whole
 from ship_trl.study import metrics
 from ship_trl.study.metrics import measure
-from ship_trl.study.records.record import Record, read_run
-from tests.study.synthetic import make_record, returns_of, told, write_run
+from tests.study.synthetic import make_record, returns_of, told, with_curve, write_run
 
 
-def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> Record:
-    return read_run(write_run(tmp_path, np.array(scores), before=before, every=every))[0]
+def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> RunRecord:
+    return read_whole(write_run(tmp_path, np.array(scores), before=before, every=every))
 
 
 def test_areas_and_ends(tmp_path: Path) -> None:
@@ -35,8 +34,8 @@ def test_areas_and_ends(tmp_path: Path) -> None:
 def test_the_start_is_the_mean_over_draws_of_the_fresh_layers(tmp_path: Path) -> None:
     one = record(tmp_path, [0.5] * 10, before=0.3)
     assert measure(one, "start") == pytest.approx(0.3)
-    drawn = replace(one.result, draws=returns_of(np.array([0.1, 0.2, 0.6])).tolist())
-    assert measure(replace(one, result=drawn), "start") == pytest.approx(0.3)
+    drawn = replace(one, draws=returns_of(np.array([0.1, 0.2, 0.6])).tolist())
+    assert measure(drawn, "start") == pytest.approx(0.3)
 
 
 def test_rates(tmp_path: Path) -> None:
@@ -52,11 +51,11 @@ def test_forgetting_is_a_score_of_the_source(tmp_path: Path) -> None:
         network=90.0, before=-100.0, best=20.0, final=-10.0, random=-100.0, best_known=100.0
     )
     scores = np.full(20, 0.5)
-    measured = read_run(write_run(tmp_path, scores, arm="FT3", on_source=source))[0]
+    measured = read_whole(write_run(tmp_path, scores, arm="FT3", on_source=source))
     assert measure(measured, "forgetting") == pytest.approx(0.5)
     for best_known in (None, -100.0):
         changed = replace(source, best_known=best_known)
-        other = read_run(write_run(tmp_path / str(best_known), scores, arm="FT3", on_source=changed))[0]
+        other = read_whole(write_run(tmp_path / str(best_known), scores, arm="FT3", on_source=changed))
         assert np.isnan(measure(other, "forgetting"))
     scratch = record(tmp_path, [0.5] * 20)
     assert metrics.metrics_of([scratch, measured]) == list(metrics.METRICS)
@@ -80,20 +79,20 @@ def test_who_never_gets_there_has_taken_all_the_time(tmp_path: Path) -> None:
 
 
 def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
-    run = replace(record(tmp_path, [0.9] * 100), arm=Arm.parse("FE3"))
-    assert run.result.source == "1"
+    run = replace(record(tmp_path, [0.9] * 100), arm="FE3")
+    assert run.source == "1"
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
-    reused = replace(run, part="reuse/epsilon_1", result=replace(run.result, source="2"))
+    reused = replace(run, part="reuse/epsilon_1", source="2")
     assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
-    for alone in (told(run, source=None), replace(run, arm=Arm.parse("FE3-random"))):
+    for alone in (told(run, source=None), replace(run, arm="FE3-random")):
         assert metrics.total_time(alone) == metrics.time_to_threshold(run)
 
 
 def test_a_run_has_fallen_that_misses_the_goal_ten_times_in_a_row_after_exploration() -> None:
-    def run(late: list[float]) -> Record:
+    def run(late: list[float]) -> RunRecord:
         made = make_record(np.array([0.1] * 60 + late), "pairs", "low", "FT1", 0)
         epsilon = np.maximum(0.0001, 1 - np.arange(len(made.training.returns)) / 60)
-        return replace(made, training=replace(made.training, epsilon=epsilon))
+        return with_curve(made, TRAINING, epsilon=epsilon)
 
     nine, ten = run([0.9] * 15 + [0.1] * 9 + [0.9] * 16), run([0.9] * 15 + [0.1] * 10 + [0.9] * 15)
     assert (metrics.fell(nine), metrics.fell(ten)) == (0.0, 1.0)
@@ -103,7 +102,7 @@ def test_a_run_has_fallen_that_misses_the_goal_ten_times_in_a_row_after_explorat
 def test_without_epsilon_the_last_tenth_counts_as_after_exploration() -> None:
     made = make_record(np.array([0.9] * 80 + [0.1] * 20), "pairs", "low", "FT1", 0)
     nan = np.full(len(made.training.returns), np.nan)
-    record = replace(made, training=replace(made.training, epsilon=nan))
+    record = with_curve(made, TRAINING, epsilon=nan)
     assert metrics.fell(record) == 1.0 and measure(record, "misses") == 1.0
 
 
@@ -124,10 +123,10 @@ def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
 
 
 def test_a_dip_is_the_largest_fall_where_exploration_ends() -> None:
-    def run(scores: NDArray[np.float64]) -> Record:
+    def run(scores: NDArray[np.float64]) -> RunRecord:
         made = make_record(scores, "pairs", "lowest", "FT1", 0)
         epsilon = np.maximum(0.0001, 1 - np.arange(len(scores)) / 60)
-        return replace(made, training=replace(made.training, epsilon=epsilon))
+        return with_curve(made, TRAINING, epsilon=epsilon)
 
     falls = run(np.array([0.8] * 60 + [0.3] * 10 + [0.8] * 30))
     assert metrics.dip(falls) == pytest.approx(0.5) and metrics.collision_rise(falls) == 1.0

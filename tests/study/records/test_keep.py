@@ -14,7 +14,7 @@ import pytest
 
 from ship_trl.cli.keep import main as keep
 from ship_trl.cli.report import main as report
-from ship_trl.files.result import SourceReturns, read_result, write_result
+from ship_trl.files.record import SourceReturns, read_run
 from ship_trl.study.metrics import measure
 from ship_trl.study.study import read_study
 from tests.command import files
@@ -27,7 +27,7 @@ FILES = ["curves.csv.xz", "runs.csv", "study.json"]
 def test_forgetting_is_kept_where_it_was_measured(whole_study: Path, tmp_path: Path) -> None:
     source = SourceReturns(90.0, -100.0, 20.0, -10.0, -100.0, 100.0)
     place = whole_study / "pairs/high/FTW/seed=1"
-    write_result(place, replace(read_result(place), on_source=source))
+    replace(read_run(place), on_source=source).write(place)
     keep([str(whole_study), str(tmp_path / "copy")])
     keep(["--restore", str(tmp_path / "copy"), str(tmp_path / "again")])
     for folder in (whole_study, tmp_path / "copy", tmp_path / "again"):
@@ -46,8 +46,8 @@ def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_pat
     for key, record in before.records.items():
         other = after.records[key]
         assert record.best_known == other.best_known
-        assert record.result.random_return == other.result.random_return
-        np.testing.assert_allclose(record.result.draws, other.result.draws, atol=5e-4)
+        assert record.random_return == other.random_return
+        np.testing.assert_allclose(record.draws, other.draws, atol=5e-4)
         np.testing.assert_array_equal(record.training.epsilon, other.training.epsilon)
         for kind in ("training", "greedy"):
             one, two = getattr(record, kind), getattr(other, kind)

@@ -8,18 +8,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ship_trl.files.curve import CURVE
+from ship_trl.files.curve import CURVE, RunError
+from ship_trl.files.record import read_whole
 from ship_trl.study.metrics import dip, late_misses
-from ship_trl.study.records.record import BrokenRunError, read_run, read_runs
+from ship_trl.study.records.record import read_runs
 from tests.study.synthetic import learning, write_run
 
 
 def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
-    record, *_ = read_run(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
-    assert record.place == ("pairs", "high", "FE3") and record.result.seed == 4
+    record = read_whole(write_run(tmp_path, scores, arm="FE3", seed=4, before=0.2), "pairs")
+    assert record.place == ("pairs", "high", "FE3") and record.seed == 4
     np.testing.assert_allclose(record.score(record.training.returns), scores, atol=2e-6)
-    assert record.score(record.result.before.episode_return) == pytest.approx(0.2)
+    assert record.score(record.before.episode_return) == pytest.approx(0.2)
     assert record.greedy.episode.tolist() == [0, 20, 40, 50]
     assert (record.training.goal == (record.training.returns > 0)).all()
     assert np.isnan(record.greedy.dcpa[0]) and record.greedy.dcpa[-1] == 60.0
@@ -32,20 +33,20 @@ def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slic
     curve.loc[curve.index[rows], "epsilon"] = np.nan
     curve.to_csv(place / CURVE, index=False)
     if rows.stop is None:
-        record, *_ = read_run(place)
+        record = read_whole(place)
         assert np.isnan(record.training.epsilon).all()
         # The last tenth stands for the episodes after exploration.
         assert dip(record) >= 0 and len(late_misses(record)) == 5
     else:
-        with pytest.raises(BrokenRunError, match="not finite"):
-            read_run(place)
+        with pytest.raises(RunError, match="not finite"):
+            read_whole(place)
 
 
 def test_draws_before_training_are_read(tmp_path: Path) -> None:
     scores = learning(np.random.default_rng(0), 50)
-    record, *_ = read_run(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
-    assert record.result.draws == [-300.0, 80.5]
-    assert read_run(write_run(tmp_path, scores, seed=2))[0].result.draws == []
+    record = read_whole(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
+    assert record.draws == [-300.0, 80.5]
+    assert read_whole(write_run(tmp_path, scores, seed=2)).draws == []
 
 
 @pytest.mark.parametrize(
@@ -67,8 +68,8 @@ def test_what_is_not_whole_is_named(tmp_path: Path, name: str, text: str | None,
     (place / name).unlink()
     if text is not None:
         (place / name).write_text(text, encoding="latin-1")
-    with pytest.raises(BrokenRunError, match=said):
-        read_run(place)
+    with pytest.raises(RunError, match=said):
+        read_whole(place)
 
 
 @pytest.mark.parametrize("cut", [0.1, 0.5, 0.9, 0.99, 0.999])
@@ -76,8 +77,8 @@ def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
     place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
     text = (place / "curve.csv").read_text()
     (place / "curve.csv").write_text(text[: int(cut * len(text))])
-    with pytest.raises(BrokenRunError, match=r"curve.csv"):
-        read_run(place)
+    with pytest.raises(RunError, match=r"curve.csv"):
+        read_whole(place)
 
 
 @pytest.mark.parametrize(
@@ -97,8 +98,8 @@ def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str,
     place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
     result = json.loads((place / "result.json").read_text())
     (place / "result.json").write_text(json.dumps(result | changes))
-    with pytest.raises(BrokenRunError, match=said):
-        read_run(place)
+    with pytest.raises(RunError, match=said):
+        read_whole(place)
 
 
 def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: Path) -> None:
@@ -108,7 +109,7 @@ def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: P
     write_run(tmp_path / "case_base", scores)
     (tmp_path / "pairs/low/FE1/seed=2").mkdir(parents=True)
     broken: list[tuple[Path, str]] = []
-    found = [(str(run.folder.relative_to(tmp_path)), run.part) for run, *_ in read_runs(tmp_path, broken)]
+    found = [(str(run.folder.relative_to(tmp_path)), run.part) for run in read_runs(tmp_path, broken)]
     assert found == [
         ("pairs/high/scratch/seed=0", "pairs"),
         ("reuse/epsilon_low/high/scratch/seed=3", "reuse/epsilon_low"),

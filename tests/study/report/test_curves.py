@@ -11,6 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from ship_trl.files.curve import TRAINING
 from ship_trl.study.manifest import Manifest
 from ship_trl.study.plan import CONTROLS, PAIRS
 from ship_trl.study.report.curves import (
@@ -26,7 +27,7 @@ from ship_trl.study.report.gains import Map, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE, look_of
 from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights, named, outline
-from tests.study.synthetic import BEST, RANDOM, make_record, make_study
+from tests.study.synthetic import BEST, RANDOM, make_record, make_study, with_curve
 
 ARMS = ("scratch", "FE1", "FE3", "FT2", "FTW")
 BLACK = mpl.colors.to_rgba(look_of("scratch").colour)
@@ -109,8 +110,7 @@ def test_all_panels_share_their_axes() -> None:
 
 def with_epsilon(study: Study, epsilon: Sequence[float] | np.ndarray) -> Study:
     records = {
-        key: replace(record, training=replace(record.training, epsilon=np.array(epsilon)))
-        for key, record in study.records.items()
+        key: with_curve(record, TRAINING, epsilon=np.array(epsilon)) for key, record in study.records.items()
     }
     return replace(study, records=records)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from ship_trl.files.curve import GREEDY
 from ship_trl.study.compare import gain
 from ship_trl.study.metrics import measure
 from ship_trl.study.report.forest import METRIC, draw_forest, measure_forests
@@ -13,7 +14,7 @@ from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights
-from tests.study.synthetic import make_record, make_study, told
+from tests.study.synthetic import make_record, make_study, told, with_curve
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FTW"): 0.9, ("pairs", "high", "FE1"): 0.7}
 
@@ -94,7 +95,6 @@ def test_where_nothing_can_be_gained_there_is_no_panel() -> None:
     }
     for key, record in best.items():
         # The first evaluation too has the best known return.
-        greedy = replace(record.greedy, returns=np.full(41, record.best_known))
-        best[key] = replace(record, greedy=greedy)
+        best[key] = with_curve(record, GREEDY, returns=np.full(41, record.best_known))
     assert draw_forest(Study(best), WIDE) is None
     assert draw_forest(make_study({("pairs", "high", "FE1"): 0.5}), WIDE) is None

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from ship_trl.files.curve import GREEDY
 from ship_trl.study.compare import gain
 from ship_trl.study.report.gains import MIDDLE_LUMINANCE, draw_gains, luminance, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.study import Study
-from tests.study.synthetic import BEST, RANDOM, make_study, told
+from tests.study.synthetic import BEST, RANDOM, make_study, told, with_curve
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}
 REUSED = {
@@ -113,8 +114,8 @@ def test_both_maps_share_a_scale_and_differ_in_returns() -> None:
     study = make_study(PAIR, seeds=6)
     for key, record in study.records.items():
         if key[2] == "FE1":
-            worse = replace(record.greedy, returns=record.greedy.returns - 0.3 * (BEST - RANDOM))
-            study.records[key] = replace(record, greedy=worse)
+            worse = record.greedy.returns - 0.3 * (BEST - RANDOM)
+            study.records[key] = with_curve(record, GREEDY, returns=worse)
     trained, greedy = (drawn(study, metric) for metric in ("area", "greedy area"))
     assert float(cells(greedy)[0]) == pytest.approx(float(cells(trained)[0]) - 0.3, abs=0.02)
     scales = {figure.axes[0].images[0].get_clim() for figure in (trained, greedy)}

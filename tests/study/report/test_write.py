@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.report import main
-from ship_trl.files.result import SourceReturns
+from ship_trl.files.record import SourceReturns
 from ship_trl.run import progress
 from ship_trl.study.metrics import LATER
 from ship_trl.study.report import write

@@ -105,10 +105,9 @@ def run(options: Namespace) -> None:
     from torch import Generator
 
     from benchmarks.peer_vector import train_dqn, train_ppo
+    from ship_trl.fast.worlds import make_env, make_starts
     from ship_trl.run.process import configure_process, processor_name
     from ship_trl.sim.cases import load_world
-    from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.starts import make_starts
     from ship_trl.sim.suites import load_suite
     from ship_trl.study.report.tables import write_csv
 
@@ -122,7 +121,7 @@ def run(options: Namespace) -> None:
     world = load_world()
     suite = load_suite(TEST_SUITE, world)
     starts = make_starts(suite, world).balanced(len(suite.cases), Generator())
-    env, curves = ShipEnv(suite, world, starts=starts), list[Curve]()
+    env, curves = make_env(suite, world, starts=starts), list[Curve]()
     TABLE.parent.mkdir(exist_ok=True)
     for seed in options.seeds:
         for name, train in learners.items():

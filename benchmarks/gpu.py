@@ -41,13 +41,14 @@ def simulator_probes(device: str) -> list[Probe]:
     import torch
 
     from benchmarks.timing import Probe
+    from ship_trl.fast.worlds import make_env
     from ship_trl.sim.cases import load_case, load_world
     from ship_trl.sim.env import ShipEnv
 
     world, found = load_world(), []
     for count in BATCHES:
         for kind, name in KINDS.items():
-            env = ShipEnv(
+            env = make_env(
                 load_case(CASE, world),
                 world,
                 count,

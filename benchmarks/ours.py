@@ -11,11 +11,11 @@ from torch import Generator
 
 from benchmarks.work import OVERRIDES, STEPS_PER_CALL, plan_run
 from ship_trl.config.arm import Arm
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.run.parts import make_parts
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
-from ship_trl.sim.env import ShipEnv
 
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT3")
 
@@ -38,7 +38,7 @@ class Ours:
         self.training = self.parts.training
         self.algorithm = cast(DoubleDQN, self.parts.algorithm)
         self.replay, encoders = self.algorithm.replay, self.algorithm.encoders
-        self.env = ShipEnv(
+        self.env = make_env(
             run.target,
             run.config.world,
             self.learn.num_envs,

@@ -14,10 +14,10 @@ from torch import Generator
 
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
+from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.gym import ShipCollisionEnv, ShipCollisionVectorEnv
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import load_suite
 
@@ -89,7 +89,7 @@ def group(title: str, name: str, cases: Sequence[Case], sizes: Sequence[int]) ->
         add("ours, Gymnasium", gymnasium_step(ShipCollisionEnv(name))),
     ]
     for n in sizes:
-        batched = ShipEnv(load_suite(name, world), world, n, from_pixels=True)
+        batched = make_env(load_suite(name, world), world, n, from_pixels=True)
         found.append(add(f"ours, vector of {n}", vector_step(ShipCollisionVectorEnv(n, name)), n))
         found.append(add(f"ours, TorchRL of {n}", torchrl_step(batched), n))
     return found

@@ -9,13 +9,12 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.modules import QValueActor
 
+from ship_trl import make_env
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.replay import DrawPixels, StateReplay
 from ship_trl.learn.rollout import rollout
-from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 
 
 class CautiousLoss(DoubleDQNLoss):
@@ -34,9 +33,9 @@ class CautiousLoss(DoubleDQNLoss):
 def main(steps: int) -> None:
     """Train on case 2, and print what the greedy policy reaches."""
     torch.set_num_threads(1)
-    world, generators = load_world(), [torch.Generator().manual_seed(seed) for seed in range(3)]
-    env = ShipEnv(load_case("2", world), world, num_envs=4)
-    draw, actions = env.rasteriser, len(world.actions)
+    generators = [torch.Generator().manual_seed(seed) for seed in range(3)]
+    env = make_env("2", num_envs=4)
+    draw, actions = env.rasteriser, env.action_spec.n
     network = DuelingNetwork(1, actions, generators[0])
     loss = CautiousLoss(QValueActor(network, in_keys=["pixels"], action_space="categorical"), gamma=0.95)
     target_update, optimiser = ForeachSoftUpdate(loss, tau=0.02), torch.optim.Adam(network.parameters(), 5e-4)

@@ -12,6 +12,7 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import Policy, rollout
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -65,7 +66,7 @@ def main() -> None:
     """Roll out the cases with ships, and print how each ends."""
     world = load_world()
     for name in ("2", "4", "6"):
-        env = ShipEnv(load_case(name, world), world)
+        env = make_env(load_case(name, world), world)
         (episode,) = rollout(env, policy(env))
         print(
             f"case {name}: return {episode.episode_return:.1f}, {episode.outcome}, "

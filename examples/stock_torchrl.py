@@ -17,12 +17,11 @@ from torchrl.data import LazyTensorStorage, TensorDictReplayBuffer
 from torchrl.modules import EGreedyModule
 from torchrl.objectives import DQNLoss, SoftUpdate
 
+from ship_trl import make_env
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.replay import DrawPixels
 from ship_trl.learn.rollout import rollout
-from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 
 
 def main() -> None:
@@ -35,8 +34,7 @@ def main() -> None:
     torch.manual_seed(given.seed)
     torch.set_num_threads(1)
 
-    world = load_world()
-    env = ShipEnv(load_case(given.case, world), world, num_envs=4)
+    env = make_env(given.case, num_envs=4)
     network = DuelingNetwork(1, env.action_spec.n, Generator().manual_seed(given.seed))
     policy = greedy_policy(network, env.rasteriser)
     exploration = EGreedyModule(env.action_spec, annealing_num_steps=given.steps // 2, eps_end=0.01)

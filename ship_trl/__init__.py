@@ -2,12 +2,39 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ship_trl.config.types import World
     from ship_trl.learn.rollout import Policy
+    from ship_trl.sim.cases import Case
+    from ship_trl.sim.env import ShipEnv
+    from ship_trl.sim.suites import Suite
 
 __version__ = "0.1.0"
+
+
+def make_env(
+    suite: Suite | Case | str, world: World | None = None, num_envs: int = 1, **given: Any
+) -> ShipEnv:
+    """Make the batched environment, with compiled loops on a CPU and CUDA graphs on a GPU.
+
+    Args:
+        suite: a case or suite, or its name, or the path of a YAML file: "4", "imazu".
+        world: physics and reward; None for conf/world/paper.yaml.
+        num_envs: number of own ships.
+        given: further arguments of `ship_trl.sim.env.ShipEnv`; `fast=False` leaves everything to torch.
+
+    Raises:
+        ConfigError: there is no such case.
+    """
+    from ship_trl.fast import worlds
+    from ship_trl.sim.cases import load_world
+    from ship_trl.sim.suites import load_suite
+
+    world = world or load_world()
+    begun = load_suite(suite, world, "case") if isinstance(suite, str) else suite
+    return worlds.make_env(begun, world, num_envs, **given)
 
 
 def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
@@ -27,9 +54,6 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
     from ship_trl.config.errors import ConfigError
     from ship_trl.policies import named, pretrained
     from ship_trl.policies.registry import kind_of
-    from ship_trl.sim.cases import load_world
-    from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.suites import load_suite
 
     name, bundled = str(name), [one.name for one in (*pretrained.networks(), *pretrained.suites())]
     if name in bundled:
@@ -39,5 +63,4 @@ def load_policy(name: str, case: str | None = None, seed: int = 0) -> Policy:
         case = pretrained.find(name, None).target
     if case is None:
         raise ConfigError(f"case: none given for {name}; allowed: a case by name, or the path of a YAML file")
-    world = load_world()
-    return named.load_policy(name, ShipEnv(load_suite(str(case), world, "case"), world), seed)
+    return named.load_policy(name, make_env(str(case)), seed)

@@ -33,17 +33,18 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Observation
+from ship_trl.fast.worlds import make_starts
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation
 
 if TYPE_CHECKING:
-    from ship_trl.sim.fast.compiled import CompiledStep
+    from ship_trl.fast.draw import CompiledDrawing
+    from ship_trl.fast.step import CompiledStep
 
 ENV_ID = "ShipCollision-v0"
 Pixels = NDArray[np.uint8]
@@ -87,14 +88,15 @@ class Ships:
         # The starts of random encounters must not depend on the limit.
         self._starts = make_starts(self.suite, self.world)
         self._transition = Transition(replace(self.world, max_steps=limit))
-        self._rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead, fast=fast)
+        self._rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead)
         # Compiled loops on arrays: through tensors the step of one ship takes five times as long.
-        self._compiled_step: CompiledStep | None = None
+        self._compiled: tuple[CompiledStep, CompiledDrawing] | None = None
         if fast:
             # Imported here: without compiled loops nothing needs numba.
-            from ship_trl.sim.fast.compiled import CompiledStep
+            from ship_trl.fast.draw import CompiledDrawing
+            from ship_trl.fast.step import CompiledStep
 
-            self._compiled_step = CompiledStep(self._transition)
+            self._compiled = CompiledStep(self._transition), CompiledDrawing(self._rasteriser)
         self._generators = [Generator() for _ in range(count)]
         for generator in self._generators:
             generator.seed()
@@ -149,8 +151,8 @@ class Ships:
         chosen, count = given.astype(np.int64).reshape(-1), len(self.state)
         after, flags = np.empty_like(self.state), np.empty((3, count), np.bool_)
         reward, distance = np.empty((2, count), np.float32)
-        if self._compiled_step is not None:
-            self._compiled_step.step_into(self.state, chosen, after, reward, flags, distance)
+        if self._compiled is not None:
+            self._compiled[0].step_into(self.state, chosen, after, reward, flags, distance)
         else:
             told = self._transition(torch.from_numpy(self.state), torch.from_numpy(chosen))
             after[:], reward[:], distance[:] = told.state, told.reward, told.min_distance
@@ -165,8 +167,8 @@ class Ships:
                 return self._encode(torch.from_numpy(state)).numpy()
         *image, channels = self._shape
         pictures = np.empty((len(state), channels, math.prod(image)), np.uint8)
-        if self._rasteriser.compiled is not None:
-            self._rasteriser.compiled.draw_into(state, pictures)
+        if self._compiled is not None:
+            self._compiled[1].draw_into(state, pictures)
         else:
             pictures[:] = self._rasteriser.reference(torch.from_numpy(state))
         return np.ascontiguousarray(pictures.swapaxes(1, 2)).reshape(len(state), *image, channels)

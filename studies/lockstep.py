@@ -9,14 +9,14 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.config.types import Config
+from ship_trl.fast.graphs import Captured
+from ship_trl.fast.worlds import make_rasteriser, make_step
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.transition import make_step
 from ship_trl.sim.vector import VectorObservation
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import TransferMethod
@@ -74,6 +74,7 @@ def make_lockstep(runs: list[Run], begin: Tensor, length: int) -> tuple[Lockstep
         config.algorithm.get("steps", 1),
         length,
         *([Generator().manual_seed(run.stream(name)) for run in runs] for name in ("exploration", "replay")),
+        capture=Captured if device.type == "cuda" else None,
     )
     return lockstep, list(networks)
 
@@ -82,7 +83,7 @@ def make_observe(config: Config, device: torch.device) -> Callable[[Tensor], Ten
     """Make what a network sees of states."""
     if config.network.linear:
         return VectorObservation(config.world, config.network.ships)
-    return Rasteriser(config.world, vector_time=config.network.vector_time, device=device)
+    return make_rasteriser(config.world, vector_time=config.network.vector_time, device=device)
 
 
 def starts(runs: list[Run], cases: list[str]) -> Tensor:

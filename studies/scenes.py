@@ -20,12 +20,12 @@ from torch import Generator
 
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import EncounterClass, World
+from ship_trl.fast.worlds import make_starts
 from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.scene_table import Scene, write_scenes
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import SHIP_COUNT, first_case
 from ship_trl.sim.suites import load_suite
 

@@ -18,13 +18,12 @@ from torchrl.modules import QValueActor
 
 from ship_trl.cli.evaluate import main
 from ship_trl.config.types import Loss
-from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import train
 from tests.command import ROOT, ship_trl
 from tests.forked import run_script
-from tests.learn.worlds import Corridor, draw, schedule
+from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 
 # Whether TorchRL's compiled extension loads.
 HAS_TREES = prioritized.SumSegmentTreeFp32 is not None
@@ -155,7 +154,7 @@ def test_large_errors_are_drawn_more_often_and_a_checkpoint_keeps_them(trees: No
     for seed in (0, 1):
         weights, explore, replay = (torch.Generator().manual_seed(10 * seed + k) for k in range(3))
         network = DuelingNetwork(1, 3, weights)
-        setup = Setup(network, draw, 3, learn, explore, replay, options={"alpha": 1.0})
+        setup = fast_setup(network, draw, 3, learn, explore, replay, options={"alpha": 1.0})
         made.append(build(setup))
     one, other = made
     assert list(train(Corridor(3), Corridor(1), one, learn))

@@ -13,18 +13,17 @@ from torch import Generator, Tensor
 from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
-from ship_trl.graphs import EAGER_CALLS, Captured
+from ship_trl.fast.graphs import EAGER_CALLS, Captured
+from ship_trl.fast.worlds import make_rasteriser, make_starts, make_step
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Training
 from ship_trl.run.parts import Parts, make_parts
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import load_suite
-from ship_trl.sim.transition import Transition, make_step
+from ship_trl.sim.transition import Transition
 from tests.command import ship_trl
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
@@ -42,8 +41,8 @@ def scenes(world: World, count: int, seed: int) -> Tensor:
 @pytest.mark.parametrize("count", [1, 50])
 @pytest.mark.parametrize(("colour", "vector_time"), [(False, 0.0), (True, 8.0)])
 def test_pictures_are_those_of_the_cpu(world: World, count: int, colour: bool, vector_time: float) -> None:
-    gpu = Rasteriser(world, colour=colour, vector_time=vector_time, device="cuda")
-    cpu = Rasteriser(world, colour=colour, vector_time=vector_time, fast=False)
+    gpu = make_rasteriser(world, colour=colour, vector_time=vector_time, device="cuda")
+    cpu = make_rasteriser(world, colour=colour, vector_time=vector_time, fast=False)
     for seed in range(CALLS):
         states = scenes(world, count, seed)
         difference = gpu(states.cuda()).cpu().int() - cpu(states).int()
@@ -113,10 +112,10 @@ def test_agents_in_lockstep_learn_what_the_cpu_learns(world: World) -> None:
     for device in ("cpu", "cuda"):
         networks = [DuelingNetwork(1, len(world.actions), Generator().manual_seed(seed)) for seed in (0, 1)]
         streams = [[Generator().manual_seed(10 * seed + k) for seed in (0, 1)] for k in (1, 2)]
-        begin, see = case.expand(2, -1).to(device), Rasteriser(world, device=device)
-        many = Lockstep(
-            networks, [(), ("conv1",)], begin, make_step(world, device), see, learn, 1, 4000, *streams
-        )
+        begin, see = case.expand(2, -1).to(device), make_rasteriser(world, device=device)
+        simulated = begin, make_step(world, device), see
+        capture = Captured if device == "cuda" else None
+        many = Lockstep(networks, [(), ("conv1",)], *simulated, learn, 1, 4000, *streams, capture=capture)
         many.train(40 + CALLS * learn.update_every)
         assert many.updates == CALLS
         found.append(many)

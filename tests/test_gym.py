@@ -25,9 +25,9 @@ from torchrl.envs import GymWrapper
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.gym import ENV_ID, ShipCollisionEnv, ShipCollisionVectorEnv
 from ship_trl.sim.cases import load_world
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.vector import VectorObservation
 from tests.command import ROOT, environment
 
@@ -375,7 +375,7 @@ def test_it_shows_what_the_network_sees_channels_last(colour: bool, vector_time:
     env, world = ShipCollisionEnv(case="4", colour=colour, vector_time=vector_time), load_world()
     env.reset()
     observation, _, _, _, info = env.step(np.int64(0))
-    draw = Rasteriser(world, colour=colour, vector_time=vector_time)
+    draw = make_rasteriser(world, colour=colour, vector_time=vector_time)
     picture = draw(torch.from_numpy(info["state"]))
     assert np.array_equal(np.moveaxis(observation, -1, 0), picture.numpy())
 

@@ -90,9 +90,9 @@ def test_wheel_runs_the_main_line(installed: Path, tmp_path: Path) -> None:
 COMPARE = """
 import torch
 from ship_trl.sim.cases import load_world
-from ship_trl.sim.starts import make_starts
+from ship_trl.fast.worlds import make_starts
 from ship_trl.sim.suites import load_suite
-from ship_trl.sim.transition import make_step
+from ship_trl.fast.worlds import make_step
 
 world = load_world()
 starts = make_starts(load_suite("traffic_reacting", world), world)

@@ -74,7 +74,7 @@ RECIPES = {
 PAY = """
 import json, torch
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.fast.compiled import CompiledStep
+from ship_trl.fast.step import CompiledStep
 from ship_trl.sim.state import HEADING, STEP, initial_state, position
 from ship_trl.sim.transition import Transition
 world = load_world()

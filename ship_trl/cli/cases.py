@@ -111,7 +111,7 @@ def draw_traffic(path: Path, suite: Suite, world: World) -> None:
     import torch
     from torch import Generator
 
-    from ship_trl.sim.starts import make_starts
+    from ship_trl.fast.worlds import make_starts
     from ship_trl.view.case_page import write_case_page
 
     starts = make_starts(suite, world)
@@ -207,12 +207,12 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
 
 def show_expected(target: Case, sources: list[Case], world: World) -> None:
     """Print the bundled network with the largest zero-shot score, which predicts gains best."""
+    from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_network
     from ship_trl.policies.zero_shot import score_bounds, zero_shot
-    from ship_trl.sim.env import ShipEnv
 
     names, bounds = {case.name for case in sources}, score_bounds(target, world)
-    env = ShipEnv(suite_of(target), world)
+    env = make_env(suite_of(target), world)
     scores = {
         one.name: zero_shot(load_network(one.file, env), target, world, bounds)
         for one in networks()

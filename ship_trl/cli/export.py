@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tensordict import TensorDictBase
     from torch import Tensor
 
+    from ship_trl.fast.worlds import make_env
     from ship_trl.learn.network import DuelingNetwork
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.sim.env import ShipEnv
@@ -69,12 +70,11 @@ def export(entry: Entry, path: Path) -> None:
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import load_with_network
     from ship_trl.run.process import configure_process
-    from ship_trl.sim.env import ShipEnv
 
     configure_process()
     # In a suite it is checked in the first scene.
     entry = split_suites([entry])[0]
-    env = ShipEnv(entry.case, entry.world, colour=entry.colour)
+    env = make_env(entry.case, entry.world, colour=entry.colour)
     policy, network = load_with_network(entry.policy, env)
     # The exporter would treat a batch size of one as constant.
     observation = env.observer(network.config, network.colour)(env.reset()["state"].expand(2, -1))

@@ -218,12 +218,12 @@ def write_weights(
 
 def rollout_greedy(suite: Suite, weights: Path) -> tuple[list[Episode], DuelingNetwork]:
     """Return the greedy episodes of the network in a file, one of each case, and the network."""
+    from ship_trl.fast.worlds import make_env
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.named import load_with_network
-    from ship_trl.sim.env import ShipEnv
     from ship_trl.sim.starts import Starts
 
     world = load_world()
-    env = ShipEnv(suite, world, starts=Starts(suite, world).states)
+    env = make_env(suite, world, starts=Starts(suite, world).states)
     policy, network = load_with_network(str(weights), env)
     return rollout(env, policy), network

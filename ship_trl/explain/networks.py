@@ -15,6 +15,7 @@ from yaml import YAMLError
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config
+from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
@@ -27,7 +28,6 @@ from ship_trl.policies.pretrained import find, is_pretrained
 from ship_trl.run.results import locate, read_run_settings
 from ship_trl.run.run import Run
 from ship_trl.run.source import read_source
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CONFIG
 from ship_trl.transfer.methods import make_method
@@ -76,7 +76,7 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
     """
     found: list[Compared] = []
     for entry, name in zip(entries, name_entries(entries), strict=True):
-        env = ShipEnv(entry.case, entry.world, 1, colour=entry.colour)
+        env = make_env(entry.case, entry.world, 1, colour=entry.colour)
         _, network = load_with_network(entry.policy, env)
         if network.config.linear:
             raise ConfigError(f"policy: {entry.policy} sees numbers; allowed: networks that see pixels")
@@ -148,7 +148,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
             source.load_state_dict(dict(found.weights))
             make_method(run.arm).copy(before, found.weights)
         starts = Generator().manual_seed(0)
-        env = ShipEnv(suite, entry.world, 1, colour=entry.colour, generator=starts)
+        env = make_env(suite, entry.world, 1, colour=entry.colour, generator=starts)
         reached = rollout(env, greedy_policy(before, env.observer(config.network)))[0].episode_return
     except ConfigError as error:
         print_error(f"{left_out}: {error}")

@@ -22,12 +22,12 @@ from ship_trl.explain.measure import Measured, measure
 from ship_trl.explain.networks import Origin, Role, add_controls, find_origin, load_networks
 from ship_trl.explain.saliency import erase_things
 from ship_trl.explain.states import StateSet, draw_states
+from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
-from ship_trl.sim.env import ShipEnv
 from ship_trl.view.chart import save
 
 PAGE, TABLES = "index.html", ("probes", "cka", "erased")
@@ -60,7 +60,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     # One random stream for each purpose.
     state_draws, weight_draws = (Generator().manual_seed(seed + k) for k in range(2))
     vector_time = network.config.vector_time
-    env = ShipEnv(first.case, first.world, 1, colour=first.colour, vector_time=vector_time)
+    env = make_env(first.case, first.world, 1, colour=first.colour, vector_time=vector_time)
     states = draw_states(env, network, episodes, state_draws)
     log(f"{len(states.states)} states of {episodes} episodes")
     networks = add_controls(named, origin, weight_draws)

@@ -104,9 +104,9 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     from ship_trl.explain.cka import cka, gram
     from ship_trl.explain.networks import make_untrained
     from ship_trl.explain.states import draw_states
+    from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_with_network
     from ship_trl.run.process import configure_process
-    from ship_trl.sim.env import ShipEnv
 
     configure_process()
     results = {}
@@ -122,7 +122,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
         wanted = "allowed: a run from scratch, and arms of one source, a safetensors file"
         raise ConfigError(f"folder: pair {pair}, seed {seed}: sources {sorted(map(str, sources))}; {wanted}")
     world, colour, _ = read_settings(runs[SCRATCH])
-    env = ShipEnv(load_case(results[SCRATCH].target, world), world, 1, colour=colour)
+    env = make_env(load_case(results[SCRATCH].target, world), world, 1, colour=colour)
 
     def load(name: str | Path) -> DuelingNetwork:
         return load_with_network(str(name), env)[1]

@@ -16,7 +16,7 @@ from torch import Generator, Tensor, nn
 
 from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.config.types import Learn
-from ship_trl.learn.backend import Draw
+from ship_trl.learn.backend import Accelerator, Draw
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Policy
 
@@ -136,7 +136,7 @@ class Setup:
         options: the settings below `algorithm`.
         teacher: the network that `algorithm.teacher` names; None without one.
         mirror: maps states to those with port and starboard exchanged; None in a world without.
-        fast: whether to use CUDA graphs on a GPU.
+        accelerator: what makes learning faster.
     """
 
     network: DuelingNetwork
@@ -149,7 +149,7 @@ class Setup:
     options: Mapping[str, Any] = field(default_factory=dict)
     teacher: Teacher | None = None
     mirror: Callable[[Tensor], Tensor] | None = None
-    fast: bool = True
+    accelerator: Accelerator = field(default_factory=Accelerator)
 
 
 def build_algorithm(setup: Setup) -> Algorithm:

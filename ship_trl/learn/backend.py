@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol, cast
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor
@@ -27,26 +29,42 @@ class PixelDraw(Draw, Protocol):
     background: Tensor
 
 
-def make_backend(network: DuelingNetwork, draw: Draw, learn: Updates) -> Backend:
+@dataclass(frozen=True)
+class Accelerator:
+    """What makes learning faster than torch alone; None where nothing does. `ship_trl.fast` has all three.
+
+    Attributes:
+        incremental: makes a backend for the CPU that computes only where pictures differ from a background.
+        features: makes what maps states [N, S] to what the frozen layers compute, [N, K].
+        capture: makes a function of tensors on a GPU that does the same with less overhead.
+    """
+
+    incremental: Callable[[Draw, torch.dtype, Geometry], Backend] | None = None
+    features: Callable[[DuelingNetwork, Draw, torch.dtype], Callable[[Tensor], Tensor]] | None = None
+    capture: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None
+
+
+def make_backend(network: DuelingNetwork, draw: Draw, learn: Updates, accelerator: Accelerator) -> Backend:
     """Make the backend that the settings ask for."""
     device = network.advantage.weight.device
     dtype = choose_dtype(learn.precision, device)
-    return choose_backend(learn.backend, draw, dtype, device, network.geometry)
+    return choose_backend(learn.backend, draw, dtype, device, network.geometry, accelerator)
 
 
 def choose_backend(
-    wanted: BackendName, draw: Draw, dtype: torch.dtype, device: torch.device, geometry: Geometry
+    wanted: BackendName,
+    draw: Draw,
+    dtype: torch.dtype,
+    device: torch.device,
+    geometry: Geometry,
+    accelerator: Accelerator,
 ) -> Backend:
     """Make the backend of the conv layers; `auto` means the fastest one that supports them."""
     can_be_incremental = device.type == "cpu" and supports_incremental(geometry)
-    fastest = BackendName.incremental if can_be_incremental else BackendName.dense
-    chosen = fastest if wanted is BackendName.auto else wanted
-    if chosen is BackendName.dense:
+    is_dense = wanted is BackendName.dense or (wanted is BackendName.auto and not can_be_incremental)
+    if is_dense or accelerator.incremental is None:
         return Dense(dtype)
-    # Imported here: where all layers are dense, nothing needs numba.
-    from ship_trl.learn.fast.incremental import Incremental
-
-    return Incremental(cast(PixelDraw, draw).background, dtype, geometry)
+    return accelerator.incremental(draw, dtype, geometry)
 
 
 def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import torch
 from tensordict import NestedKey, TensorDictBase
@@ -11,12 +12,9 @@ from torch import Tensor
 from torchrl.modules import QValueActor
 
 from ship_trl.config.types import Learn
-from ship_trl.graphs import Captured
 from ship_trl.learn.algorithm import Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
-from ship_trl.learn.fast.features import FEATURES, FrozenFeatures
-from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
@@ -25,6 +23,11 @@ from ship_trl.learn.prefix import add_prefix, copy_exactly, strip_prefix
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
 from ship_trl.learn.rollout import Policy
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
+
+# Key of the observations of frozen layers, which the replay stores next to states.
+FEATURES = "features"
+# Makes a function that does the same with less overhead.
+Capture = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 class DoubleDQN:
@@ -45,7 +48,7 @@ class DoubleDQN:
         learn: the schedule of updates, exploration and learning rate.
         method: what a transfer asks of learning.
         encoders: see `Algorithm`.
-        captures: whether gradient steps are replayed as a CUDA graph.
+        capture: makes a CUDA graph of gradient steps; None for none.
     """
 
     def __init__(
@@ -59,7 +62,7 @@ class DoubleDQN:
         learn: Learn,
         method: Method | None = None,
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
-        captures: bool = False,
+        capture: Capture | None = None,
     ) -> None:
         self.loss, self.target_update, self.optimiser = loss, target_update, optimiser
         self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
@@ -71,7 +74,8 @@ class DoubleDQN:
         # Environment steps and updates so far.
         self.steps = self.updates = 0
         # A loss of one's own may write into the batch or draw numbers.
-        self._captures = captures and not loss.write_td_error and type(loss).forward is DoubleDQNLoss.forward
+        is_plain = not loss.write_td_error and type(loss).forward is DoubleDQNLoss.forward
+        self._capture = capture if is_plain else None
         self._renew()
 
     def _renew(self) -> None:
@@ -82,7 +86,7 @@ class DoubleDQN:
         self.network: DuelingNetwork = copy.copy(self.loss.target_network)
         self.network.backend = Dense()
         self.greedy: Policy = greedy_policy(self.network, self._draw)
-        self._graph = GradientStep(self._learn_from) if self._captures else None
+        self._graph = GradientStep(self._learn_from, self._capture) if self._capture else None
 
     @property
     def epsilon(self) -> float:
@@ -145,7 +149,6 @@ class DoubleDQN:
         self.target_update = ForeachSoftUpdate(self.loss, tau=self._learn.tau)
         self.loss.target_network.load_state_dict(averages)
         self.optimiser.add_thawed(self.online_network)
-        count_untracked_write()
         self._renew()
 
     def state_dict(self) -> dict[str, Tensor]:
@@ -177,8 +180,6 @@ class DoubleDQN:
         for name, network in (("online", self.online_network), ("target", self.network)):
             for key, value in network.state_dict().items():
                 copy_exactly(value, state.get(f"{name}.{key}", state[f"online.{key}"]))
-        # Makes caches of weights stale.
-        count_untracked_write()
         self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
         self.policy.generator.set_state(state["exploration"].cpu())
         self._method.load_state_dict(strip_prefix("method", state))
@@ -188,10 +189,10 @@ class DoubleDQN:
 class GradientStep:
     """Replays a gradient step on batches as a CUDA graph: `step(batch)` returns the loss."""
 
-    def __init__(self, step: Callable[[TensorDictBase], Tensor]) -> None:
+    def __init__(self, step: Callable[[TensorDictBase], Tensor], capture: Capture) -> None:
         self._keys: list[NestedKey] = []
         keys = self._keys
-        self._captured = Captured(lambda *values: step(make_batch(dict(zip(keys, values, strict=True)))))
+        self._captured = capture(lambda *values: step(make_batch(dict(zip(keys, values, strict=True)))))
 
     def __call__(self, batch: TensorDictBase) -> Tensor:
         """Take the step."""
@@ -210,14 +211,19 @@ def build(
     network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
     device = network.advantage.weight.device
     network.freeze(method.frozen_layers(0.0))
-    network.backend = make_backend(network, draw, learn)
+    network.backend = make_backend(network, draw, learn, setup.accelerator)
     is_incremental = not isinstance(network.backend, Dense)
     encoders: dict[str, Callable[[Tensor], Tensor]] = {}
     if network.config.linear:
         # Quick to read and small, so the replay stores them in place of states.
         encoders[network.observes] = draw
-    elif is_incremental and not method.thaws and network.frozen >= network.linear_from:
-        encoders[FEATURES] = FrozenFeatures(network, draw, network.backend.dtype)
+    elif (
+        is_incremental
+        and setup.accelerator.features is not None
+        and not method.thaws
+        and network.frozen >= network.linear_from
+    ):
+        encoders[FEATURES] = setup.accelerator.features(network, draw, network.backend.dtype)
     observation, network_input = "state", network.observes
     for key in encoders:
         observation = network_input = key
@@ -230,8 +236,9 @@ def build(
         return network(observed if encoders else draw(observed)).argmax(-1)
 
     # A graph keeps the numbers of its capture, such as a penalty's weight.
-    captures = setup.fast and device.type == "cuda" and type(method).penalty is Method.penalty
-    best = Captured(best_actions) if captures else best_actions
+    captures = device.type == "cuda" and type(method).penalty is Method.penalty
+    capture = setup.accelerator.capture if captures else None
+    best = best_actions if capture is None else capture(best_actions)
 
     return make(
         loss=loss,
@@ -251,5 +258,5 @@ def build(
         learn=learn,
         method=method,
         encoders=encoders,
-        captures=captures,
+        capture=capture,
     )

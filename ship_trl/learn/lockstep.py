@@ -9,14 +9,13 @@ environment steps, not episodes; random numbers are drawn in another way than in
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import torch
 from torch import Generator, Tensor
 from torch.func import stack_module_state
 
 from ship_trl.config.types import Learn
-from ship_trl.graphs import Captured
 from ship_trl.learn.backend import choose_dtype
 from ship_trl.learn.loss import double_dqn_target, td_loss
 from ship_trl.learn.network import DuelingNetwork
@@ -65,7 +64,7 @@ class Draws:
 class Lockstep:
     """K agents; agent k begins each episode in the state `begin[k]`.
 
-    All is computed where `begin` lies. On a GPU, acting and gradient steps are replayed as CUDA graphs.
+    All is computed where `begin` lies.
 
     Args:
         networks: of each agent, with its initial weights; all of the same layers.
@@ -78,6 +77,7 @@ class Lockstep:
         total: environment steps of each agent.
         exploration: a generator for each agent, for its actions.
         replay: a generator for each agent, for its batches.
+        capture: makes CUDA graphs of acting and gradient steps; None for none.
     """
 
     def __init__(
@@ -92,6 +92,8 @@ class Lockstep:
         total: int,
         exploration: Sequence[Generator],
         replay: Sequence[Generator],
+        *,
+        capture: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
     ) -> None:
         self.step, self.observe, self.learn, self.n, self.total = step, observe, learn, n, total
         count, device = len(networks), begin.device
@@ -109,7 +111,7 @@ class Lockstep:
         }
         self._q = make_stacked_q(networks[0], choose_dtype(learn.precision, device))
         self._exact_q = make_stacked_q(networks[0])
-        captured = Captured if device.type == "cuda" else lambda function: function
+        captured = capture or (lambda function: function)
         self._choose, self._learn = captured(self._best_actions), captured(self._learn_from)
         self._optimiser = ChannelsLastAdam(self.online.values(), lr=learn.lr)
         envs, batch = learn.num_envs, learn.batch_size

@@ -14,7 +14,6 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config.types import Loss
-from ship_trl.learn.fast.weights_version import count_untracked_write, untracked_writes
 
 # Key of the number of steps whose rewards a transition sums, [B, 1]; one without it.
 STEPS = "steps_to_next_obs"
@@ -46,6 +45,11 @@ def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) 
     if kind is Loss.huber:
         return F.huber_loss(q, td_target, delta=huber_delta)
     raise ValueError(f"learn.loss: no formula for {kind.name} in td_loss")
+
+
+def mark_loaded(loss: DQNLoss, *_: Any) -> None:
+    """Mark the weights of a loss as changed: TorchRL loads them by `data`, which has no version."""
+    torch.autograd.graph.increment_version(list(loss.parameters()))
 
 
 class DoubleDQNLoss(DQNLoss):
@@ -87,7 +91,7 @@ class DoubleDQNLoss(DQNLoss):
         target = copy.deepcopy(network).requires_grad_(False)
         self.__dict__.update(network=network, target_network=target)
         self._share_target()
-        self.register_load_state_dict_post_hook(count_untracked_write)
+        self.register_load_state_dict_post_hook(mark_loaded)
 
     def _share_target(self) -> None:
         """Make the target network use the loss's target parameters."""
@@ -104,7 +108,6 @@ class DoubleDQNLoss(DQNLoss):
         moved = super()._apply(fn)
         if "target_network" in self.__dict__:
             self._share_target()
-            count_untracked_write()
         return moved
 
     def __deepcopy__(self, memo: Any) -> Any:
@@ -157,13 +160,13 @@ class ForeachSoftUpdate(SoftUpdate):
     def _find_parameters(self) -> None:
         """Look up the memory of the parameters; moving or casting the loss changes it."""
         names = list(self._sources.keys(True, True))
+        self._first = names[0]
         self._online = [self._sources[name].data for name in names]
         self._target = [self._targets[target_key(name)].data for name in names]
-        self._untracked_writes = untracked_writes()
 
     def step(self) -> None:
         """Move the target parameters towards the online ones by the fraction `tau`."""
-        if self._untracked_writes != untracked_writes():
+        if self._online[0].data_ptr() != self._sources[self._first].data_ptr():
             self._find_parameters()
         tau = 1.0 - self.eps
         torch._foreach_lerp_(self._target, self._online, tau)

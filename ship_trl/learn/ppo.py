@@ -27,7 +27,6 @@ from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import DivergedError, Method, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
-from ship_trl.learn.fast.weights_version import count_untracked_write
 from ship_trl.learn.imitation import Best, BestEpisodes
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups, learning_parameters
@@ -205,7 +204,6 @@ class PPO:
         if layers != self.online_network.frozen:
             self.online_network.freeze(layers)
             self.optimiser.add_thawed(self.online_network)
-            count_untracked_write()
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return network, Adam's averages, the rollout so far, and generators; tensors are not copied."""
@@ -228,8 +226,6 @@ class PPO:
         """
         self.freeze(int(state["frozen"]))
         self.online_network.load_state_dict(strip_prefix("online", state))
-        # Makes caches of weights stale.
-        count_untracked_write()
         self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
         device = self.online_network.advantage.weight.device
         rollout = TensorDict(strip_prefix("rollout", state)).to(device)
@@ -259,7 +255,7 @@ def build(setup: Setup) -> PPO:
     """Make PPO with the settings of `config.algorithm`."""
     network, learn = setup.network, setup.learn
     network.freeze(setup.method.frozen_layers(0.0))
-    network.backend = make_backend(network, setup.draw, learn)
+    network.backend = make_backend(network, setup.draw, learn, setup.accelerator)
     options = {key: value for key, value in setup.options.items() if key != "build"}
     settings = config.PPO(**options)
     return PPO(network, setup.draw, learn, settings, setup.exploration, setup.replay, setup.method)

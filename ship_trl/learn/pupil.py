@@ -113,7 +113,7 @@ def build(setup: Setup) -> Pupil:
     assert teacher is not None, "the configuration names a teacher"
     settings = config.Pupil(**{key: value for key, value in setup.options.items() if key != "build"})
     network.freeze(setup.method.frozen_layers(0.0))
-    network.backend = make_backend(network, draw, learn)
+    network.backend = make_backend(network, draw, learn, setup.accelerator)
     actor = QValueActor(network, in_keys=[network.observes], action_space="categorical")
     loss = PupilLoss(
         actor, teacher, draw, setup.mirror, settings, huber_delta=learn.huber_delta, gamma=learn.gamma

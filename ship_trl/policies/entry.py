@@ -85,7 +85,7 @@ def draw_starts(suite: Suite, world: World, count: int, seed: int) -> Tensor:
     import torch
     from torch import Generator
 
-    from ship_trl.sim.starts import make_starts
+    from ship_trl.fast.worlds import make_starts
 
     starts = make_starts(suite, world)
     if suite.cases:
@@ -150,8 +150,8 @@ def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Polic
     Raises:
         ConfigError: there is no such policy, or its file is invalid.
     """
+    from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_policy
-    from ship_trl.sim.env import ShipEnv
     from ship_trl.transfer.weights import read_look
 
     # Networks draw their own pixels, and policies without training read only the state.
@@ -160,5 +160,5 @@ def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Polic
         look = read_look(Path(entry.policy), "policy")
         colour, vector_time = look.colour, look.network.vector_time
     seen: dict[str, Any] = {"colour": colour, "vector_time": vector_time, "from_pixels": kind is Kind.own}
-    env = ShipEnv(entry.suite, entry.world, **seen, starts=starts)
+    env = make_env(entry.suite, entry.world, **seen, starts=starts)
     return env, load_policy(entry.policy, env, seed)

@@ -21,16 +21,17 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.config.world import world_values
+from ship_trl.fast.worlds import make_starts, make_step
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.learn.rollout import Policy
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.scene_table import Scene, read_scenes
-from ship_trl.sim.starts import Starts, make_starts
+from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP, initial_state
 from ship_trl.sim.suites import Suite
-from ship_trl.sim.transition import Transition, make_step
+from ship_trl.sim.transition import Transition
 
 # Increase it with every change of the planner or of a reward term's formula that may find another plan.
 PLANNER_VERSION = 2

@@ -27,7 +27,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.jit import compiled
+from ship_trl.fast.jit import compiled
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import unit_vector, wrap_angle
 from ship_trl.sim.state import (

@@ -6,12 +6,12 @@ Of the measures that were judged it predicts best what a source is worth (studie
 from __future__ import annotations
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.reference import best_known, random_return
 from ship_trl.sim.cases import Case
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import suite_of
 
 
@@ -25,7 +25,7 @@ def zero_shot(network: DuelingNetwork, case: Case, world: World, bounds: tuple[f
 
     `bounds` are those of `score_bounds`.
     """
-    env = ShipEnv(suite_of(case), world)
+    env = make_env(suite_of(case), world)
     (episode,) = rollout(env, greedy_policy(network, env.observer(network.config, network.colour)))
     random, known = bounds
     return max(0.0, (episode.episode_return - random) / (known - random))

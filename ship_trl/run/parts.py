@@ -13,6 +13,8 @@ from torch import Generator
 
 from ship_trl.config.arm import FORMS, TransferMethodName
 from ship_trl.config.errors import ConfigError
+from ship_trl.fast.learning import accelerator
+from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.learn.algorithm import Algorithm, Setup, build_algorithm
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.jumpstart import jumpstart
@@ -24,10 +26,9 @@ from ship_trl.policies.pretrained import REWARD_SCALE
 from ship_trl.run import console
 from ship_trl.run.history import History
 from ship_trl.run.run import Run
-from ship_trl.run.source import Source, SourceCheck, make_env, make_source_check
+from ship_trl.run.source import Source, SourceCheck, make_run_env, make_source_check
 from ship_trl.run.teacher import digest_teacher, read_teacher
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import mirrored_state
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, fixed_copy
@@ -46,7 +47,7 @@ class Parts:
     states to the network's input. `scratch` are the greedy episodes of the network before anything is copied,
     `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
     weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check` measures
-    returns on the source; None without one that can be measured.
+    returns on the source; None without one that can be measured. `fast` tells whether loops are compiled.
     """
 
     training: Training
@@ -60,6 +61,7 @@ class Parts:
     origin: str | None
     teacher: str | None
     source_check: SourceCheck | None
+    fast: bool
 
     @property
     def computed(self) -> str:
@@ -67,7 +69,7 @@ class Parts:
         algorithm, device = self.algorithm, self.eval_env.device
         precision = str(algorithm.dtype).removeprefix("torch.")
         place = torch.backends.cpu.get_cpu_capability() if device.type == "cpu" else device.type
-        place += " uncompiled" if device.type == "cpu" and self.eval_env.rasteriser.compiled is None else ""
+        place += " uncompiled" if device.type == "cpu" and not self.fast else ""
         rounding = digest_rounding(algorithm.dtype, device)
         return f"{precision} {algorithm.backend} {place} torch-{torch.__version__} {rounding}"
 
@@ -102,7 +104,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
     drawn = Generator().manual_seed(run.stream("evaluation"))
     begun = make_starts(run.target, world).balanced(run.evaluation_episodes, drawn)
-    eval_env = make_env(run, run.target, device, starts=begun)
+    eval_env = make_run_env(run, run.target, device, starts=begun)
     draw = eval_env.observer(config.network)
     actions = len(world.actions)
     network = make_network(config.network, actions, streams["weights"], colour=config.colour)
@@ -124,12 +126,12 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         options=config.algorithm,
         teacher=read_teacher(config, eval_env),
         mirror=mirrored_state,
-        fast=config.fast,
+        accelerator=accelerator(config.fast),
     )
     algorithm = build_algorithm(setup)
     starts = Generator().manual_seed(run.stream("starts"))
     given: dict[str, Any] = {"encoders": algorithm.encoders, "generator": starts, "margin": config.margin}
-    env = make_env(run, run.target, device, num_envs=learn.num_envs, **given)
+    env = make_run_env(run, run.target, device, num_envs=learn.num_envs, **given)
     show_demonstrations(run, env, algorithm)
     digest = digest_teacher(config)
     return Parts(
@@ -144,6 +146,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         origin=None if source is None else source.origin,
         teacher=digest and f"{config.algorithm['teacher']} sha256={digest}",
         source_check=make_source_check(run, source, device),
+        fast=config.fast,
     )
 
 
@@ -212,5 +215,5 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: Ship
     batch = min(count, JUMPSTART_BATCH)
     starts, generator = (Generator().manual_seed(run.stream(name)) for name in ("draw starts", "jumpstart"))
     place = {"colour": config.colour, "device": eval_env.device, "fast": config.fast}
-    env = ShipEnv(run.target, config.world, batch, generator=starts, **place)
+    env = make_env(run.target, config.world, batch, generator=starts, **place)
     return jumpstart(env, draw, algorithm.network, copied, count, generator)

@@ -12,6 +12,7 @@ from torch import Generator
 
 from ship_trl.config.arm import FORMS, SourceWeights
 from ship_trl.config.types import Schedule
+from ship_trl.fast import worlds as fast
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
@@ -20,7 +21,6 @@ from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.run import Run
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import Suite
 from ship_trl.transfer.casebase import Entry
 from ship_trl.transfer.weights import Weights, load_weights, permute_values
@@ -97,11 +97,12 @@ class SourceCheck:
         return replace(event, source_return=self.measure(network))
 
 
-def make_env(run: Run, suite: Suite, device: torch.device, **given: Any) -> ShipEnv:
+def make_run_env(run: Run, suite: Suite, device: torch.device, **given: Any) -> ShipEnv:
     """Make an environment with the settings of a run and those that are `given`."""
     config = run.config
     look: dict[str, Any] = {"colour": config.colour, "vector_time": config.network.vector_time}
-    return ShipEnv(suite, config.world, **look, device=device, fast=config.fast, **given)
+    given |= look | {"device": device, "fast": config.fast}
+    return fast.make_env(suite, config.world, **given)
 
 
 def make_source_check(run: Run, source: Source | None, device: torch.device) -> SourceCheck | None:
@@ -113,7 +114,7 @@ def make_source_check(run: Run, source: Source | None, device: torch.device) -> 
     if source.weights.keys() != network.state_dict().keys():
         return None
     network.load_state_dict(dict(source.weights))
-    starts = make_starts(suite, config.world).balanced(len(suite.cases), Generator())
-    env = make_env(run, suite, device, starts=starts)
+    starts = fast.make_starts(suite, config.world).balanced(len(suite.cases), Generator())
+    env = make_run_env(run, suite, device, starts=starts)
     check = SourceCheck(env, env.observer(config.network), config.learn)
     return replace(check, source_return=check.measure(network.to(device)))

@@ -11,6 +11,7 @@ import math
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -30,6 +31,8 @@ from ship_trl.sim.state import (
 # Tensors in torch, numbers in compiled loops. Only operations that both share are allowed.
 Angle = Any
 Flag = Any
+# A number in compiled loops, of their own precision.
+Number = Any
 
 # Half of the sector in which ships meet head-on.
 HEAD_ON = math.radians(HEAD_ON_DEGREES)
@@ -106,6 +109,13 @@ def are_ruled(state: Tensor, motion: Motion) -> Tensor:
     """
     under_way = target_ships(state)[..., SHIP_SPEED] > 0
     return under_way & (torch.linalg.vector_norm(motion.velocity, dim=-1) > LEAST_APPROACH)
+
+
+def bearing_of(x: Number, y: Number, heading: Number) -> Number:
+    """Return the bearing (rad) of the point (x, y) off a heading, clockwise in [-pi, pi)."""
+    bearing = heading - math.atan2(y, x)
+    turns = np.float32(math.floor((bearing + np.float32(math.pi)) / np.float32(2 * math.pi)))
+    return bearing - np.float32(2 * math.pi) * turns
 
 
 def meets(bearing: Angle, aspect: Angle, head_on: float = HEAD_ON) -> Flag:

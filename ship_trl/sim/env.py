@@ -15,10 +15,11 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Margin, Network, World
 from ship_trl.sim.cases import Case
+from ship_trl.sim.engine import TORCH, Engine
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import Suite, suite_of
-from ship_trl.sim.transition import make_step
+from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation
 
 # False in every row that an action is taken in: a row in which one of them is true begins a new episode.
@@ -53,7 +54,7 @@ class ShipEnv(EnvBase):
         generator: random generator of the initial states, on the CPU; by default one with a random seed, so
             that parallel workers differ until `set_seed`.
         starts: initial states [N, S] with which every reset begins the N rows, in place of drawn ones.
-        fast: whether compiled loops step and draw on the CPU; else torch does, which rounds differently.
+        engine: what steps, draws and begins episodes; by default torch and Python alone do.
         margin: what passing near a target ship costs in addition to the world's reward.
     """
 
@@ -72,7 +73,7 @@ class ShipEnv(EnvBase):
         device: str | torch.device = "cpu",
         generator: Generator | None = None,
         starts: Tensor | None = None,
-        fast: bool = True,
+        engine: Engine = TORCH,
         margin: Margin | None = None,
     ) -> None:
         num_envs = num_envs if starts is None else len(starts)
@@ -82,9 +83,9 @@ class ShipEnv(EnvBase):
         self.generator = generator or Generator("cpu")
         if generator is None:
             self.generator.seed()
-        self._starts, self._given = make_starts(self.suite, world), starts
-        self._simulate = make_step(world, self.device, fast=fast)
-        self._draws = partial(Rasteriser, world, device=self.device, fast=fast)
+        self._starts, self._given = make_starts(self.suite, world, engine.scenes), starts
+        self._simulate = engine.step(Transition(world, self.device))
+        self._draws = partial(Rasteriser, world, device=self.device, drawing=engine.drawing)
         self.rasteriser = self._draws(colour=colour, vector_time=vector_time)
         self.from_pixels, self.margin = from_pixels, margin or Margin()
         self._encoders = dict(encoders or {})

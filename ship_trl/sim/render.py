@@ -8,14 +8,13 @@ anti-aliased: a pixel's coverage is its signed distance to the edge, clamped to 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 from torchrl.data import Bounded
 
 from ship_trl.config.types import World
-from ship_trl.graphs import Captured
 from ship_trl.sim import scene
 from ship_trl.sim.geometry import polygon_edges
 from ship_trl.sim.state import (
@@ -30,8 +29,8 @@ from ship_trl.sim.state import (
     target_ships,
 )
 
-if TYPE_CHECKING:
-    from ship_trl.sim.fast.compiled import CompiledDrawing
+# Draws states, float [N, S], as uint8 [N, C, 84 * 84].
+Drawing = Callable[[Tensor], Tensor]
 
 
 def polygon_coverage(x: Tensor, y: Tensor, corners: Tensor) -> Tensor:
@@ -50,16 +49,17 @@ class Rasteriser:
     """Draws states as the network sees them; every row of a batch may be another case.
 
     `rasteriser(state)` takes float [..., S] and returns uint8 [..., C, 84, 84]. C is 3 (RGB) with `colour`,
-    else 1 (grey). A compiled loop draws on the CPU, a CUDA graph of `reference` on a GPU, and torch
-    if not `fast`.
+    else 1 (grey). `drawing` makes what draws of this rasteriser; by default torch does, by `reference`.
 
     Attributes:
         size: width and height of the picture in pixels.
         channels: C.
         vector_time: time (s) whose way a ship's speed vector shows; 0 draws none.
         background: the picture without line and target ships, uint8 [C, 84, 84].
-        compiled: the compiled loop; None where torch draws.
-        draw: draws where no loop does.
+        outline: corners of a target ship in pixels, counter-clockwise, [E, 2].
+        inks: colours of line, target ships and own ship, [3, C].
+        vector_scale: length in pixels of a speed vector of 1 m/s; 0 draws none.
+        canvas: the picture without line and target ships in floats, [C, 84 * 84].
     """
 
     def __init__(
@@ -69,35 +69,21 @@ class Rasteriser:
         colour: bool = False,
         vector_time: float = 0.0,
         device: str | torch.device = "cpu",
-        fast: bool = True,
+        drawing: Callable[[Rasteriser], Drawing] | None = None,
     ) -> None:
         self.size, self.channels = scene.SIZE, 3 if colour else 1
         self.vector_time, self.device = vector_time, torch.device(device)
         # On the CPU, because the corners are read as Python floats.
         outline = torch.tensor(scene.ship_outline(scene.TARGET_LENGTH), device="cpu")
-        self._outline = outline * scene.PIXELS_PER_METRE
-        self._line_ink = self._ink(scene.LINE)
-        self._ship_ink = self._ink(scene.TARGET)
+        self.outline = outline * scene.PIXELS_PER_METRE
+        self.inks = torch.stack([self._ink(colour) for colour in (scene.LINE, scene.TARGET, scene.OWN)])
         self._patch = torch.arange(scene.patch_size(), device=self.device, dtype=torch.float32)
         self._along = torch.arange(self.size // 2, device=self.device, dtype=torch.float32)
         self._across = torch.arange(4, device=self.device, dtype=torch.float32)
-        self._own_ink = self._ink(scene.OWN)
-        # Pixels for each m/s of a speed vector; 0 draws none.
-        self._vector_scale = vector_time * scene.PIXELS_PER_METRE
-        self._background = self._draw_background(world)
-        self.background = (self._background + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
-        self.compiled: CompiledDrawing | None = None
-        self.draw = Captured(self.reference) if fast and self.device.type == "cuda" else self.reference
-        if fast and self.device.type == "cpu":
-            # Imported here: without compiled loops nothing needs numba.
-            from ship_trl.sim.fast.compiled import CompiledDrawing
-
-            self.compiled = CompiledDrawing(
-                self._outline,
-                torch.stack((self._line_ink, self._ship_ink, self._own_ink)),
-                self._background,
-                self._vector_scale,
-            )
+        self.vector_scale = vector_time * scene.PIXELS_PER_METRE
+        self.canvas = self._draw_background(world)
+        self.background = (self.canvas + 0.5).to(torch.uint8).view(self.channels, self.size, self.size)
+        self._draw: Drawing = self.reference if drawing is None else drawing(self)
 
     def _ink(self, colour: tuple[int, int, int]) -> Tensor:
         """Return an RGB colour as float [C]: the colour itself (C = 3) or its luminance (C = 1)."""
@@ -132,21 +118,20 @@ class Rasteriser:
         """Draw states, float [..., S]; return uint8 [..., C, 84, 84].
 
         Raises:
-            ValueError: if compiled, a state is not finite, or larger than `draw_kernels.MAX_STATE_SUM`.
+            ValueError: if compiled, a state is not finite, or larger than `fast.draw.MAX_STATE_SUM`.
         """
         flat = state.reshape(-1, state.shape[-1])
-        pixels: Tensor = self.compiled(flat) if self.compiled else self.draw(flat)
-        return pixels.reshape(*state.shape[:-1], self.channels, self.size, self.size)
+        return self._draw(flat).reshape(*state.shape[:-1], self.channels, self.size, self.size)
 
     def reference(self, flat: Tensor) -> Tensor:
         """Draw states in torch, on any device: float [N, S] to uint8 [N, C, 84 * 84]."""
-        image = self._background.expand(flat.shape[0], -1, -1).clone()
+        image = self.canvas.expand(flat.shape[0], -1, -1).clone()
         turn = math.pi / 2 - flat[:, HEADING]
         # Rotate so that the heading points up, and scale metres to pixels.
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
         self._draw_line(image, goal(flat) - position(flat), rotate_x, rotate_y)
-        if self._vector_scale:
+        if self.vector_scale:
             self._draw_vectors(image, flat, rotate_x[:, None], rotate_y[:, None], turn)
         if target_ships(flat).shape[1]:
             self._draw_ships(image, flat, rotate_x[:, None], rotate_y[:, None], turn)
@@ -183,7 +168,7 @@ class Rasteriser:
         coverage = (0.5 + scene.LINE_WIDTH / 2 - distance).clamp_(0.0, 1.0)
         column = column[:, :, None]
         index = torch.where(steep[:, None, None], column * self.size + row, row * self.size + column)
-        self._blend(image, index, coverage, self._line_ink)
+        self._blend(image, index, coverage, self.inks[0])
 
     def _draw_vectors(
         self, image: Tensor, state: Tensor, rotate_x: Tensor, rotate_y: Tensor, turn: Tensor
@@ -196,9 +181,9 @@ class Rasteriser:
         heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]
         speed = target_ships(state)[..., SHIP_SPEED] * is_present(state)
         half, ahead = torch.full_like(turn, self.size / 2), torch.full_like(turn, math.pi / 2)
-        self._draw_vector(image, (half, half), ahead, state[:, SPEED], scene.OWN_LENGTH, self._own_ink)
+        self._draw_vector(image, (half, half), ahead, state[:, SPEED], scene.OWN_LENGTH, self.inks[2])
         for k in range(cx.shape[1]):
-            middle, ink = (cx[:, k], cy[:, k]), self._ship_ink
+            middle, ink = (cx[:, k], cy[:, k]), self.inks[1]
             self._draw_vector(image, middle, heading[:, k], speed[:, k], scene.TARGET_LENGTH, ink)
 
     def _draw_vector(
@@ -218,7 +203,7 @@ class Rasteriser:
         axis = torch.arange(self.size, device=self.device) + 0.5
         x, y = axis - middle[0][:, None, None], middle[1][:, None, None] - axis[:, None]
         cos, sin = torch.cos(heading)[:, None, None], torch.sin(heading)[:, None, None]
-        length = speed[:, None, None] * self._vector_scale
+        length = speed[:, None, None] * self.vector_scale
         on_axis, off_axis = x * cos + y * sin - hull / 2 * scene.PIXELS_PER_METRE, y * cos - x * sin
         beyond_end = on_axis - torch.minimum(on_axis.clamp(min=0.0), length)
         distance = torch.hypot(beyond_end, off_axis)
@@ -251,11 +236,11 @@ class Rasteriser:
         x = (column + 0.5 - cx[..., None])[..., None, :]
         y = (cy[..., None] - row - 0.5)[..., :, None]
         cos, sin = torch.cos(heading)[..., None, None], torch.sin(heading)[..., None, None]
-        coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self._outline)
+        coverage = polygon_coverage(x * cos + y * sin, y * cos - x * sin, self.outline)
         coverage = coverage * is_present(state)[..., None, None]
         index = row[..., :, None] * self.size + column[..., None, :]
         for k in range(cx.shape[1]):
-            self._blend(image, index[:, k], coverage[:, k], self._ship_ink)
+            self._blend(image, index[:, k], coverage[:, k], self.inks[1])
 
     def _blend(self, image: Tensor, index: Tensor, coverage: Tensor, ink: Tensor) -> None:
         """Blend `ink` [C] over `image` [N, C, P]; pixel `index` and `coverage` are [N, ...]."""

@@ -6,6 +6,7 @@ Environments reset a few rows at nearly every step, so this is NumPy: torch take
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -27,7 +28,7 @@ from ship_trl.sim.state import (
     target_ships,
 )
 from ship_trl.sim.suites import Suite
-from ship_trl.sim.traffic import TrafficStarts
+from ship_trl.sim.traffic import TrafficStarts, draw_scenes
 
 # Perturbed starts inside the safe distance or at the goal are drawn again, at most this often.
 MAX_DRAWS = 1000
@@ -127,9 +128,11 @@ class Starts:
         return (distance < self._keep.take(cases, 0) + reach).any(1).nonzero()[0]
 
 
-def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:
-    """Make what draws the initial states of a suite."""
-    return Starts(suite, world) if suite.traffic is None else TrafficStarts(suite.traffic, world)
+def make_starts(
+    suite: Suite, world: World, scenes: Callable[..., bool] = draw_scenes
+) -> Starts | TrafficStarts:
+    """Make what draws the initial states of a suite, random encounters by `scenes`."""
+    return Starts(suite, world) if suite.traffic is None else TrafficStarts(suite.traffic, world, scenes)
 
 
 def uniform(shape: tuple[int, ...], generator: Generator) -> NDArray[np.float32]:

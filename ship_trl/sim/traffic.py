@@ -2,14 +2,17 @@
 
 The paths are laid through a meeting point on own ship's way, as by Waltz and Okhrin (2023, arXiv 2211.01004).
 A ship is kept if it is in the class of encounter that was drawn for it, and a scene if one of a fixed table
-of manoeuvres brings own ship to its goal. A scene is a function of its seed alone.
+of manoeuvres brings own ship to its goal. A scene is a function of its seed alone. The functions up to
+`draw_scenes` are loops over arrays and numbers, which can be compiled.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,11 +21,21 @@ from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Traffic, World
-from ship_trl.sim.encounter import Encounter
+from ship_trl.sim.encounter import Encounter, bearing_of, classify
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.state import (
+    GIVES_WAY,
     GOAL_Y,
     HEADING,
+    HOLDS_COURSE,
+    OWN_SIZE,
+    SHIP_BEHAVIOUR,
+    SHIP_COUNT,
+    SHIP_HEADING,
+    SHIP_SIZE,
+    SHIP_SPEED,
+    SHIP_X,
+    SHIP_Y,
     SPEED,
     goal,
     goal_distance,
@@ -31,12 +44,17 @@ from ship_trl.sim.state import (
 )
 from ship_trl.sim.transition import Transition
 
+Array = np.ndarray[Any, Any]
 # Arrays of states [N, S].
 States = NDArray[np.float32]
 # Own ship begins as in the paper's cases: at the origin, heading north, with the goal 600 m ahead.
 NORTH, GOAL_DISTANCE = math.pi / 2, 600.0
 # A manoeuvre holds an action, sails straight on and then steers for the goal: steps of the first two.
 HOLD, STRAIGHT = (11, 7, 16, 4, 2), (4, 0, 9, 15)
+# A ship that fails is drawn again, and so is a scene, at most this often.
+MAX_SHIPS, MAX_SCENES = 1000, 1000
+# A ship must have had its class of encounter for this long (s) when the episode begins.
+CLASS_SECONDS = 3.0
 
 
 @dataclass(frozen=True)
@@ -63,12 +81,152 @@ BANDS = {
 }
 
 
+def uniform(stream: Array) -> float:
+    """Return the next number from 0 to 1 of a stream, uint64 [1]: SplitMix64 (Steele et al. 2014)."""
+    stream[0] += np.uint64(0x9E3779B97F4A7C15)
+    bits = stream[0]
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return float((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)) / 2.0**53
+
+
+def draw_ship(stream: Array, band: Array, kind: int, bounds: Array, ship: Array) -> bool:
+    """Draw a target ship of a class into `ship` [SHIP_SIZE]; return whether it keeps the bounds.
+
+    Args:
+        stream: of random numbers, changed.
+        band: least and greatest course (rad), the two signs of it, least and greatest speed (m/s).
+        kind: the class of encounter.
+        bounds: own ship's speed (m/s), then ends of the times to the meeting point (s), largest DCPA (m),
+            ends of the distances (m), share of ships that react.
+        ship: written.
+    """
+    own_speed, first, last, offset, nearest, farthest, reacting = bounds
+    side = band[2] if uniform(stream) < 0.5 else band[3]
+    heading = NORTH + side * (band[0] + (band[1] - band[0]) * uniform(stream))
+    speed = band[4] + (band[5] - band[4]) * uniform(stream)
+    seconds = first + (last - first) * uniform(stream)
+    east, north = speed * math.cos(heading), speed * math.sin(heading) - own_speed
+    # Own and target ship are `aside` from each other, across their relative way, after these seconds.
+    aside = offset * (2 * uniform(stream) - 1) / max(math.sqrt(east * east + north * north), 1e-6)
+    x, y = -east * seconds - north * aside, -north * seconds + east * aside
+    ship[SHIP_X], ship[SHIP_Y], ship[SHIP_HEADING], ship[SHIP_SPEED] = x, y, heading, speed
+    ship[SHIP_BEHAVIOUR] = GIVES_WAY if uniform(stream) < reacting else HOLDS_COURSE
+    if not nearest * nearest <= x * x + y * y <= farthest * farthest:
+        return False
+    for ago in (0.0, CLASS_SECONDS):
+        away_x, away_y = x - east * ago, y - north * ago
+        bearing, aspect = bearing_of(away_x, away_y, NORTH), bearing_of(-away_x, -away_y, heading)
+        if classify(bearing, aspect) != kind:
+            return False
+    return True
+
+
+def keeps_clear(path: Array, ships: Array, dt: float, safe_distance: float) -> bool:
+    """Return whether own ship keeps clear of ships [K, SHIP_SIZE] that hold course, on a path [T, 2] (m)."""
+    safe2 = safe_distance * safe_distance
+    for k in range(ships.shape[0]):
+        ship = ships[k]
+        way_x = ship[SHIP_SPEED] * dt * math.cos(ship[SHIP_HEADING])
+        way_y = ship[SHIP_SPEED] * dt * math.sin(ship[SHIP_HEADING])
+        x, y = ship[SHIP_X], ship[SHIP_Y]
+        for t in range(path.shape[0]):
+            after_x, after_y = ship[SHIP_X] + (t + 1) * way_x, ship[SHIP_Y] + (t + 1) * way_y
+            after_x, after_y = after_x - path[t, 0], after_y - path[t, 1]
+            moved_x, moved_y = after_x - x, after_y - y
+            moved2 = moved_x * moved_x + moved_y * moved_y
+            share = -(x * moved_x + y * moved_y)
+            # Nearest within the step, as `geometry.closest_approach`, without a root.
+            share = min(max(share / moved2, 0.0), 1.0) if moved2 > 0 else 0.0
+            near_x, near_y = x + share * moved_x, y + share * moved_y
+            if near_x * near_x + near_y * near_y < safe2:
+                return False
+            x, y = after_x, after_y
+    return True
+
+
+def draw_ships(stream: Array, drawn: Array, bands: Array, kinds: Array, bounds: Array, ships: Array) -> bool:
+    """Draw ships [K, SHIP_SIZE] of the classes `drawn` [K], indices of `kinds`; return whether all are found.
+
+    The other arguments are those of `draw_scenes`.
+    """
+    for k in range(drawn.shape[0]):
+        is_found = False
+        for _ in range(MAX_SHIPS):
+            is_found = draw_ship(stream, bands[drawn[k]], kinds[drawn[k]], bounds, ships[k])
+            if is_found:
+                break
+        if not is_found:
+            return False
+    return True
+
+
+def is_solvable(paths: Array, lengths: Array, ships: Array, dt: float, safe_distance: float) -> bool:
+    """Return whether a manoeuvre keeps clear of ships [K, SHIP_SIZE]; arguments as in `draw_scenes`."""
+    for p in range(paths.shape[0]):  # noqa: SIM110 (numba compiles no generator)
+        if keeps_clear(paths[p, : lengths[p]], ships, dt, safe_distance):
+            return True
+    return False
+
+
+def draw_scenes(
+    seeds: Array,
+    shares: Array,
+    kinds: Array,
+    bands: Array,
+    bounds: Array,
+    paths: Array,
+    lengths: Array,
+    limits: Array,
+    states: Array,
+) -> bool:
+    """Draw N scenes, each from its own seed; return whether all have been found.
+
+    Args:
+        seeds: uint64 [N].
+        shares: of scenes with at most 0, 1, 2, ... target ships [K + 1].
+        kinds: classes of encounter, equally likely, int64 [C].
+        bands: what ships of each class are drawn from [C, 6], see `draw_ship`.
+        bounds: see `draw_ship`.
+        paths: own ship's positions (m) after each step of the manoeuvres of which one must succeed
+            [P, T, 2].
+        lengths: steps of each manoeuvre, int64 [P].
+        limits: dt (s) and the safe distance (m).
+        states: float32 [N, S] without ships; the ships are written.
+    """
+    dt, safe_distance = limits
+    places, stream = shares.shape[0] - 1, np.empty(1, np.uint64)
+    ships, drawn = np.empty((places, SHIP_SIZE)), np.empty(places, np.int64)
+    for n in range(seeds.shape[0]):
+        stream[0] = seeds[n]
+        share, count = uniform(stream), 0
+        while count < places and share >= shares[count]:
+            count += 1
+        for k in range(count):
+            drawn[k] = int(uniform(stream) * kinds.shape[0])
+        for _ in range(MAX_SCENES):
+            is_found = draw_ships(stream, drawn[:count], bands, kinds, bounds, ships)
+            if not is_found:
+                return False
+            is_found = is_solvable(paths, lengths, ships[:count], dt, safe_distance)
+            if is_found:
+                break
+        if not is_found:
+            return False
+        states[n, SHIP_COUNT] = count
+        for k in range(count):
+            for i in range(SHIP_SIZE):
+                states[n, OWN_SIZE + SHIP_SIZE * k + i] = ships[k, i]
+    return True
+
+
 class TrafficStarts:
     """Draws initial states of random encounters. All random numbers are those of the generator passed in.
 
     Args:
         traffic: how many ships, of which classes, how fast, how near.
         world: own ship's dynamics, and the safe distance.
+        scenes: `draw_scenes`, or a compiled one.
 
     Attributes:
         states: an initial state without target ships, float32 [1, S].
@@ -77,8 +235,8 @@ class TrafficStarts:
         ConfigError: in this world own ship could not reach its goal, or ships would start too near.
     """
 
-    def __init__(self, traffic: Traffic, world: World) -> None:
-        self.traffic, self.places = traffic, len(traffic.ships) - 1
+    def __init__(self, traffic: Traffic, world: World, scenes: Callable[..., bool] = draw_scenes) -> None:
+        self.traffic, self.places, self._draw_scenes = traffic, len(traffic.ships) - 1, scenes
         self.speed = world.actions[world.straight_action][0]
         self.states = torch.zeros(1, state_size(self.places), device="cpu")
         for column, value in ((HEADING, NORTH), (SPEED, self.speed), (GOAL_Y, GOAL_DISTANCE)):
@@ -104,7 +262,7 @@ class TrafficStarts:
         )
 
     def _band(self, encounter: Encounter) -> list[float]:
-        """Return what ships of a class are drawn from, as `traffic_kernel.draw_ship` takes it."""
+        """Return what ships of a class are drawn from, as `draw_ship` takes it."""
         band, ends = BANDS[encounter], zip(BANDS[encounter].speeds, self.traffic.speeds, strict=True)
         slow, fast = (bound if share is None else share * self.speed for share, bound in ends)
         if slow > fast:
@@ -153,13 +311,12 @@ class TrafficStarts:
         Raises:
             ConfigError: too few ships keep the traffic's bounds.
         """
-        # Imported here: numba takes half a second.
-        from ship_trl.sim.fast.traffic_kernel import draw_scenes
-
         seeds = np.empty(count, np.int64)
         torch.from_numpy(seeds).random_(generator=generator)
         states: States = self.states.numpy().repeat(count, 0)
-        if not draw_scenes(seeds.view(np.uint64), *self._constants, states):
+        with np.errstate(over="ignore"):  # SplitMix64 counts modulo 2**64
+            are_found = self._draw_scenes(seeds.view(np.uint64), *self._constants, states)
+        if not are_found:
             raise ConfigError(
                 "suite: traffic: nearly no ship keeps these bounds, or own ship cannot avoid them; allowed: "
                 "wider ones"

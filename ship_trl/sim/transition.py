@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.graphs import Captured
 from ship_trl.sim.dynamics import advance, give_way, lag_shares
 from ship_trl.sim.geometry import angle_off_bow, closest_approach
 from ship_trl.sim.reward import (
@@ -100,16 +99,3 @@ class Transition:
         flags = reached.to(distance.dtype), collision.to(distance.dtype)
         speed, turn = self.actions[action].unbind(-1)
         return PaidStep(distance, off_bow, *flags, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn)
-
-
-def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = True) -> Step:
-    """Return the simulation step: a compiled loop on the CPU, a CUDA graph on a GPU; torch if not `fast`."""
-    transition, kind = Transition(world, device), torch.device(device).type
-    if fast and kind == "cuda":
-        return Captured(transition)
-    if not fast or kind != "cpu":
-        return transition
-    # Imported here: without compiled loops nothing needs numba.
-    from ship_trl.sim.fast.compiled import CompiledStep
-
-    return CompiledStep(transition)

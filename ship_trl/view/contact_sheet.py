@@ -9,9 +9,9 @@ import pygame
 import torch
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
@@ -59,7 +59,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
             later = motion(later, straight).state
         pictures = [draw_scene(case, world, state, PICTURE, start) for state in (start, later[0])]
         for colour in (False, True):
-            seen = Rasteriser(world, colour=colour)(later[0]).numpy()
+            seen = make_rasteriser(world, colour=colour)(later[0]).numpy()
             pictures.append(pen.from_array(seen, PICTURE))
         for left, picture in zip(lefts, pictures, strict=True):
             sheet.blit(picture, (left, top))

@@ -16,15 +16,14 @@ from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env, make_step
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.lockstep import Lockstep, roll_out
 from ship_trl.policies.named import load_policy
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
 from ship_trl.sim.suites import load_suite, suite_of
-from ship_trl.sim.transition import make_step
 from studies.lockstep import PLACES, learn, starts
 from studies.runs import Row, Setting, Task, make_row, weights_path
 from studies.second.plan import FIRST_SOURCE, IMAZU, TRAFFIC, TRAFFIC_SEEDS
@@ -126,7 +125,7 @@ def learn_traffic(setting: Setting, folder: Path) -> None:
 def policy_success(name: str, target: str | None) -> float:
     """Return how often a policy reaches the goal from the drawn starts of a case; None: in `traffic_test`."""
     world = load_world()
-    policy = load_policy(name, ShipEnv(load_suite("1", world), world, 1))
+    policy = load_policy(name, make_env(load_suite("1", world), world, 1))
 
     def choose(state: Tensor, _: int) -> Tensor:
         flat = state.flatten(0, 1)

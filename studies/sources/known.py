@@ -12,6 +12,7 @@ from tensordict import TensorDictBase
 from torch import Generator, Tensor
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
@@ -19,7 +20,6 @@ from ship_trl.policies.named import load_network, load_policy
 from ship_trl.policies.reference import best_known
 from ship_trl.policies.zero_shot import score_bounds
 from ship_trl.sim.cases import Case
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import Suite, suite_of
 
 # Episodes of the planner, and the share of random actions in them.
@@ -46,7 +46,7 @@ class Known:
 
     def __init__(self, case: Case, world: World, network: DuelingNetwork | None = None) -> None:
         self.case, self.world, self._network = case, world, network
-        self.env = ShipEnv(suite_of(case), world)
+        self.env = make_env(suite_of(case), world)
 
     @classmethod
     def load(cls, case: Case, world: World, path: Path) -> Known:
@@ -55,7 +55,7 @@ class Known:
         Raises:
             ConfigError: the file holds no network for this world.
         """
-        return cls(case, world, load_network(path, ShipEnv(suite_of(case), world), "source_file"))
+        return cls(case, world, load_network(path, make_env(suite_of(case), world), "source_file"))
 
     @property
     def network(self) -> DuelingNetwork:
@@ -106,7 +106,7 @@ class Known:
 
 def probe(suite: Suite, world: World, episodes: int = EPISODES, seed: int = 0) -> Probe:
     """Run the planner (velocity obstacles) in a case, with random actions among its own."""
-    env = ShipEnv(suite, world, episodes)
+    env = make_env(suite, world, episodes)
     generator, planner = Generator().manual_seed(seed), load_policy("vo", env)
     planned: list[Tensor] = []
 

@@ -17,6 +17,7 @@ from benchmarks.curves import Curve
 from benchmarks.peer_vector import ShipVecEnv, greedy_policy
 from benchmarks.work import plan
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.learn.rollout import Episode, Policy, rollout
 from ship_trl.sim.env import ShipEnv
@@ -57,7 +58,7 @@ def test_evaluations_are_due_by_training_time_alone(world: World, monkeypatch: p
         return rollout(env, policy)
 
     monkeypatch.setattr("ship_trl.learn.rollout.rollout", slow)
-    env = ShipEnv(load_suite("4", world), world)
+    env = make_env(load_suite("4", world), world)
     policy, told = turn_always, list[bool]()
     curve = Curve("ours", 0, 1.0, env)
     for _ in range(7):
@@ -71,7 +72,7 @@ def test_evaluations_are_due_by_training_time_alone(world: World, monkeypatch: p
 
 
 def test_minutes_to_a_goal_are_those_of_the_first_point_there(world: World) -> None:
-    curve = Curve("ours", 0, 1.0, ShipEnv(load_suite("4", world), world))
+    curve = Curve("ours", 0, 1.0, make_env(load_suite("4", world), world))
     curve.points += [curves.Point("ours", 0, n / 2, n, share) for n, share in enumerate((0.1, 0.92, 0.8))]
     assert curve.minutes_to(0.9) == 0.5 and curve.minutes_to(0.95) is None
 
@@ -102,7 +103,7 @@ def test_the_greedy_policy_of_a_peer_takes_its_best_actions(world: World) -> Non
     envs = ShipCollisionVectorEnv(5, "traffic", observation="vector")
     model = DQN("MlpPolicy", ShipVecEnv(envs), buffer_size=10, device="cpu", seed=0)
     seen, infos = envs.reset(seed=1)
-    env = ShipEnv(load_suite("traffic", world), world, starts=torch.from_numpy(infos["state"]))
+    env = make_env(load_suite("traffic", world), world, starts=torch.from_numpy(infos["state"]))
     action = greedy_policy(model)(env.reset())["action"].numpy()
     values = model.q_net(model.q_net.obs_to_tensor(seen)[0])
     assert np.array_equal(action, values.argmax(1).numpy())

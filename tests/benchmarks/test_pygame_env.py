@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.simulator import draw_cases
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
 
@@ -49,7 +50,7 @@ def compare_episode(theirs: PygameShipEnv, ours: ShipEnv, random: np.random.Gene
 @pytest.mark.parametrize("name", CASES)
 def test_it_is_the_same_world(name: str, kind: type[PygameShipEnv], world: World) -> None:
     case, random = load_case(name, world), np.random.default_rng(7)
-    theirs, ours = kind([case], world), ShipEnv(case, world, 1, from_pixels=True)
+    theirs, ours = kind([case], world), make_env(case, world, 1, from_pixels=True)
     right, mirrored = np.hstack([compare_episode(theirs, ours, random) for _ in range(2)])
     assert np.mean(mirrored) > np.mean(right) + 0.4
 
@@ -60,7 +61,7 @@ def test_of_random_encounters_each_episode_is_the_next_scene(kind: type[PygameSh
     assert len({case.fingerprint for case in cases}) >= 5  # those without ships are alike
     theirs = kind(cases, world)
     for case in [*cases, cases[0]]:
-        compare_episode(theirs, ShipEnv(case, world, 1, from_pixels=True), random)
+        compare_episode(theirs, make_env(case, world, 1, from_pixels=True), random)
 
 
 @pytest.mark.parametrize("kind", KINDS)

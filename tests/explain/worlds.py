@@ -6,6 +6,7 @@ import torch
 from torch import Generator
 
 from ship_trl.explain.states import StateSet, draw_states
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.env import ShipEnv
@@ -18,7 +19,7 @@ def a_network(seed: int = 0) -> DuelingNetwork:
 @cache
 def env_of(name: str = "4") -> ShipEnv:
     world = load_world()
-    return ShipEnv(load_case(name, world), world)
+    return make_env(load_case(name, world), world)
 
 
 @cache

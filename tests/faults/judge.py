@@ -14,8 +14,8 @@ from omegaconf import OmegaConf
 
 from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.types import Config, World
+from ship_trl.fast.worlds import make_env
 from ship_trl.sim.cases import Case, CaseFile, TargetShip
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import Suite
 from ship_trl.study.plan import StudyConfig
 
@@ -80,7 +80,7 @@ def check_line(line: str, typed: str = "") -> None:
 
 def roll_out(case: Suite | Case, world: World, colour: bool = False) -> None:
     """Roll out random actions to the end of the episode, with pixels; all numbers must be finite."""
-    env = ShipEnv(case, world, 2, from_pixels=True, colour=colour)
+    env = make_env(case, world, 2, from_pixels=True, colour=colour)
     generator = torch.Generator().manual_seed(0)
     try:
         current = env.reset()

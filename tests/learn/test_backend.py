@@ -6,9 +6,10 @@ from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
 from ship_trl.config.types import BFLOAT16, BackendName, Precision
-from ship_trl.learn.backend import choose_backend, choose_dtype
+from ship_trl.fast.incremental import Incremental
+from ship_trl.fast.learning import FAST
+from ship_trl.learn.backend import Accelerator, choose_backend, choose_dtype
 from ship_trl.learn.dense import Dense
-from ship_trl.learn.fast.incremental import Incremental
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import draw
@@ -80,5 +81,8 @@ def test_bfloat16_that_is_off_must_be_asked_for(
 def test_auto_is_incremental_where_supported(name: str) -> None:
     layers = geometry((NETWORKS | ODD)[name])
     for device, able in (("cpu", name in NETWORKS), ("cuda", False)):
-        chosen = choose_backend(BackendName.auto, draw, torch.float32, torch.device(device), layers)
-        assert isinstance(chosen, Incremental if able else Dense)
+        for accelerator, fast in ((FAST, Incremental), (Accelerator(), Dense)):
+            chosen = choose_backend(
+                BackendName.auto, draw, torch.float32, torch.device(device), layers, accelerator
+            )
+            assert isinstance(chosen, fast if able else Dense)

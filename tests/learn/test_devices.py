@@ -11,14 +11,13 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import Precision
+from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.render import Rasteriser
 from tests.learn.test_double_dqn import Freezing
 from tests.learn.worlds import schedule
 
@@ -43,7 +42,7 @@ def test_the_guard_notices_a_tensor_without_a_device(meta_device: None) -> None:
 
 @pytest.mark.parametrize("colour", [False, True])
 def test_simulator_and_rasteriser_name_their_device(meta_device: None, colour: bool) -> None:
-    env = ShipEnv(load_case("4", WORLD), WORLD, 3, from_pixels=True, colour=colour, device=CPU, fast=False)
+    env = make_env(load_case("4", WORLD), WORLD, 3, from_pixels=True, colour=colour, device=CPU, fast=False)
     current = env.reset()
     for _ in range(30):
         current["action"] = torch.full((3,), 3, device=CPU)
@@ -59,9 +58,9 @@ def test_the_learner_names_its_device(
 ) -> None:
     monkeypatch.setattr(double_dqn, "make_backend", lambda *_: Dense())
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
-    env = ShipEnv(case, WORLD, learn.num_envs, device=CPU, fast=False)
-    eval_env = ShipEnv(case, WORLD, 1, device=CPU, fast=False)
-    draw = Rasteriser(WORLD, device=CPU, fast=False)
+    env = make_env(case, WORLD, learn.num_envs, device=CPU, fast=False)
+    eval_env = make_env(case, WORLD, 1, device=CPU, fast=False)
+    draw = make_rasteriser(WORLD, device=CPU, fast=False)
     generators = [Generator(device="cpu").manual_seed(k) for k in range(3)]
     with torch.device("cpu"):  # weights are made there and moved
         network = DuelingNetwork(1, 7, generators[0])

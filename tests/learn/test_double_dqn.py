@@ -9,12 +9,11 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import Learn, Loss
-from ship_trl.learn.algorithm import Method, Setup
-from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.fast.features import FEATURES
+from ship_trl.learn.algorithm import Method
+from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
-from tests.learn.worlds import draw, schedule
+from tests.learn.worlds import draw, fast_setup, schedule
 
 
 class Freezing(Method):
@@ -31,7 +30,7 @@ def make(
     network: DuelingNetwork, learn: Learn, seed: int = 0, frozen: int = 0, draw: Any = draw
 ) -> DoubleDQN:
     exploration, replay = (Generator().manual_seed(seed) for _ in range(2))
-    return build(Setup(network, draw, 7, learn, exploration, replay, Freezing(frozen)))
+    return build(fast_setup(network, draw, 7, learn, exploration, replay, Freezing(frozen)))
 
 
 def made(seed: int = 0, frozen: int = 0, **changes: object) -> DoubleDQN:

@@ -7,9 +7,8 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import BackendName, Network, Precision
-from ship_trl.learn.algorithm import Method, Setup
-from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.fast.features import FEATURES
+from ship_trl.learn.algorithm import Method
+from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn import networks
 from tests.learn.test_double_dqn import (
@@ -20,7 +19,7 @@ from tests.learn.test_double_dqn import (
     observed,
     stored,
 )
-from tests.learn.worlds import draw, schedule
+from tests.learn.worlds import draw, fast_setup, schedule
 
 
 @pytest.mark.parametrize("frozen", [3, 4])
@@ -109,7 +108,7 @@ class Thawing(Method):
 def thawing(seed: int = 3) -> DoubleDQN:
     network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
     exploration, replay = (Generator().manual_seed(seed) for _ in range(2))
-    return build(Setup(network, draw, 7, schedule(), exploration, replay, Thawing()))
+    return build(fast_setup(network, draw, 7, schedule(), exploration, replay, Thawing()))
 
 
 def test_a_thawed_layer_learns_and_its_target_follows() -> None:

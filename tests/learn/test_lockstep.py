@@ -11,18 +11,17 @@ from torch import Generator, Tensor
 
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
-from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.fast.worlds import make_rasteriser, make_step
+from ship_trl.learn.algorithm import Method
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.lockstep import Draws, Lockstep, roll_out
 from ship_trl.learn.loss import STEPS
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.schedule import learning_rate_at
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.transition import make_step
 from studies.second.runs import replay_actions
-from tests.learn.worlds import schedule
+from tests.learn.worlds import fast_setup, schedule
 
 PLACES, ACTIONS, INPUTS = 4, 2, 3
 CONFIG = replace(load_network("vector"), linear=[16, 8, 8], per_ship=0)
@@ -135,7 +134,7 @@ def test_an_update_is_that_of_double_dqn(n: int) -> None:
     for network, names in zip(networks(3), frozen, strict=True):
         method = Fixed(len(names))
         alone.append(
-            build(Setup(network, observe, ACTIONS, many.learn, Generator(), Generator(), method=method))
+            build(fast_setup(network, observe, ACTIONS, many.learn, Generator(), Generator(), method=method))
         )
     drawn = record_samples(many)
     many.train(200)
@@ -144,12 +143,12 @@ def test_an_update_is_that_of_double_dqn(n: int) -> None:
 
 
 def test_networks_of_pixels_learn_in_lockstep_too(world: World) -> None:
-    ships, case = Rasteriser(world), initial_state(load_case("4", world), world)
+    ships, case = make_rasteriser(world), initial_state(load_case("4", world), world)
     learn = learn_config(batch_size=8, warmup_steps=32, lr_end=0.0)
     made = [DuelingNetwork(1, 7, Generator().manual_seed(seed)) for seed in (0, 1)]
     streams = [[Generator().manual_seed(10 * seed + k) for seed in (0, 1)] for k in (1, 2)]
     many = Lockstep(made, [()] * 2, case.expand(2, -1), make_step(world), ships, learn, 1, 4000, *streams)
-    alone = [build(Setup(network, ships, 7, learn, Generator(), Generator())) for network in made]
+    alone = [build(fast_setup(network, ships, 7, learn, Generator(), Generator())) for network in made]
     drawn = record_samples(many)
     many.train(44)
     assert many.updates == len(drawn) == 3

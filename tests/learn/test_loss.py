@@ -12,7 +12,7 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.config.network import geometry, load_network
 from ship_trl.config.types import Loss
-from ship_trl.learn.fast.incremental import Incremental
+from ship_trl.fast.incremental import Incremental
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate, td_loss
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels, StateReplay

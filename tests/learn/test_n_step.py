@@ -8,7 +8,6 @@ from tensordict import TensorDict
 from torch import Generator
 from torchrl.objectives import DQNLoss, SoftUpdate
 
-from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.loss import STEPS
 from ship_trl.learn.n_step import NStepReplay, build
@@ -16,7 +15,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import rollout
 from ship_trl.learn.train import Evaluated, train
-from tests.learn.worlds import Corridor, draw, schedule
+from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 
 CPU, GAMMA = torch.device("cpu"), 0.9
 
@@ -26,7 +25,7 @@ def make(steps: int, seed: int = 0, **changes: object) -> DoubleDQN:
     weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
     network = DuelingNetwork(1, 3, weights)
     options = {"build": "ship_trl.learn.n_step:build", "steps": steps}
-    return build(Setup(network, draw, 3, learn, exploration, replay, options=options))
+    return build(fast_setup(network, draw, 3, learn, exploration, replay, options=options))
 
 
 def filled(memory: StateReplay, steps: int, num_envs: int, seed: int) -> list[TensorDict]:

@@ -12,11 +12,11 @@ from torch import Generator, Tensor, nn
 
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import DivergedError, Method, Setup
+from ship_trl.learn.algorithm import DivergedError, Method
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
-from tests.learn.worlds import Corridor, draw, schedule
+from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 
 OPTIONS = {
     "rollout_steps": 16,
@@ -49,7 +49,7 @@ def make(
     network = DuelingNetwork(1, 3, weights)
     options = {"build": "ship_trl.learn.ppo:build"} | OPTIONS | changes
     values = schedule(**{"episodes": 120, "num_envs": 4} | (learn or {}))
-    return build(Setup(network, draw, 3, values, exploration, replay, method or Method(), options))
+    return build(fast_setup(network, draw, 3, values, exploration, replay, method or Method(), options))
 
 
 def walk(
@@ -275,7 +275,7 @@ def test_it_learns_from_numbers_too() -> None:
     config = replace(load_network("vector"), linear=[8, 6], per_ship=0)
     network = VectorNetwork(2, 3, weights, config)
     learner = build(
-        Setup(network, lambda state: state / 4, 3, schedule(), exploration, replay, options=OPTIONS)
+        fast_setup(network, lambda state: state / 4, 3, schedule(), exploration, replay, options=OPTIONS)
     )
     before = [p.clone() for p in network.parameters()]
     walk(learner, 16)

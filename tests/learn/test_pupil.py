@@ -9,11 +9,11 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.algorithm import Method
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
-from tests.learn.worlds import Corridor, draw, schedule
+from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 
 OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3}
 LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
@@ -53,7 +53,7 @@ def make(
     learn = schedule(**LEARN | changes)
     options = {"build": "ship_trl.learn.pupil:build"} | options
     method = method or Method()
-    return build(Setup(network, draw, 3, learn, exploration, replay, method, options, teacher, mirror))
+    return build(fast_setup(network, draw, 3, learn, exploration, replay, method, options, teacher, mirror))
 
 
 def agreement(pupil: Pupil) -> float:

@@ -11,18 +11,18 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import DivergedError, Setup
+from ship_trl.learn.algorithm import DivergedError
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import rollout
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 from ship_trl.learn.train import Evaluated, Finished, train
-from tests.learn.worlds import Corridor, draw, schedule
+from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 
 
 def make(learn: Learn, seed: int = 0) -> DoubleDQN:
     weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
-    return build(Setup(DuelingNetwork(1, 3, weights), draw, 3, learn, exploration, replay))
+    return build(fast_setup(DuelingNetwork(1, 3, weights), draw, 3, learn, exploration, replay))
 
 
 def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], DoubleDQN]:

@@ -9,16 +9,15 @@ from torch import Generator, Tensor, nn
 from ship_trl.config.arm import Arm
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Precision
-from ship_trl.learn.algorithm import Setup
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork, make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.vector import VectorObservation
 from ship_trl.transfer.methods import make_method
-from tests.learn.worlds import schedule
+from tests.learn.worlds import fast_setup, schedule
 
 CONFIG = load_network("vector")
 
@@ -98,8 +97,8 @@ def test_it_learns_from_stored_vectors_and_leaves_frozen_layers(precision: Preci
     observe = VectorObservation(world, CONFIG.ships)
     net, exploration, replay = network(), *(Generator().manual_seed(k) for k in range(2))
     learn = schedule(warmup_steps=40, precision=precision)
-    algorithm = build(Setup(net, observe, 7, learn, exploration, replay, make_method(Arm.parse("FE2"))))
-    env = ShipEnv(load_case("4", world), world, 4, encoders=algorithm.encoders)
+    algorithm = build(fast_setup(net, observe, 7, learn, exploration, replay, make_method(Arm.parse("FE2"))))
+    env = make_env(load_case("4", world), world, 4, encoders=algorithm.encoders)
     before, step, losses = {k: v.clone() for k, v in net.state_dict().items()}, env.reset(), []
     for _ in range(20):
         stepped, step = env.step_and_maybe_reset(algorithm.act(step, 0))
@@ -111,4 +110,4 @@ def test_it_learns_from_stored_vectors_and_leaves_frozen_layers(precision: Preci
     assert "state" not in stored.keys()  # noqa: SIM118
     for key, value in net.state_dict().items():
         assert torch.equal(value, before[key]) == key.startswith(("linear1", "linear2")), key
-    assert rollout(ShipEnv(env.case, world), algorithm.greedy)[0].q_values is not None
+    assert rollout(make_env(env.case, world), algorithm.greedy)[0].q_values is not None

@@ -1,5 +1,6 @@
 """A one-dimensional world, to test the learner without the simulator."""
 
+from functools import partial
 from typing import Any
 
 import torch
@@ -9,6 +10,10 @@ from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import BackendName, Learn, Loss, Precision
+from ship_trl.fast.learning import FAST
+from ship_trl.learn.algorithm import Setup
+
+fast_setup = partial(Setup, accelerator=FAST)
 
 
 class Corridor(EnvBase):

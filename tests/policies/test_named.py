@@ -16,6 +16,7 @@ import ship_trl as package
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry, rollout_entry
@@ -33,7 +34,7 @@ def test_a_network_of_case_4_sees_the_ships_of_case_6(world: World) -> None:
     policy = package.load_policy("4")
     network = network_of(policy)
     assert network is not None
-    env, own = (ShipEnv(load_case(name, world), world, 3, from_pixels=True) for name in ("6", "4"))
+    env, own = (make_env(load_case(name, world), world, 3, from_pixels=True) for name in ("6", "4"))
     current, own_current = env.reset(), own.reset()
     for _ in range(10):
         wanted = network(current["pixels"])
@@ -69,12 +70,12 @@ def test_a_network_sees_its_own_pictures_in_any_environment(
 
 def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None:
     suite = load_suite("paper", world)
-    env = ShipEnv(suite, world, 20, generator=Generator().manual_seed(0))
+    env = make_env(suite, world, 20, generator=Generator().manual_seed(0))
     policy = load_policy("pretrained:4", env)
     acted = policy(env.reset())
     alone = {}
     for case in suite.cases:
-        single = ShipEnv(case, world)
+        single = make_env(case, world)
         alone[case.name] = load_policy("pretrained:4", single)(single.reset())["action_value"][0]
     rows = acted["action_value"]
     seen = {name for row in rows for name, q in alone.items() if torch.allclose(row, q, atol=1e-4)}
@@ -85,7 +86,7 @@ def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None
 def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
     suite = load_suite("paper", world)
     starts = Starts(suite, world).states
-    env = ShipEnv(suite, world, starts=starts)
+    env = make_env(suite, world, starts=starts)
     episodes = rollout(env, load_policy("best_known", env))
     for episode, case in zip(episodes, suite.cases, strict=True):
         assert episode.episode_return == pytest.approx(best_known(case, world).episode_return, abs=1e-2)
@@ -104,7 +105,7 @@ def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
     ],
 )
 def test_a_policy_refuses_what_has_no_states(name: str, given: Any, got: str, world: World) -> None:
-    policy = load_policy(name, ShipEnv(load_case("4", world), world))
+    policy = load_policy(name, make_env(load_case("4", world), world))
     with pytest.raises(ConfigError) as refused:
         policy(given)
     assert f"policy: {name} is called with {got}; allowed: a tensordict with `state`" in str(refused.value)
@@ -112,7 +113,7 @@ def test_a_policy_refuses_what_has_no_states(name: str, given: Any, got: str, wo
 
 @pytest.mark.parametrize("name", ["pretrained:4", "vo", "random"])
 def test_torchrls_rollout_takes_every_policy(name: str, world: World) -> None:
-    env = ShipEnv(load_case("4", world), world, 2)
+    env = make_env(load_case("4", world), world, 2)
     (one, _), steps = rollout(env, load_policy(name, env)), env.rollout(20, load_policy(name, env))
     assert torch.equal(steps["action"][0], one.actions[:20])
     assert pickle.loads(pickle.dumps(load_policy("pretrained:4", env)))(env.reset())["action"].shape == (2,)

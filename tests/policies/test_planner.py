@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.policies.planner import Plan, ValueBound, best_plan
 from ship_trl.sim.cases import Behaviour, Case, TargetShip, load_case
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reward import TERMS, PaidStep, Term
 from ship_trl.sim.state import goal_distance, initial_state
 from ship_trl.sim.transition import Transition
@@ -21,7 +21,7 @@ BEST = {"1": 83.89, "2": 83.89, "3": 63.7, "4": 43.2, "5": 62.6, "6": 53.3, "new
 
 def run_plan(case: Case, world: World, plan: Plan) -> tuple[float, bool, bool]:
     """Roll out a plan; return its return, and whether the episode has ended and the goal is reached."""
-    env = ShipEnv(case, world)
+    env = make_env(case, world)
     step, total = env.reset(), 0.0
     for index, action in enumerate(plan.actions):
         assert not bool(step["done"]), f"ended before action {index}"

@@ -6,10 +6,10 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import Policy, rollout
 from ship_trl.policies.named import load_policy
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
@@ -21,7 +21,7 @@ PLANNERS = "vo", "sb_mpc", "apf"
 
 
 def make(name: str, count: int) -> Policy:
-    return load_policy(name, ShipEnv(PAPER[0], WORLD, count))
+    return load_policy(name, make_env(PAPER[0], WORLD, count))
 
 
 def initial_states(cases: list[Case]) -> torch.Tensor:
@@ -51,14 +51,14 @@ def test_planners_reach_the_goal(name: str, paper: int, problems: int) -> None:
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_a_planner_steers_for_the_goal_where_nobody_is(name: str, make_case: Callable[..., Case]) -> None:
-    env = ShipEnv(make_case(heading=45.0), WORLD)
+    env = make_env(make_case(heading=45.0), WORLD)
     (episode,) = rollout(env, load_policy(name, env))
     assert episode.goal and episode.length < 45
 
 
 @pytest.mark.parametrize("name", PLANNERS)
 def test_a_give_way_ship_passes_astern(name: str) -> None:
-    env = ShipEnv(IMAZU[1], WORLD)
+    env = make_env(IMAZU[1], WORLD)
     (episode,) = rollout(env, load_policy(name, env))
     # When own ship crosses the other's track, the other has passed its bow, and own ship has turned for it.
     ahead = episode.states[:, 1] > 0

@@ -14,11 +14,11 @@ from ship_trl.cli.entries import find_entries
 from ship_trl.cli.pretrain import SUITES, TESTS, rollout_greedy
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import Perturbation, load_suite
 from tests.cli.test_evaluate import table
 from tests.command import ship_trl
@@ -58,12 +58,12 @@ def test_the_best_run_of_each_case_was_chosen() -> None:
 
 def test_a_policy_in_one_line() -> None:
     case = load_case("4", WORLD)
-    episode = rollout(ShipEnv(case, WORLD), package.load_policy("4"))[0]
+    episode = rollout(make_env(case, WORLD), package.load_policy("4"))[0]
     (bundled,) = [one for one in pretrained.networks() if one.name == "4"]
     assert episode.episode_return == pytest.approx(bundled.episode_return)
-    elsewhere = rollout(ShipEnv(load_case("2", WORLD), WORLD), package.load_policy("4", case="2"))[0]
+    elsewhere = rollout(make_env(load_case("2", WORLD), WORLD), package.load_policy("4", case="2"))[0]
     assert torch.equal(elsewhere.states[0, :3], torch.tensor([0.0, 0.0, torch.pi / 2]))
-    best = rollout(ShipEnv(case, WORLD), package.load_policy("best_known", case="4"))[0]
+    best = rollout(make_env(case, WORLD), package.load_policy("best_known", case="4"))[0]
     assert best.episode_return == pytest.approx(best_known(case, WORLD).episode_return)
     with pytest.raises(ConfigError, match="case: none given"):
         package.load_policy("random")

@@ -10,10 +10,10 @@ from torch import Generator
 
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Perturbation, World
+from ship_trl.fast.worlds import make_env
 from ship_trl.policies import reference
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import Suite, load_suite, suite_of
 
 WORLD = load_world()
@@ -114,7 +114,7 @@ def test_where_holding_course_is_best_nothing_is_avoided() -> None:
 @pytest.mark.parametrize("name", ["1", "4"])
 def test_it_is_the_mean_of_episodes_of_the_environment(name: str) -> None:
     case = load_suite(name, WORLD)
-    env, generator = ShipEnv(case, WORLD, 400), Generator().manual_seed(5)
+    env, generator = make_env(case, WORLD, 400), Generator().manual_seed(5)
     current, total, running = env.reset(), torch.zeros(400), torch.ones(400, dtype=torch.bool)
     for _ in range(WORLD.max_steps):
         after = env.step(current.set("action", torch.randint(7, (400,), generator=generator)))["next"]

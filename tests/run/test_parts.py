@@ -7,7 +7,7 @@ from torch import Generator
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
-from ship_trl.learn.algorithm import Setup
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import write_demonstration
@@ -15,7 +15,7 @@ from ship_trl.policies.reference import best_known
 from ship_trl.run.parts import show_demonstrations
 from ship_trl.run.plan import make_run
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
+from tests.learn.worlds import fast_setup
 
 
 def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
@@ -27,9 +27,9 @@ def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
     with initialize_config_dir(str(conf_dir()), version_base="1.3"):
         words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
         run = make_run(to_config(compose("config", words)))
-    env, replay = ShipEnv(case, world, 3), Generator().manual_seed(0)
+    env, replay = make_env(case, world, 3), Generator().manual_seed(0)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    setup = Setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
+    setup = fast_setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
     algorithm = build(setup)
     # Three ships repeat the actions, and the steps of one are kept.
     show_demonstrations(run, env, algorithm)

@@ -12,6 +12,7 @@ from torch import Generator
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Config
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import make_network
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import REWARD_SCALE, find
@@ -19,7 +20,6 @@ from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
 from ship_trl.run.teacher import read_teacher
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
 from ship_trl.transfer.weights import read_look, save_weights
@@ -41,7 +41,7 @@ def saved(path: Path, seed: int = 0, actions: int = 7) -> Path:
 def test_a_teacher_of_numbers_and_one_of_pixels_give_their_q_values(tmp_path: Path) -> None:
     world = load_world()
     case = load_case("4", world)
-    env, state = ShipEnv(case, world), initial_state(case, world)[None]
+    env, state = make_env(case, world), initial_state(case, world)[None]
     # A result folder holds the network, as a file does.
     path = saved(tmp_path / "policy.safetensors")
     network = make_network(load_network("vector"), 7, Generator().manual_seed(0))
@@ -78,7 +78,7 @@ def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_pat
     config = composed("target=4", "method=scratch", "learn.reward_scale=0.1")
     OmegaConf.save(OmegaConf.structured(config), tmp_path / "config.yaml")
     world = load_world()
-    env, state = ShipEnv(load_case("4", world), world), initial_state(load_case("4", world), world)[None]
+    env, state = make_env(load_case("4", world), world), initial_state(load_case("4", world), world)[None]
     one, tenth = (read_teacher(pupil(tmp_path, f"learn.reward_scale={scale}"), env) for scale in (0.1, 0.01))
     assert one is not None and tenth is not None
     torch.testing.assert_close(one(state), 10 * tenth(state))

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ship_trl.config.types import World
+from ship_trl.fast.step import CompiledStep
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.dynamics import advance
-from ship_trl.sim.fast.compiled import CompiledStep
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,

@@ -11,6 +11,7 @@ from torchrl.envs import EnvBase
 from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.types import Margin, World
+from ship_trl.fast.worlds import make_env
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import STEP
@@ -41,12 +42,12 @@ TIMEOUT = {"goal": False, "collision": False, "terminated": False, "truncated": 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("pixels", [False, True])
 def test_torchrl_accepts_it(name: str, pixels: bool, world: World) -> None:
-    check_env_specs(ShipEnv(load_case(name, world), world, 2, from_pixels=pixels, colour=name == "6"))
+    check_env_specs(make_env(load_case(name, world), world, 2, from_pixels=pixels, colour=name == "6"))
 
 
 @pytest.mark.parametrize(("name", "cpa"), [("1", math.inf), ("2", 106), ("new", 85)])
 def test_keeping_course_reaches_the_goal(name: str, cpa: float, world: World) -> None:
-    episode = repeat_action(ShipEnv(load_case(name, world), world), 3)
+    episode = repeat_action(make_env(load_case(name, world), world), 3)
     assert len(episode) == 36 and ends(episode[-1]) == GOAL
     assert not any(bool(step["done"]) for step in episode[:-1])
     assert sum(float(step["reward"]) for step in episode) == pytest.approx(83.9, abs=1e-3)
@@ -55,7 +56,7 @@ def test_keeping_course_reaches_the_goal(name: str, cpa: float, world: World) ->
 
 @pytest.mark.parametrize("name", ["3", "4", "5", "6"])
 def test_keeping_course_collides(name: str, world: World) -> None:
-    episode = repeat_action(ShipEnv(load_case(name, world), world), 3)
+    episode = repeat_action(make_env(load_case(name, world), world), 3)
     assert len(episode) == 19 and ends(episode[-1]) == COLLISION
     assert float(episode[-1]["state"][0, 1]) == pytest.approx(285.0)
     assert float(episode[-1]["dcpa"]) < world.safe_distance < float(episode[-2]["dcpa"])
@@ -75,7 +76,7 @@ def test_keeping_course_collides(name: str, world: World) -> None:
 )
 def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: float, world: World) -> None:
     count, generator = 4000, torch.Generator().manual_seed(0)
-    env = ShipEnv(load_case(name, world), world, count)
+    env = make_env(load_case(name, world), world, count)
     step = env.reset()
     running = torch.ones(count, dtype=torch.bool)
     goals = collisions = 0
@@ -91,39 +92,39 @@ def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: flo
 
 
 def test_turning_in_circles_is_truncated_not_terminated(world: World) -> None:
-    episode = repeat_action(ShipEnv(load_case("1", world), world), 0)
+    episode = repeat_action(make_env(load_case("1", world), world), 0)
     assert len(episode) == 60 and ends(episode[-1]) == TIMEOUT
     assert float(episode[-1]["reward"]) > -20
 
 
 @pytest.mark.parametrize(("limit", "outcome"), [(36, GOAL), (35, TIMEOUT)])
 def test_an_end_in_the_last_step_is_no_truncation(limit: int, outcome: dict[str, bool], world: World) -> None:
-    episode = repeat_action(ShipEnv(load_case("1", world), replace(world, max_steps=limit)), 3)
+    episode = repeat_action(make_env(load_case("1", world), replace(world, max_steps=limit)), 3)
     assert len(episode) == limit and ends(episode[-1]) == outcome
 
 
 def test_a_collision_takes_precedence_over_the_goal(world: World, make_case: MakeCase) -> None:
     # The ship is 42 m away when own ship comes within 60 m of the goal, and 54 m one step before.
-    episode = repeat_action(ShipEnv(make_case((30.0, 570.0, 0.0, 0.0)), world), 3)
+    episode = repeat_action(make_env(make_case((30.0, 570.0, 0.0, 0.0)), world), 3)
     assert len(episode) == 36 and ends(episode[-1]) == COLLISION
     assert float(episode[-1]["reward"]) == pytest.approx(-200.6)
 
 
 def test_a_fast_ship_collides_between_two_frames(world: World, make_case: MakeCase) -> None:
     # 150 m to port after one second, 150 m to starboard after two, across the bow in between.
-    env = ShipEnv(make_case((-450.0, 30.0, 0.0, 300.0)), world)
+    env = make_env(make_case((-450.0, 30.0, 0.0, 300.0)), world)
     episode = repeat_action(env, 3)
     assert len(episode) == 2 and ends(episode[-1]) == COLLISION
     assert float(episode[0]["dcpa"]) > 149 and float(episode[1]["dcpa"]) < 10
 
 
 def test_dcpa_is_the_least_so_far(world: World) -> None:
-    dcpa = [float(step["dcpa"]) for step in repeat_action(ShipEnv(load_case("2", world), world), 3)]
+    dcpa = [float(step["dcpa"]) for step in repeat_action(make_env(load_case("2", world), world), 3)]
     assert dcpa == sorted(dcpa, reverse=True) and dcpa[0] > 300 and dcpa[-5:] == [dcpa[-1]] * 5
 
 
 def test_a_partial_reset_rewrites_only_the_rows_asked_for(world: World) -> None:
-    env = ShipEnv(load_case("4", world), world, 3, from_pixels=True)
+    env = make_env(load_case("4", world), world, 3, from_pixels=True)
     start = env.reset()
     after = env.step(start.clone().set("action", torch.tensor([0, 3, 6])))["next"]
     kept = after.clone()
@@ -135,7 +136,7 @@ def test_a_partial_reset_rewrites_only_the_rows_asked_for(world: World) -> None:
 
 
 def test_stepping_and_resetting_equals_torchrls(world: World) -> None:
-    env = ShipEnv(load_case("4", world), world, 8, from_pixels=True)
+    env = make_env(load_case("4", world), world, 8, from_pixels=True)
     generator = torch.Generator().manual_seed(3)
     ours, stock = env.reset(), env.reset()
     ended = 0
@@ -153,7 +154,7 @@ def test_stepping_and_resetting_equals_torchrls(world: World) -> None:
 
 
 def test_the_last_step_keeps_its_final_state(world: World) -> None:
-    env = ShipEnv(load_case("3", world), world, 2, from_pixels=True)
+    env = make_env(load_case("3", world), world, 2, from_pixels=True)
     step = env.reset()
     for _ in range(19):
         done, step = env.step_and_maybe_reset(step.set("action", torch.tensor([3, 0])))
@@ -165,7 +166,7 @@ def test_the_last_step_keeps_its_final_state(world: World) -> None:
 
 
 def test_steps_do_not_share_memory(world: World) -> None:
-    env = ShipEnv(load_case("6", world), world, 2, from_pixels=True)
+    env = make_env(load_case("6", world), world, 2, from_pixels=True)
     step, steps, copies = env.reset(), [], []
     for action in (0, 3, 6, 3):
         step = env.step(step.set("action", torch.full((2,), action)))["next"]
@@ -180,7 +181,7 @@ def test_steps_do_not_share_memory(world: World) -> None:
 def test_a_margin_costs_near_passes_and_nothing_else(world: World) -> None:
     case = load_case("4", world)
     margin = Margin(distance=65.0, penalty=30.0)
-    plain, shaped = (repeat_action(ShipEnv(case, world, margin=one), 3) for one in (None, margin))
+    plain, shaped = (repeat_action(make_env(case, world, margin=one), 3) for one in (None, margin))
     costs = [float(one["reward"] - other["reward"]) for one, other in zip(plain, shaped, strict=True)]
     assert all(torch.equal(one["state"], other["state"]) for one, other in zip(plain, shaped, strict=True))
     # The least distance so far is that of the step as long as the ships come nearer.

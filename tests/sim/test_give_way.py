@@ -9,9 +9,9 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.fast.worlds import make_starts, make_step
 from ship_trl.sim.cases import Behaviour, Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import must_give_way, relative_motion
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import (
     GIVES_WAY,
     GIVING_WAY,
@@ -28,7 +28,6 @@ from ship_trl.sim.state import (
     target_ships,
 )
 from ship_trl.sim.suites import load_suite
-from ship_trl.sim.transition import make_step
 
 WORLD = load_world()
 STRAIGHT = WORLD.straight_action

@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import best_known
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state, relative_positions
 from ship_trl.sim.suites import load_suite
 
@@ -87,7 +87,7 @@ def test_a_mirror_image_swaps_the_roles() -> None:
 
 
 def test_the_view_shows_all_ships() -> None:
-    draw = Rasteriser(WORLD)
+    draw = make_rasteriser(WORLD)
     lone = draw(initial_state(replace(SUITE.cases[0], target_ships=[]), WORLD)).int()
     for case in CASES.values():
         for ship in case.target_ships:

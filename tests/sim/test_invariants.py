@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ship_trl.fast.step import CompiledStep
+from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.fast.compiled import CompiledStep
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.state import (
     goal,
@@ -50,7 +50,7 @@ class Step:
 def rollout(scenario: Scenario) -> list[Step]:
     """Roll out the actions in the environment until the episode ends."""
     env, steps = (
-        ShipEnv(scenario.case, scenario.world, from_pixels=True, vector_time=scenario.vector_time),
+        make_env(scenario.case, scenario.world, from_pixels=True, vector_time=scenario.vector_time),
         [],
     )
     step = env.reset()
@@ -223,5 +223,5 @@ def test_the_compiled_loops_equal_the_reference_in_any_world(scenario: Scenario,
     for flag in ("goal", "collision", "truncated"):
         assert torch.equal(getattr(got, flag)[~on_edge], getattr(wanted, flag)[~on_edge]), flag
     torch.testing.assert_close(got.reward[~on_edge], wanted.reward[~on_edge], rtol=1e-4, atol=5e-2)
-    draw = Rasteriser(world, vector_time=scenario.vector_time)
+    draw = make_rasteriser(world, vector_time=scenario.vector_time)
     assert int(compiled_difference(draw, state[:: count // 40]).max()) <= 1

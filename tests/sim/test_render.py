@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import OWN_SIZE, SHIP_SPEED, SPEED, state_size
 from tests.sim.moving import moved_case, moved_row
 from tests.sim.pictures import supersampled
@@ -21,7 +21,7 @@ from tests.sim.scenes import scenes
 
 WORLD = load_world()
 CASES = {name: load_case(name, WORLD) for name in ("1", "4", "6")}
-GREY, COLOUR = Rasteriser(WORLD), Rasteriser(WORLD, colour=True)
+GREY, COLOUR = make_rasteriser(WORLD), make_rasteriser(WORLD, colour=True)
 AHEAD = math.pi / 2
 
 states = st.tuples(
@@ -128,7 +128,7 @@ def test_own_ship_on_the_goal_is_drawn() -> None:
     assert int((on - beside).abs().max()) <= 2
 
 
-VECTORS = partial(Rasteriser, WORLD, vector_time=20.0)
+VECTORS = partial(make_rasteriser, WORLD, vector_time=20.0)
 
 
 def test_without_a_vector_time_no_vectors_are_drawn() -> None:

@@ -14,9 +14,10 @@ from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.starts import Starts, make_starts
+from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -110,7 +111,7 @@ def test_given_starts_begin_every_episode_of_their_rows(world: World) -> None:
     suite = replace(load_suite("paper", world), perturbation=BOUNDS)
     given, generator = Starts(suite, world).balanced(5, draw()), draw(1)
     before = generator.get_state()
-    env = ShipEnv(suite, world, generator=generator, starts=given)
+    env = make_env(suite, world, generator=generator, starts=given)
     current = env.reset()
     assert torch.equal(current["state"], given)
     for _ in range(60):
@@ -192,7 +193,7 @@ def test_a_perturbation_that_leaves_no_start_is_refused(world: World) -> None:
 @pytest.mark.parametrize("pixels", [False, True])
 def test_torchrl_accepts_a_perturbed_suite(pixels: bool, world: World) -> None:
     suite = replace(load_suite("paper", world), perturbation=BOUNDS)
-    check_env_specs(ShipEnv(suite, world, 5, from_pixels=pixels))
+    check_env_specs(make_env(suite, world, 5, from_pixels=pixels))
 
 
 def run(env: ShipEnv, steps: int) -> Tensor:
@@ -207,9 +208,9 @@ def run(env: ShipEnv, steps: int) -> Tensor:
 
 def test_the_same_seed_gives_the_same_episodes(world: World) -> None:
     suite = replace(load_suite("paper", world), perturbation=BOUNDS)
-    one, same, other = (run(ShipEnv(suite, world, 6, generator=draw(k)), 80) for k in (1, 1, 2))
+    one, same, other = (run(make_env(suite, world, 6, generator=draw(k)), 80) for k in (1, 1, 2))
     assert torch.equal(one, same) and not torch.equal(one, other)
-    env = ShipEnv(suite, world, 6)
+    env = make_env(suite, world, 6)
     env.set_seed(1)
     assert torch.equal(run(env, 80), one)
 
@@ -229,10 +230,10 @@ def test_workers_see_other_scenes_and_a_seed_repeats_them(kind: type[BatchedEnvB
 
 
 def test_a_mixed_batch_steps_as_its_rows_alone(world: World) -> None:
-    env = ShipEnv(load_suite("paper", world), world, 64, from_pixels=True, generator=draw(0))
+    env = make_env(load_suite("paper", world), world, 64, from_pixels=True, generator=draw(0))
     current, actions = env.reset(), draw(3)
     assert len({row.numpy().tobytes() for row in current["state"]}) == 7
-    alone = {case.name: ShipEnv(case, world, 1, from_pixels=True) for case in env.suite.cases}
+    alone = {case.name: make_env(case, world, 1, from_pixels=True) for case in env.suite.cases}
     names = {count: name for name in ("1", "2", "4") for count in [len(alone[name].case.target_ships)]}
     singles = []
     for row in current["state"]:
@@ -256,8 +257,8 @@ def test_a_mixed_batch_steps_as_its_rows_alone(world: World) -> None:
 def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World) -> None:
     suite = replace(load_suite("paper", world), perturbation=BOUNDS)
     count, actions, ended = 12, draw(3), 0
-    env = ShipEnv(suite, world, count, from_pixels=True, generator=draw(1))
-    single, starts, chance = ShipEnv(suite, world, 1, from_pixels=True), Starts(suite, world), draw(1)
+    env = make_env(suite, world, count, from_pixels=True, generator=draw(1))
+    single, starts, chance = make_env(suite, world, 1, from_pixels=True), Starts(suite, world), draw(1)
     current, states = env.reset(), starts.sample(count, chance)
     alone = [single.reset().set("state", row[None]) for row in states]
     for row in alone:
@@ -284,7 +285,7 @@ def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World
 
 def test_rows_that_end_begin_with_fresh_starts(world: World) -> None:
     suite = replace(load_suite("4", world), perturbation=BOUNDS)
-    env = ShipEnv(suite, world, 4, generator=draw(5))
+    env = make_env(suite, world, 4, generator=draw(5))
     current, starts = env.reset(), []
     for _ in range(60):
         stepped, current = env.step_and_maybe_reset(current.set("action", torch.full((4,), 3)))

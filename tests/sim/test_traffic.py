@@ -11,10 +11,9 @@ from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import EncounterClass, World
+from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
-from ship_trl.sim.starts import make_starts
 from ship_trl.sim.state import (
     HEADING,
     SHIP_BEHAVIOUR,
@@ -118,11 +117,11 @@ def test_the_share_of_reacting_ships_is_that_of_the_suite(world: World) -> None:
 
 def test_the_environment_fits_torchrl_and_begins_each_episode_with_its_own_scene(world: World) -> None:
     suite = load_suite("traffic", world)
-    env = ShipEnv(suite, world, 16, generator=Generator().manual_seed(0))
+    env = make_env(suite, world, 16, generator=Generator().manual_seed(0))
     check_env_specs(env)
     first, second = env.reset()["state"].clone(), env.reset()["state"]
     assert len(torch.cat((first, second)).unique(dim=0)) > 25
-    again = ShipEnv(suite, world, 16, generator=Generator().manual_seed(1))
+    again = make_env(suite, world, 16, generator=Generator().manual_seed(1))
     drawn = make_starts(suite, world).sample(16, Generator().manual_seed(1))
     assert torch.equal(again.reset()["state"], drawn)
 

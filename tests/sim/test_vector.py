@@ -8,8 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import (
     OWN_SIZE,
     SHIP_COUNT,
@@ -44,7 +44,7 @@ def test_the_numbers_of_a_scene(world: World) -> None:
 def test_only_relative_places_count(scenario: Scenario, degrees: float, shift: tuple[float, float]) -> None:
     observe = VectorObservation(scenario.world, 3)
     moved = moved_case(scenario.case, degrees, shift)
-    here, there = (ShipEnv(case, scenario.world).reset()["state"] for case in (scenario.case, moved))
+    here, there = (make_env(case, scenario.world).reset()["state"] for case in (scenario.case, moved))
     distances = torch.linalg.vector_norm(relative_positions(here), dim=-1)[is_present(here)].sort()[0]
     # Rounding decides which of two ships at one distance is nearer.
     assume(bool((distances.diff() > 0.1).all()))
@@ -66,7 +66,7 @@ def test_the_nearest_ships_come_first_in_whatever_order_they_are(order: list[int
 def test_a_batch_of_a_suite_has_one_shape(world: World) -> None:
     suite = load_suite("paper", world)
     observe = VectorObservation(world, 3)
-    env = ShipEnv(suite, world, 20, encoders={"vector": observe})
+    env = make_env(suite, world, 20, encoders={"vector": observe})
     step = env.reset()
     assert step["vector"].shape == (20, 35)
     shown = step["vector"][:, 5:].view(20, 3, 10)[..., 9].sum(-1)

@@ -13,7 +13,7 @@ from torchrl.data import Unbounded
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.types import Network
-from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.algorithm import Method
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.policy import greedy_policy
@@ -22,7 +22,7 @@ from ship_trl.learn.train import Evaluated, train
 from ship_trl.transfer.methods import guide, make_method
 from ship_trl.transfer.methods.base import Origin, fixed_copy
 from ship_trl.transfer.weights import Weights
-from tests.learn.worlds import Corridor, schedule
+from tests.learn.worlds import Corridor, fast_setup, schedule
 
 SEED = 9001
 # Four steps to the goal.
@@ -68,7 +68,7 @@ def learn(world: type[Hall], network: VectorNetwork, method: Method) -> list[flo
     short = schedule(episodes=120, evaluate_every=120, update_every=2, batch_size=32, gamma=0.8)
     learn = replace(short, lr=5e-3, lr_end=5e-3, tau=0.3, epsilon_end=0.3)
     exploration, replay = (Generator().manual_seed(SEED + k) for k in (1, 2))
-    algorithm = build(Setup(network, draw, 3, learn, exploration, replay, method))
+    algorithm = build(fast_setup(network, draw, 3, learn, exploration, replay, method))
     events = train(world(learn.num_envs), world(1), algorithm, learn)
     return [event.episode_return for event in events if isinstance(event, Evaluated)]
 

@@ -13,7 +13,6 @@ from torch import Generator, Tensor
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.transfer import L2SP, Guide, GuideSchedule, QDagger, Transfer, Unfreeze
-from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
@@ -25,7 +24,7 @@ from ship_trl.transfer.methods.base import Origin, TransferMethod, fixed_copy
 from ship_trl.transfer.methods.guide import probability
 from tests.config.test_config import composed
 from tests.learn.test_double_dqn import batch, observed
-from tests.learn.worlds import draw, schedule
+from tests.learn.worlds import draw, fast_setup, schedule
 
 SMOKE = ("profile=smoke", "learn.episodes=9", "learn.jumpstart_draws=0", "learn.replay_size=150")
 HEAD = ("shared", "value", "advantage")
@@ -86,7 +85,7 @@ def learn(method: TransferMethod, updates: int) -> tuple[DuelingNetwork, dict[st
     method.copy(target, network(1).state_dict())
     start = {key: value.detach().clone() for key, value in target.named_parameters()}
     exploration, replay = (Generator().manual_seed(seed) for seed in (1, 2))
-    learner = build(Setup(target, draw, 7, schedule(), exploration, replay, method))
+    learner = build(fast_setup(target, draw, 7, schedule(), exploration, replay, method))
     for _ in range(updates):
         learner.learn_from(observed(learner, batch()))
     return target, start

@@ -12,18 +12,17 @@ from torch import Generator, Tensor
 from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network as load_config
-from ship_trl.learn.algorithm import Setup
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.policies.named import load_network
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, TransferMethod, fixed_copy
 from ship_trl.transfer.weights import load_weights, save_weights
 from tests.learn.test_double_dqn import batch, by_hand, observed
-from tests.learn.worlds import draw, schedule
+from tests.learn.worlds import draw, fast_setup, schedule
 
 SCALES = 0.5, 0.25
 
@@ -69,7 +68,7 @@ def test_q_is_the_sum_in_the_rewards_of_the_target(layers: str) -> None:
 def learner() -> DoubleDQN:
     target, method = reused()
     exploration, replay = (Generator().manual_seed(seed) for seed in (9001, 9002))
-    return build(Setup(target, draw, 7, schedule(), exploration, replay, method))
+    return build(fast_setup(target, draw, 7, schedule(), exploration, replay, method))
 
 
 def test_updates_use_the_sum_and_leave_the_source_as_it_is() -> None:
@@ -97,7 +96,7 @@ def test_the_file_holds_both_networks_and_is_refused_as_a_source(layers: str) ->
     target, _ = reused(layers, begins=False)
     path, seen = Path("policy.safetensors"), observations(layers)
     save_weights(path, target, {})
-    env = ShipEnv(load_case("1", load_world()), load_world())
+    env = make_env(load_case("1", load_world()), load_world())
     assert torch.equal(load_network(path, env)(seen), target(seen))
     with pytest.raises(ConfigError, match=r"source_file: .* \(method=q_reuse\); allowed: networks of other"):
         load_weights(path, network(9001, layers))

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from torch import Generator, Tensor
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.policies.entry import Entry
 from ship_trl.sim.cases import Case, load_world
-from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.suites import load_suite
 from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard
@@ -25,7 +24,7 @@ from ship_trl.view.window.window import Window
 
 def run_actions(case: Case, world: World, actions: Sequence[int]) -> Episode:
     """Repeat the actions until the episode ends; the chosen action has the highest Q."""
-    env = ShipEnv(case, world, 1)
+    env = make_env(case, world, 1)
     step = env.reset()
     states: list[Tensor] = [step["state"][0]]
     chosen: list[Tensor] = []
@@ -59,7 +58,7 @@ def view(case: Case, world: World, actions: Sequence[int], network: bool = False
     """An episode with made-up Q-values, perhaps of an untrained network."""
     telemetry = measure_episode(case, world, run_actions(case, world, actions))
     made = DuelingNetwork(1, len(world.actions), Generator().manual_seed(0)) if network else None
-    return EpisodeView("made up", telemetry, Rasteriser(world), made)
+    return EpisodeView("made up", telemetry, make_rasteriser(world), made)
 
 
 def drawn(

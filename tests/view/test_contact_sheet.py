@@ -7,9 +7,9 @@ import numpy as np
 from PIL import Image
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, case_names, load_case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.view.contact_sheet import (
     GAP,
     HEAD,
@@ -49,7 +49,7 @@ def test_the_networks_view_is_three_times_its_size(
         sheet = np.asarray(image.convert("RGB"))
     left = MARGIN + LABEL + 2 * (PICTURE + GAP)
     shown = sheet[HEAD : HEAD + PICTURE, left : left + PICTURE, 0]
-    seen = Rasteriser(world)(scenes(case, world, [[0.0, 180.0, np.pi / 2, 12.0]]))[0, 0].numpy()
+    seen = make_rasteriser(world)(scenes(case, world, [[0.0, 180.0, np.pi / 2, 12.0]]))[0, 0].numpy()
     # One millimetre of rounding in the place may move a grey level by one.
     assert np.abs(shown[1::3, 1::3].astype(int) - seen).max() <= 1
     assert (shown.reshape(84, 3, 84, 3) == shown[1::3, 1::3][:, None, :, None]).all()

@@ -10,9 +10,9 @@ import pytest
 from PIL import Image, ImageSequence
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.view.dashboard import SMALL_SIZE, Look
 from ship_trl.view.episode_view import EpisodeView
 from ship_trl.view.film import LAST_SECONDS, draw_film, write_film, write_gif
@@ -69,7 +69,7 @@ def test_a_gif(world: World, tmp_path: Path) -> None:
 def test_the_gif_of_an_episode_has_a_frame_for_each_state(world: World, tmp_path: Path, colour: bool) -> None:
     case = load_case("6", world)
     # Circling to port: every frame turns, and the step limit ends it.
-    episode, draw = run_actions(case, world, [0]), Rasteriser(world, colour=colour)
+    episode, draw = run_actions(case, world, [0]), make_rasteriser(world, colour=colour)
     path = tmp_path / "episode.gif"
     write_gif(path, case, world, episode, draw, "FT3 from case 5, seed 0")
     assert [p.name for p in tmp_path.iterdir()] == ["episode.gif"]
@@ -99,7 +99,7 @@ def test_a_gif_after_a_window_was_closed(
 ) -> None:
     """As a person's own pygame program, or gymnasium's window, does in the same process."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    case, draw = load_case("2", world), Rasteriser(world)
+    case, draw = load_case("2", world), make_rasteriser(world)
     episode = run_actions(case, world, [3])
     for name in ("before.gif", "after.gif", "again.gif"):
         write_gif(tmp_path / name, case, world, episode, draw)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SHIP_COUNT, SPEED, target_ships
 from ship_trl.view import pen
 from ship_trl.view.painter import relative_frame
@@ -36,7 +36,7 @@ CASES = ["1", "2", "3", "4", "5", "6", "new"]
 
 
 def network_picture(case: Case, world: World, state: Place, vector_time: float = 0.0) -> Picture:
-    pixels = Rasteriser(world, colour=True, vector_time=vector_time)(scenes(case, world, [state])[0])
+    pixels = make_rasteriser(world, colour=True, vector_time=vector_time)(scenes(case, world, [state])[0])
     return np.asarray(pixels.permute(1, 2, 0).double().numpy())
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import torch
 
 from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import Case
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view.episode_view import EpisodeView
@@ -77,7 +77,7 @@ class Game(Window):
         self.best = best_known(self.case, self.world).episode_return
         self._motion = Transition(self.world)
         self._states = [initial_state(self.case, self.world)[None]]
-        self._rasteriser = Rasteriser(self.world)
+        self._rasteriser = make_rasteriser(self.world)
         self.position, self.is_running, self._message = 0.0, False, "Space: start"
         self._measure()
 

@@ -19,12 +19,9 @@ Loop = Callable[..., Any]
 RELAXED = {"contract", "nsz"}
 # Lets the compiler assume that no value is NaN, so that `min` and `max` are single instructions.
 NO_NAN = RELAXED | {"nnan"}
-PACKAGE = Path(__file__).parent
+PACKAGE = Path(__file__).parent.parent
 # All files with loops, and what they import: numba inlines their functions and constants.
-INLINED = (
-    *("jit.py", "graphs.py", "config/*.py", "files/*.py", "sim/**/*.py", "learn/fast/*.py"),
-    "policies/sb_mpc.py",
-)
+INLINED = ("fast/*.py", "config/*.py", "files/*.py", "sim/*.py", "policies/sb_mpc.py")
 # Seconds. A younger folder may belong to a process that runs.
 STALE = 24 * 3600
 

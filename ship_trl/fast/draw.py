@@ -9,11 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import torch
 from numba import float32
+from torch import Tensor
 
-from ship_trl.jit import NO_NAN, RELAXED, compiled
-from ship_trl.sim.fast.step_kernel import ONE, ZERO, Array, Number
-from ship_trl.sim.fast.vector_kernel import blend_vectors
+from ship_trl.fast.jit import NO_NAN, RELAXED, compiled
+from ship_trl.fast.step import ONE, ZERO, Array, Number
+from ship_trl.sim import scene
+from ship_trl.sim.geometry import polygon_edges
+from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -22,8 +26,10 @@ from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_HEADING,
     SHIP_SIZE,
+    SHIP_SPEED,
     SHIP_X,
     SHIP_Y,
+    SPEED,
     X,
     Y,
 )
@@ -31,7 +37,7 @@ from ship_trl.sim.state import (
 # Bound of the sum of a state's absolute numbers. Above it, squares overflow float32, and pixel indices would
 # point outside the picture's memory.
 MAX_STATE_SUM = np.float32(1e9)
-HALF = np.float32(0.5)
+HALF, UP = np.float32(0.5), np.float32(math.pi / 2)
 # Metres. A shorter line has no direction, because its squares underflow.
 MIN_GOAL_DISTANCE = np.float32(1e-4)
 # Width in pixels of the strip that holds the line: at 45 degrees the line covers 2.83 pixels.
@@ -152,6 +158,63 @@ def blend_ship(
     return top * size + left
 
 
+@compiled(NO_NAN)
+def blend_vectors(image: Array, picture: Array, state: Array, scales: Array, inks: Array, size: int) -> None:
+    """Blend the speed vectors of a state [S] over `image` and `picture`; arguments as `draw`."""
+    scale, reach, vector_scale, own_bow, ship_bow = scales
+    _, ship_ink, own_ink = inks
+    half, turn = float32(size) * HALF, UP - state[HEADING]
+    across, ahead = math.cos(turn) * scale, math.sin(turn) * scale
+    length = state[SPEED] * vector_scale
+    blend_vector(image, picture, own_ink, half, half, UP, own_bow, length, reach, size)
+    for k in range((state.shape[0] - OWN_SIZE) // SHIP_SIZE):
+        if k >= state[SHIP_COUNT]:
+            break
+        ship = OWN_SIZE + SHIP_SIZE * k
+        east, north = state[ship + SHIP_X] - state[X], state[ship + SHIP_Y] - state[Y]
+        cx, cy = east * across - north * ahead + half, half - (east * ahead + north * across)
+        heading, length = state[ship + SHIP_HEADING] + turn, state[ship + SHIP_SPEED] * vector_scale
+        blend_vector(image, picture, ship_ink, cx, cy, heading, ship_bow, length, reach, size)
+
+
+@compiled(NO_NAN)
+def blend_vector(
+    image: Array,
+    picture: Array,
+    ink: Array,
+    cx: Number,
+    cy: Number,
+    heading: Number,
+    bow: Number,
+    length: Number,
+    reach: Number,
+    size: int,
+) -> None:
+    """Blend one speed vector over `image` (floats) and `picture` (uint8), both [C, P].
+
+    Lengths are in pixels. (cx, cy) is the ship's middle from the left and upper edges, and its vector begins
+    `bow` ahead of it; `heading` is counter-clockwise from the right. Coverage is zero `reach` from the line.
+    """
+    if length <= 0:
+        return
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y = cx + bow * cos, cy - bow * sin
+    end_x, end_y = x + length * cos, y - length * sin
+    left, right = max(math.floor(min(x, end_x) - reach), 0), min(math.ceil(max(x, end_x) + reach), size)
+    top, bottom = max(math.floor(min(y, end_y) - reach), 0), min(math.ceil(max(y, end_y) + reach), size)
+    for row in range(top, bottom):
+        for column in range(left, right):
+            dx, dy = float32(column) + HALF - cx, cy - float32(row) - HALF
+            on_axis, off_axis = dx * cos + dy * sin - bow, dy * cos - dx * sin
+            beyond_end = on_axis - min(max(on_axis, ZERO), length)
+            distance = math.sqrt(beyond_end * beyond_end + off_axis * off_axis)
+            cover, pixel = min(max(reach - distance, ZERO), ONE), row * size + column
+            for c in range(image.shape[0]):
+                over = image[c, pixel] + cover * (ink[c] - image[c, pixel])
+                image[c, pixel] = over
+                picture[c, pixel] = np.uint8(over + HALF)
+
+
 @compiled(RELAXED)
 def restore_background(
     image: Array, background: Array, pixels: Array, pixel_step: int, squares: Array, patch: int, size: int
@@ -245,3 +308,34 @@ def draw(
             image[:] = background
         else:
             restore_background(image, background, pixels[:count], pixel_step, squares[:drawn], patch, size)
+
+
+class CompiledDrawing:
+    """`Rasteriser.reference` as a compiled loop on the CPU.
+
+    `drawing(state)` maps floats [N, S] to uint8 [N, C, 84 * 84].
+    """
+
+    def __init__(self, rasteriser: Rasteriser) -> None:
+        self._shape = rasteriser.canvas.shape
+        bows = [length / 2 * scene.PIXELS_PER_METRE for length in (scene.OWN_LENGTH, scene.TARGET_LENGTH)]
+        scales = scene.PIXELS_PER_METRE, 0.5 + scene.LINE_WIDTH / 2, rasteriser.vector_scale, *bows
+        self._constants = (
+            np.asarray(polygon_edges(rasteriser.outline), np.float32),
+            np.asarray(scales, np.float32),
+            scene.patch_size(),
+            scene.SIZE,
+            rasteriser.inks.numpy(),
+            rasteriser.canvas.numpy(),
+            rasteriser.background.flatten(1).numpy(),
+        )
+
+    def draw_into(self, state: Array, pictures: Array) -> None:
+        """Draw states float32 [N, S] into `pictures`, uint8 [N, C, 84 * 84]; raise as `draw`."""
+        draw(state, *self._constants, pictures)
+
+    def __call__(self, state: Tensor) -> Tensor:
+        """Draw states float [N, S]; return uint8 [N, C, 84 * 84]; raise as `draw`."""
+        pictures = torch.empty(state.shape[0], *self._shape, dtype=torch.uint8, device="cpu")
+        self.draw_into(state.detach().float().contiguous().numpy(), pictures.numpy())
+        return pictures

@@ -6,10 +6,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from ship_trl.fast.step import CompiledStep
+from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.sim.cases import TargetShip, load_case, load_world
-from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.fast.compiled import CompiledStep
-from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import GOAL_X, HEADING, OWN_SIZE, SHIP_HEADING, SPEED, STEP, X, Y, state_size
 from ship_trl.sim.transition import Transition
 from tests.sim.pictures import compiled_difference
@@ -18,7 +17,7 @@ from tests.sim.scenes import scenes
 WORLD = load_world()
 NAMES = ("1", "2", "4", "6", "new")
 CASES = {name: load_case(name, WORLD) for name in NAMES}
-DRAW = {colour: Rasteriser(WORLD, colour=colour) for colour in (False, True)}
+DRAW = {colour: make_rasteriser(WORLD, colour=colour) for colour in (False, True)}
 
 
 def states(name: str, count: int, seed: int) -> torch.Tensor:
@@ -44,7 +43,7 @@ def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
 @pytest.mark.parametrize("colour", [False, True])
 @pytest.mark.parametrize("vector_time", [5.0, 20.0, 300.0])
 def test_speed_vectors_are_those_of_the_reference(vector_time: float, colour: bool) -> None:
-    draw = Rasteriser(WORLD, colour=colour, vector_time=vector_time)
+    draw = make_rasteriser(WORLD, colour=colour, vector_time=vector_time)
     state = states("6", 1000, 4)
     state[:, SPEED] = torch.linspace(-5.0, 20.0, 1000)
     difference = compiled_difference(draw, state)
@@ -103,7 +102,7 @@ def test_an_encoder_is_observed_at_every_step_and_start() -> None:
     def double(state: torch.Tensor) -> torch.Tensor:
         return state.to(torch.bfloat16) * 2
 
-    env = ShipEnv(load_case("3", WORLD), WORLD, 4, encoders={"features": double})
+    env = make_env(load_case("3", WORLD), WORLD, 4, encoders={"features": double})
     assert env.observation_spec["features"].shape == (4, state_size(1))
     current = env.reset()
     for _ in range(30):

@@ -1,4 +1,4 @@
-"""Compiled loops of `windows` and `incremental`: find windows that differ, and index their rows."""
+"""Compiled loops of `incremental`: find windows that differ, and index their rows."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ship_trl.jit import Loop, compiled
+from ship_trl.fast.jit import Loop, compiled
 
 Array = np.ndarray[Any, Any]
 

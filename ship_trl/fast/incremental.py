@@ -9,18 +9,109 @@ only a similar one saves work.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
+from torch.optim.optimizer import register_optimizer_step_post_hook
 
-from ship_trl.config.network import Geometry
-from ship_trl.learn.fast import incremental_kernels as kernels
-from ship_trl.learn.fast.weights_version import weights_version
-from ship_trl.learn.fast.windows import Rows, WindowExtractor, as_numpy
+from ship_trl.config.network import WORD, Geometry, linear_from, supports_incremental
+from ship_trl.fast import incremental_kernels as kernels
 from ship_trl.learn.network import DuelingNetwork
+
+# Row counts are rounded up to these multiples: oneDNN prepares a matrix product for each new shape.
+ROUND_ROWS, ROUND_FEW_ROWS = 64, 8
+
+
+class Rows(NamedTuple):
+    """A batch of B frames as input of the remaining layers.
+
+    Attributes:
+        values: activations, or windows of pixels, [R, C].
+        indices: for each remaining conv layer, the rows in each of its T windows, int32 [T, K]; None if the
+            rows are the windows. The background's rows come first.
+    """
+
+    values: Tensor
+    indices: tuple[Tensor | None, ...]
+
+
+class WindowExtractor:
+    """Extracts the windows of conv1 that differ from a background: uint8 [B, C, 84, 84] to `Rows`.
+
+    `background` is uint8 [C, 84, 84]. Values of windows are 0 to 1, in precision `dtype`.
+    """
+
+    def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
+        if not supports_incremental(geometry):
+            raise ValueError(
+                f"geometry: needs two conv layers, the first with kernel and stride in multiples of {WORD}, "
+                f"got {geometry}"
+            )
+        self.dtype = dtype
+        # Layers whose windows are rows. After them each frame is one row, so the others are linear layers.
+        self.layers = geometry[: linear_from(geometry)]
+        self.linear = len(geometry) - len(self.layers)
+        self.sides = [layer.side for layer in self.layers]
+        _, kernel, stride, _ = geometry[0]
+        self._mark_pixels = kernels.compile_mark_pixels(kernel // WORD, stride // WORD)
+        self._copy_windows = kernels.compile_copy_windows(kernel, stride)
+        background = background.contiguous()
+        self.background_words = background.view(torch.int32).numpy()
+        self.levels = as_numpy((torch.arange(256) / 255.0).to(dtype))
+        windows = background.unfold(1, kernel, stride).unfold(2, kernel, stride)
+        windows = windows.permute(1, 2, 3, 4, 0).flatten(2).flatten(0, 1)
+        self.background_windows = (windows / 255.0).to(dtype)
+
+    def __call__(self, frames: Tensor) -> Rows:
+        """Extract the windows that differ, behind those of the background."""
+        batch, sides = frames.shape[0], self.sides
+        frames = frames.contiguous()
+        touched = [np.empty((batch, side, side), np.bool_) for side in sides]
+        tables = [np.empty((batch, side * side), np.int32) for side in sides]
+        self._mark_pixels(frames.view(torch.int32).numpy(), self.background_words, touched[0])
+        rows = [kernels.number_windows(touched[0], tables[0])]
+        for n, (_, kernel, stride, _) in enumerate(self.layers[1:], 1):
+            kernels.mark_windows(touched[n - 1], kernel, stride, touched[n])
+            rows.append(kernels.number_windows(touched[n], tables[n]))
+        windows = torch.zeros(round_up(rows[0]), self.background_windows.shape[1], dtype=self.dtype)
+        windows[: len(self.background_windows)] = self.background_windows
+        self._copy_windows(frames.numpy(), tables[0], sides[0], self.levels, as_numpy(windows))
+        indices: list[Tensor | None] = [None]
+        for n, (_, kernel, stride, below) in enumerate(self.layers[1:], 1):
+            index = np.zeros((round_up(rows[n]), kernel * kernel), np.int32)
+            kernels.index_windows(tables[n - 1], below, tables[n], sides[n], kernel, stride, index)
+            indices.append(torch.from_numpy(index))
+        return Rows(windows, (*indices, torch.from_numpy(tables[-1]), *[None] * (self.linear - 1)))
+
+
+def round_up(rows: int) -> int:
+    """Round a row count up to a multiple of `ROUND_ROWS`; no index refers to the added zero rows."""
+    step = ROUND_ROWS if rows > ROUND_ROWS else ROUND_FEW_ROWS
+    return -(-rows // step) * step
+
+
+def as_numpy(values: Tensor) -> np.ndarray[Any, Any]:
+    """View a tensor as an array; view bfloat16 as uint16, because NumPy lacks it."""
+    return (values.view(torch.uint16) if values.dtype is torch.bfloat16 else values).numpy()
+
+
+def mark_changed(optimiser: torch.optim.Optimizer, *_: Any) -> None:
+    """Mark the weights that an optimiser has changed: fused ones leave the version of a tensor as it is."""
+    weights = (weight for group in optimiser.param_groups for weight in group["params"])
+    torch.autograd.graph.increment_version([weight for weight in weights if weight.grad is not None])
+
+
+register_optimizer_step_post_hook(mark_changed)
+
+
+def versions(weights: Iterable[Tensor]) -> tuple[int, ...]:
+    """Return numbers that change when the weights change; inference tensors count as unchanged."""
+    return tuple(-1 if weight.is_inference() else weight._version for weight in weights)  # noqa: SLF001
 
 
 def as_matrix(weight: Tensor) -> Tensor:
@@ -102,7 +193,7 @@ class WeightCopies:
         if self._copies[0].dtype is torch.float32:
             return
         learning = weights[2 * frozen :]
-        now = [weights_version(weights[: 2 * frozen], learning=False), weights_version(learning)]
+        now = [versions(weights[: 2 * frozen]), versions(learning)]
         if learning and not learning[0].requires_grad:
             # A target network is updated through `data`, which changes no version.
             self._versions[1] = ()
@@ -166,10 +257,7 @@ class Incremental:
         """Extract windows and compute the frozen layers, or return the cached result."""
         frozen = [conv.weight for conv in network.layers[: network.frozen]]
         # Replaced or modified weights make the cache stale.
-        token = (
-            *weights_version([pixels, *frozen], learning=False),
-            *(weight.data_ptr() for weight in frozen),
-        )
+        token = (*versions([pixels, *frozen]), *(weight.data_ptr() for weight in frozen))
         if self._cached is None or self._cached[0] is not pixels or self._cached[1] != token:
             with torch.no_grad():
                 rows = self._compute_layers(network, self._extract(pixels), network.frozen)

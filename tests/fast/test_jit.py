@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ship_trl import jit
+from ship_trl.fast import jit
 from tests.test_layering import PACKAGE, imports
 
 SOURCE = (
@@ -56,9 +56,9 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
 def test_the_key_covers_what_loops_may_inline() -> None:
     covered = {path for pattern in jit.INLINED for path in PACKAGE.glob(pattern)}
     names = {path: imports(path) for path in PACKAGE.rglob("*.py")}
-    loops = PACKAGE / "jit.py"
+    loops = PACKAGE / "fast/jit.py"
     numba = {name for path in names for name in names[path] if name.startswith("numba") and path != loops}
-    assert numba == {"numba.float32", "numba.uint64", "numba.extending.register_jitable"}
+    assert numba == {"numba.float32", "numba.extending.register_jitable"}
 
     def modules(path: Path) -> set[Path]:
         parts = [name.split(".")[1:] for name in names[path] if name.startswith("ship_trl.")]
@@ -71,9 +71,7 @@ def test_the_key_covers_what_loops_may_inline() -> None:
     assert len(found) > 20 and covered >= found
 
 
-@pytest.mark.parametrize(
-    "name", ["sim/encounter.py", "sim/fast/step_kernel.py", "config/bounds.py", "jit.py"]
-)
+@pytest.mark.parametrize("name", ["sim/encounter.py", "fast/step.py", "config/bounds.py", "fast/jit.py"])
 def test_another_text_is_another_key(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     copy = shutil.copytree(PACKAGE, tmp_path / "ship_trl", ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(jit, "PACKAGE", copy)

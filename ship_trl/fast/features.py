@@ -13,9 +13,6 @@ from torch import Tensor
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.network import DuelingNetwork
 
-# The key of these observations.
-FEATURES = "features"
-
 
 class FrozenFeatures:
     """Maps states [N, S] to what the frozen layers compute, [N, K] in half precision.

@@ -1,4 +1,4 @@
-"""`transition.Transition` as a compiled loop for the CPU; tests compare the two.
+"""`sim.transition.Transition` as a compiled loop for the CPU; tests compare the two.
 
 It avoids torch's overhead per operator, which dominates in small batches.
 """
@@ -10,11 +10,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import torch
 from numba import float32
 from numba.extending import register_jitable
+from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.jit import RELAXED, compiled
+from ship_trl.fast.jit import RELAXED, compiled
 from ship_trl.sim import encounter
 from ship_trl.sim.dynamics import lag_shares
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
@@ -39,6 +41,7 @@ from ship_trl.sim.state import (
     X,
     Y,
 )
+from ship_trl.sim.transition import Outcome, Transition
 
 Array = np.ndarray[Any, Any]
 # float32 in compiled code; the types of Python and NumPy differ there.
@@ -49,6 +52,7 @@ ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
 for shared in (encounter.meets, encounter.crosses, encounter.overtakes):
     register_jitable(fastmath=RELAXED)(shared)
+bearing_of = register_jitable(fastmath=RELAXED)(encounter.bearing_of)
 must_give_way = register_jitable(fastmath=RELAXED)(encounter.must_give_way)
 
 
@@ -79,15 +83,6 @@ def constants(world: World) -> Array:
     limits = world.dt, world.safe_distance, to_goal, world.max_steps
     left, mean = lag_shares(world)
     return np.asarray((*limits, *left, *mean, rule.tcpa, rule.dcpa, rule.turn * world.dt), np.float32)
-
-
-@compiled(RELAXED)
-def bearing_of(x: Number, y: Number, heading: Number) -> Number:
-    """Return the bearing (rad) of the point (x, y) off a heading, clockwise in [-pi, pi)."""
-    bearing = heading - math.atan2(y, x)
-    return bearing - float32(2 * math.pi) * float32(
-        math.floor((bearing + float32(math.pi)) / float32(2 * math.pi))
-    )
 
 
 @compiled(RELAXED)
@@ -211,3 +206,43 @@ def write_rewards(
         distance, nearest = np.float32(to_goal[0, n]), min(min_distance[n], np.float32(MAX_SHIP_DISTANCE))
         paid = PaidStep(distance, to_goal[1, n], reached, collided, nearest, speed, turn)
         reward[n] = step_reward(amounts, paid)
+
+
+class CompiledStep:
+    """`Transition` as a compiled loop on the CPU.
+
+    `step(state, action)` maps float32 [N, S] and int64 [N] to an `Outcome`.
+    """
+
+    def __init__(self, reference: Transition) -> None:
+        world = reference.world
+        self._constants = reference.actions.numpy(), constants(world)
+        self._actions = self._constants[0]
+        self._amounts = tuple(np.asarray(reference.amounts, np.float32))
+
+    def step_into(
+        self, state: Array, action: Array, after: Array, reward: Array, flags: Array, min_distance: Array
+    ) -> None:
+        """Take one action with each ship, and write the results into the last four arrays.
+
+        Shapes: state, after float32 [N, S]; action int64 [N]; reward, min_distance float32 [N]; flags
+        bool [3, N]: goal, collision, truncated.
+
+        Raises:
+            IndexError: action index out of range.
+        """
+        to_goal = np.empty((2, len(action)))
+        step(state, action, *self._constants, after, to_goal, flags, min_distance)
+        paid = action, self._actions, self._amounts, to_goal, flags, min_distance
+        write_rewards(*paid, reward)
+
+    def __call__(self, state: Tensor, action: Tensor) -> Outcome:
+        """Take one action with each ship, as `step_into`; return the results as an `Outcome`."""
+        count = state.shape[0]
+        after, floats = torch.empty(state.shape, device="cpu"), torch.empty(2, count, device="cpu")
+        flags = torch.empty(3, count, dtype=torch.bool, device="cpu")
+        reward, min_distance = floats.unbind(0)
+        inputs = state.contiguous().numpy(), action.contiguous().numpy()
+        self.step_into(*inputs, after.numpy(), reward.numpy(), flags.numpy(), min_distance.numpy())
+        goal, collision, truncated = flags.unbind(0)
+        return Outcome(after, reward, goal, collision, truncated, min_distance)

@@ -7,11 +7,10 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.config.network import geometry
-from ship_trl.learn.fast.incremental import Incremental
-from ship_trl.learn.fast.windows import Rows, WindowExtractor
+from ship_trl.fast.incremental import Incremental, Rows, WindowExtractor
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.render import Rasteriser
 from tests.learn.networks import NETWORKS, ODD, network
 from tests.sim.scenes import scenes
 
@@ -67,7 +66,7 @@ def test_a_network_of_other_layers_is_refused() -> None:
 
 def test_speed_vectors_are_only_more_windows() -> None:
     world = load_world()
-    draw, plain = Rasteriser(world, vector_time=20.0), Rasteriser(world)
+    draw, plain = make_rasteriser(world, vector_time=20.0), make_rasteriser(world)
     generator = Generator().manual_seed(0)
     row = torch.rand(8, 4, generator=generator) * torch.tensor([400.0, 400.0, 6.0, 30.0])
     states = scenes(load_case("6", world), world, row)

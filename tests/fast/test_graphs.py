@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from ship_trl import graphs
-from ship_trl.graphs import EAGER_CALLS, MAX_GRAPHS, MAX_ROWS, Captured
+from ship_trl.fast import graphs
+from ship_trl.fast.graphs import EAGER_CALLS, MAX_GRAPHS, MAX_ROWS, Captured
 
 
 @pytest.fixture

@@ -1,0 +1,79 @@
+"""Worlds that compiled loops compute on a CPU, and CUDA graphs on a GPU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+from ship_trl.config.types import World
+from ship_trl.fast.graphs import Captured
+from ship_trl.sim.cases import Case
+from ship_trl.sim.engine import Engine
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.render import Drawing, Rasteriser
+from ship_trl.sim.starts import Starts, TrafficStarts
+from ship_trl.sim.starts import make_starts as make_plain_starts
+from ship_trl.sim.suites import Suite
+from ship_trl.sim.transition import Step, Transition
+
+# Loops are imported where they are needed: numba takes half a second, and a GPU needs none.
+
+
+def compile_step(transition: Transition) -> Step:
+    """Return the simulation step as a compiled loop, or on a GPU as a CUDA graph."""
+    kind = transition.actions.device.type
+    if kind != "cpu":
+        return Captured(transition) if kind == "cuda" else transition
+    from ship_trl.fast.step import CompiledStep
+
+    return CompiledStep(transition)
+
+
+def compile_drawing(rasteriser: Rasteriser) -> Drawing:
+    """Return the drawing as a compiled loop, or on a GPU as a CUDA graph."""
+    kind = rasteriser.device.type
+    if kind != "cpu":
+        return Captured(rasteriser.reference) if kind == "cuda" else rasteriser.reference
+    from ship_trl.fast.draw import CompiledDrawing
+
+    return CompiledDrawing(rasteriser)
+
+
+def draw_scenes(*arguments: Any) -> bool:
+    """Draw random encounters, as `sim.traffic.draw_scenes`."""
+    from ship_trl.fast import traffic
+
+    return bool(traffic.draw_scenes(*arguments))
+
+
+FAST = Engine(compile_step, compile_drawing, draw_scenes)
+# Random encounters are the same in all worlds; in Python each takes some milliseconds.
+SLOW = Engine(scenes=draw_scenes)
+
+
+def engine(fast: bool = True) -> Engine:
+    """Return what computes worlds; if not `fast`, torch alone steps and draws."""
+    return FAST if fast else SLOW
+
+
+def make_env(
+    suite: Suite | Case, world: World, num_envs: int = 1, *, fast: bool = True, **given: Any
+) -> ShipEnv:
+    """Make a `ShipEnv` with a fast engine; `given` are its other arguments."""
+    return ShipEnv(suite, world, num_envs, engine=engine(fast), **given)
+
+
+def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = True) -> Step:
+    """Make the simulation step of a world."""
+    return engine(fast).step(Transition(world, device))
+
+
+def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:
+    """Make what draws the initial states of a suite."""
+    return make_plain_starts(suite, world, draw_scenes)
+
+
+def make_rasteriser(world: World, *, fast: bool = True, **given: Any) -> Rasteriser:
+    """Make a `Rasteriser`; `given` are its other arguments."""
+    return Rasteriser(world, drawing=engine(fast).drawing, **given)

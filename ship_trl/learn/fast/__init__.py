@@ -1,1 +1,0 @@
-"""Fast CPU implementations, behind the interfaces of `ship_trl.learn`."""
